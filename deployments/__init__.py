@@ -1,0 +1,1 @@
+"""How the flows are reached: command line, specifications, Prefect deployments."""

@@ -1,0 +1,1 @@
+"""Every RoboMaker operation as a Prefect flow."""

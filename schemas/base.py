@@ -1,0 +1,24 @@
+"""The base classes of every model: strict, closed, immutable."""
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Model(BaseModel):
+    """A closed, immutable record: unknown members and wrong types are errors, nothing is coerced."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=False)
+
+
+class Shape(Model):
+    """A structure of the service's interface.
+
+    Attributes carry the service's member names unchanged, so that a request body, the keyword
+    arguments of an SDK call and the parameters of a flow are the same thing. A member that is
+    `None` is absent: it is left out of whatever is sent.
+    """
+
+    def to_wire(self) -> dict[str, Any]:
+        """Returns the members that are present, as plain values (`datetime` stays `datetime`)."""
+        return self.model_dump(exclude_none=True)

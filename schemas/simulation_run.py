@@ -1,0 +1,120 @@
+"""The contract between whoever orders a simulation run and the process that carries it out.
+
+`RunPlan` goes in; a folder of outputs and a `RunOutcome` come out. `RunResult` is the content of
+`result.json` in that folder.
+
+| file in the output folder | content |
+| --- | --- |
+| `result.json` | `RunResult` |
+| `recording.mcap` | ROS 2 messages |
+| `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
+| `video.mp4`, `poster.png` | when asked for |
+"""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from .base import Model
+
+Verdict = Literal["PASS", "FAIL", "NONE"]
+VideoPolicy = Literal["none", "always"]
+ApplicationRole = Literal["robot", "simulation"]
+
+
+class ApplicationPlan(Model):
+    """One application, resolved to something that can be imported."""
+
+    role: ApplicationRole = Field(description="Robot application (makes an agent) or simulation application.")
+    name: str = Field(description="The application's name in the catalog.")
+    attribute: str = Field(
+        description="Dotted path of the factory, `package.module.make_environment` or `….make_agent`."
+    )
+    path: Path | None = Field(
+        default=None, description="Folder to import it from (an unpacked bundle); absent: installed."
+    )
+    environment_variables: dict[str, str] = Field(default={}, description="The launch configuration's variables.")
+
+
+class RunPlan(Model):
+    """Everything one simulation run needs, on this machine, resolved."""
+
+    job_id: str = Field(description="The simulation job's id, `sim-…`.")
+    job_arn: str = Field(description="The simulation job's ARN.")
+    run_id: str = Field(description="Id of this run of the job.")
+    seed: int = Field(ge=0, description="Seed of the run's random generators.")
+    max_duration_s: float = Field(gt=0, description="Wall-clock limit; reaching it ends the job normally.")
+    world_dir: Path | None = Field(default=None, description="World bundle to drive in, read-only.")
+    data_dir: Path | None = Field(default=None, description="Folder that holds the job's data sources, read-only.")
+    work_dir: Path = Field(description="Scratch folder, the process's working directory.")
+    output_dir: Path = Field(description="Where outputs are written.")
+    simulation_application: ApplicationPlan | None = Field(
+        default=None, description="Makes the environment; absent: `indoor-navigation`."
+    )
+    robot_application: ApplicationPlan | None = Field(default=None, description="Makes the agent; absent: `scout`.")
+    record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
+    video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
+
+
+class RunOutcome(Model):
+    """How a run ended."""
+
+    status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
+    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
+    failure_reason: str | None = Field(default=None, description="In words, ending with the last log lines.")
+    started_at: datetime = Field(description="When the process began to run.")
+    ended_at: datetime = Field(description="When its process group was gone.")
+    timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")
+
+
+class Requirement(Model):
+    """One thing the verdict depends on."""
+
+    name: str = Field(description="Short name, `rooms_visited`.")
+    satisfied: bool = Field(description="Whether it held.")
+    detail: str = Field(description="Value found and value asked for, in words.")
+
+
+class RoomVisit(Model):
+    """Whether and when the robot was in a room."""
+
+    name: str = Field(description="Room.")
+    visited: bool = Field(description="Whether the robot's middle was inside.")
+    first_visit_s: float | None = Field(default=None, description="Simulated time of the first visit.")
+
+
+class Collision(Model):
+    """One touch of the robot with something other than the floor, from contact to separation."""
+
+    time_s: float = Field(description="Simulated time of the first contact.")
+    duration_s: float = Field(description="How long it lasted.")
+    x: float = Field(description="Robot position at first contact.")
+    y: float = Field(description="Robot position at first contact.")
+    other: str = Field(description="What was touched: a furniture id, `wall`, or a body's name.")
+    max_force_N: float = Field(description="Largest normal force.")
+
+
+class RunResult(Model):
+    """Content of `result.json`."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    verdict: Verdict = Field(description="PASS, FAIL, or NONE when the environment judges nothing.")
+    summary: str = Field(default="", description="One sentence for a person.")
+    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    metrics: dict[str, float] = Field(
+        default={}, description="Numbers by name with unit: `distance_m`, `sim_time_s`, `collisions`, …"
+    )
+    rooms: list[RoomVisit] = Field(default=[], description="Rooms, in the world's order.")
+    collisions: list[Collision] = Field(default=[], description="At most 200, in order.")
+    path: list[tuple[float, float, float]] = Field(
+        default=[], description="(simulated time in s, x, y) of the robot, at most 600 points."
+    )
+    sim_time_s: float = Field(description="Simulated time at the end.")
+    wall_time_s: float = Field(description="Wall-clock time spent stepping.")
+    real_time_factor: float = Field(description="`sim_time_s / wall_time_s`.")
+    ended_by: str = Field(description="`environment`, `agent`, `duration limit` or `canceled`.")
+    seed: int = Field(description="Seed of the run.")
+    versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
+    extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")

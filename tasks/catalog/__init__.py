@@ -1,0 +1,1 @@
+"""The catalog: every resource, its state, and the requests that made it."""

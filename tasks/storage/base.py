@@ -1,0 +1,73 @@
+"""What an object store does, whichever it is."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+
+@dataclass(frozen=True)
+class ObjectInfo:
+    """What is known of a stored object without reading it."""
+
+    bucket: str
+    key: str
+    size_bytes: int
+    etag: str
+    """Changes whenever the content changes; without quotes."""
+
+
+class ObjectStore(Protocol):
+    """Buckets of objects, as S3 has them.
+
+    Writes are atomic: a reader sees the whole old or the whole new content. Every method raises a
+    `StorageError` of `prefect_robomaker.schemas.errors`, never a client library's own.
+    """
+
+    def ensure_bucket(self, bucket: str) -> None:
+        """Creates the bucket unless it exists."""
+        ...
+
+    def put_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """Stores a file's content; checksums are verified by the receiving side."""
+        ...
+
+    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+        """Stores many files, several at a time; raises the first error after all have ended."""
+        ...
+
+    def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
+        """Stores bytes.
+
+        Raises:
+          ObjectExistsError: `create_only` and something is there.
+        """
+        ...
+
+    def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """Fetches an object into a file, which appears only when it is whole."""
+        ...
+
+    def get_bytes(self, bucket: str, key: str) -> bytes:
+        """Fetches an object's content."""
+        ...
+
+    def head(self, bucket: str, key: str) -> ObjectInfo:
+        """Says what is known of an object."""
+        ...
+
+    def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
+        """Lists objects whose keys start with `prefix`, in key order."""
+        ...
+
+    def delete(self, bucket: str, key: str) -> None:
+        """Removes an object; succeeds when there is none."""
+        ...
+
+    def uri(self, bucket: str, key: str) -> str:
+        """Where a person finds it: `file:///…` or `s3://bucket/key`."""
+        ...
+
+    def local_path(self, bucket: str, key: str) -> Path | None:
+        """The object's own file, where the store keeps objects as files on this machine."""
+        ...

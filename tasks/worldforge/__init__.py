@@ -1,0 +1,1 @@
+"""WorldForge: furnished indoor worlds from a template body."""
