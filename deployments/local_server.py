@@ -1,0 +1,194 @@
+"""The local Prefect server: started once, in the background, and reused.
+
+An ephemeral server costs 12-20 CPU-seconds in every run; this one costs them once. It listens on
+127.0.0.1 only, keeps its database under the data home, and is found again through a state file
+there. Whoever has set `PREFECT_API_URL`, or chosen a Prefect profile that has it, is left alone.
+"""
+
+import fcntl
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import tomllib
+import urllib.error
+import urllib.request
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ..schemas.errors import ConfigurationError, RobomakerError
+from ..schemas.settings import Settings
+
+START_TIMEOUT_S = 180.0
+# Slots held by a process that was killed come back also when the server was killed with it.
+_LEASE_STORAGE = "prefect.server.concurrency.lease_storage.filesystem"
+
+
+class LocalServerError(RobomakerError):
+    """The local Prefect server did not start; the message ends with its last log lines."""
+
+
+@dataclass(frozen=True)
+class ServerStatus:
+    """A local server, running or not."""
+
+    running: bool
+    api_url: str | None = None
+    pid: int | None = None
+    log: str | None = None
+    configured_elsewhere: bool = False
+    """Whether `PREFECT_API_URL` or a Prefect profile names the server, so that none is started here."""
+
+
+def ensure_server(settings: Settings, environ: Mapping[str, str] | None = None) -> str:
+    """Returns the API URL of the Prefect server to use, starting a local one if none is configured.
+
+    Raises:
+      LocalServerError: the server did not answer in time.
+      ConfigurationError: a configured server does not answer.
+    """
+    status = server_status(settings, environ)
+    if status.configured_elsewhere:
+        if not status.running:
+            raise ConfigurationError(
+                f"PREFECT_API_URL is {status.api_url!r}, and nothing healthy answers there; "
+                "start that server, or unset the variable to use a local one"
+            )
+        return str(status.api_url)
+    if status.running:
+        return str(status.api_url)
+    with _locked(settings):
+        status = server_status(settings, environ)
+        return str(status.api_url) if status.running else _start(settings)
+
+
+def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
+    """Says which server would be used and whether it answers."""
+    if url := configured_api_url(os.environ if environ is None else environ):
+        return ServerStatus(running=_healthy(url), api_url=url, configured_elsewhere=True)
+    try:
+        state = json.loads(_state_file(settings).read_text())
+        status = ServerStatus(**state)
+    except (OSError, ValueError, TypeError):
+        return ServerStatus(running=False)
+    alive = status.pid is not None and _is_prefect_server(status.pid) and _healthy(str(status.api_url))
+    return ServerStatus(running=alive, api_url=status.api_url, pid=status.pid, log=status.log)
+
+
+def stop_server(settings: Settings) -> bool:
+    """Stops the local server; answers whether one was running."""
+    with _locked(settings):
+        status = server_status(settings, {})
+        _state_file(settings).unlink(missing_ok=True)
+        if status.pid is None or not _is_prefect_server(status.pid):
+            return False
+        os.killpg(status.pid, signal.SIGTERM)
+        deadline = time.monotonic() + 15
+        while _is_prefect_server(status.pid) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        if _is_prefect_server(status.pid):
+            os.killpg(status.pid, signal.SIGKILL)
+        return True
+
+
+def configured_api_url(environ: Mapping[str, str]) -> str | None:
+    """The API URL that the environment or the active Prefect profile names, if any."""
+    if url := environ.get("PREFECT_API_URL"):
+        return url
+    home = Path(environ.get("PREFECT_HOME") or Path.home() / ".prefect")
+    path = Path(environ.get("PREFECT_PROFILES_PATH") or home / "profiles.toml")
+    try:
+        profiles = tomllib.loads(path.read_text())
+    except (OSError, tomllib.TOMLDecodeError):
+        return None
+    active = environ.get("PREFECT_PROFILE") or profiles.get("active")
+    url = profiles.get("profiles", {}).get(active, {}).get("PREFECT_API_URL")
+    return str(url) if url else None
+
+
+def _start(settings: Settings) -> str:
+    folder = _state_file(settings).parent
+    log = folder / "server.log"
+    port = _free_port()
+    environ = {
+        **os.environ,
+        "PREFECT_HOME": str(folder),
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+        "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,
+    }
+    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            command,
+            env=environ,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            cwd=folder,
+        )
+    api_url = f"http://127.0.0.1:{port}/api"
+    _wait_until_healthy(process, api_url, log)
+    status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))
+    temporary = folder / "server.json.part"
+    temporary.write_text(json.dumps(asdict(status)))
+    temporary.replace(_state_file(settings))
+    # The server outlives this process on purpose, so it is not waited for.
+    process.returncode = 0
+    return api_url
+
+
+def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Path) -> None:
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while time.monotonic() < deadline:
+        if _healthy(api_url):
+            return
+        if process.poll() is not None:
+            break
+        time.sleep(0.1)
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    lines = log.read_text(errors="replace").strip().splitlines()[-8:]
+    raise LocalServerError("the local Prefect server did not start:\n  " + "\n  ".join(lines))
+
+
+def _healthy(api_url: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{api_url}/health", timeout=5) as answer:  # noqa: S310 - an http(s) URL of ours
+            return answer.status == 200
+    except (urllib.error.URLError, OSError, ValueError):
+        return False
+
+
+def _is_prefect_server(pid: int) -> bool:
+    """Whether that process is a Prefect server: process ids are used again after a reboot."""
+    try:
+        command = Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
+    return b"prefect" in command and b"server" in command
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def _state_file(settings: Settings) -> Path:
+    folder = settings.home / "prefect"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / "server.json"
+
+
+@contextmanager
+def _locked(settings: Settings) -> Iterator[None]:
+    with (_state_file(settings).parent / "server.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
