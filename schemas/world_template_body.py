@@ -1,0 +1,434 @@
+"""The body of a world template, version 1: what a user wishes a world to be.
+
+`parse_template_body` turns JSON text into a `WorldTemplateBody` or says, one line per problem, where
+the text is wrong and what would be right. The members' names, defaults and limits are those of the
+published schema; the rules that the schema leaves to prose (areas, names that must exist, connections
+that contradict each other, materials) are enforced here as well.
+"""
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import AfterValidator, Field, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from .base import Model
+from .errors import InvalidParameterException
+from .world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
+
+MAX_BODY_CHARACTERS = 262_144
+MAX_CONNECTIONS_PER_ROOM = 4
+_MAX_REPORTED_PROBLEMS = 20
+_MAX_SHOWN_CHARACTERS = 60
+
+SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
+NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
+Side = Annotated[float, Field(ge=1, le=4)]
+
+
+def _one_of(what: str, values: tuple[str, ...]) -> AfterValidator:
+    """Lets only `values` pass and suggests the nearest one."""
+
+    def check(value: str) -> str:
+        if value in values:
+            return value
+        advice = _suggestion(value, values) or f"one of {', '.join(values)} would be right"
+        raise PydanticCustomError("unknown_value", "not a {what}; {advice}", {"what": what, "advice": advice})
+
+    return AfterValidator(check)
+
+
+def _suggestion(value: str, values: tuple[str, ...]) -> str:
+    """`did you mean "X"?`, or nothing when no value comes near."""
+    plain = {re.sub(r"[^a-z]", "", known.lower()): known for known in values}
+    near = get_close_matches(re.sub(r"[^a-z]", "", value.lower()), plain, n=1)
+    return f'did you mean "{plain[near[0]]}"?' if near else ""
+
+
+FloorMaterial = Annotated[
+    str, _one_of("floor material", FLOOR_MATERIALS), Field(json_schema_extra={"enum": [*FLOOR_MATERIALS]})
+]
+WallMaterial = Annotated[
+    str, _one_of("wall material", WALL_MATERIALS), Field(json_schema_extra={"enum": [*WALL_MATERIALS]})
+]
+ModelType = Annotated[str, _one_of("model type", MODEL_TYPES), Field(json_schema_extra={"enum": [*MODEL_TYPES]})]
+
+
+class TemplateAspectRatio(Model):
+    """A ratio of two sides; only the quotient counts."""
+
+    x: Side = Field(default=1.0, description="Share of the side along x.")
+    y: Side = Field(default=1.0, description="Share of the side along y.")
+
+
+class TemplateShape(Model):
+    """How large a room should be, and how long for its width."""
+
+    Area: float = Field(ge=10, le=300, description="Desired area in square metres.")
+    AspectRatio: TemplateAspectRatio = Field(description="Desired ratio of the sides; the room may be turned.")
+
+
+class TemplateRoom(Model):
+    """One wished room."""
+
+    Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
+    Name: NameText = Field(description="The room's name, unique in the template.")
+    DesiredShape: TemplateShape = Field(
+        default=TemplateShape(Area=20.0, AspectRatio=TemplateAspectRatio()),
+        description="Desired area and aspect ratio.",
+    )
+
+
+class DesiredConnection(Model):
+    """A wished way between two rooms."""
+
+    Location: list[str] = Field(min_length=2, max_length=2, description="Names of the two rooms.")
+    ConnectionType: PassageKind = Field(description="Doorway: a gap in the wall; Opening: no wall.")
+
+    @property
+    def pair(self) -> frozenset[str]:
+        """The two rooms, in no order."""
+        return frozenset(self.Location)
+
+
+class TemplateFootprint(Model):
+    """The building's outline."""
+
+    DesiredAspectRatio: TemplateAspectRatio = Field(
+        default=TemplateAspectRatio(), description="Desired extent along x over extent along y."
+    )
+
+
+class TemplateCeiling(Model):
+    """The ceiling."""
+
+    Height: float = Field(default=3.0, ge=2.4, le=4.0, description="Floor to ceiling in metres; guaranteed.")
+
+
+class TemplateFloorplan(Model):
+    """Wishes about rooms and the ways between them."""
+
+    Footprint: TemplateFootprint = Field(default=TemplateFootprint(), description="The building's outline.")
+    Ceiling: TemplateCeiling = Field(default=TemplateCeiling(), description="The ceiling.")
+    Rooms: list[TemplateRoom] = Field(
+        default=[TemplateRoom(Type="Living", Name="My Living Room")],
+        min_length=1,
+        max_length=6,
+        description="The rooms.",
+    )
+    DesiredConnections: list[DesiredConnection] = Field(
+        default=[], max_length=12, description="Ways between rooms; more are added until every room is connected."
+    )
+
+
+class TemplateTargetSet(Model):
+    """Which rooms a set is for: by name or by type. A name beats a type for the same room."""
+
+    RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
+    RoomTypes: list[RoomType] | None = Field(default=None, min_length=1, max_length=7, description="Types of rooms.")
+
+
+class FloorSampleSet(Model):
+    """Floor materials to choose from."""
+
+    MaterialTypes: list[FloorMaterial] = Field(min_length=1, description="Floor materials to choose from.")
+
+
+class WallSampleSet(Model):
+    """Wall materials to choose from."""
+
+    MaterialTypes: list[WallMaterial] = Field(min_length=1, description="Wall materials to choose from.")
+
+
+class FurnitureSampleSet(Model):
+    """Kinds of furniture to choose from."""
+
+    ModelTypes: list[ModelType] = Field(description="Kinds of furniture; none leaves the rooms unfurnished.")
+
+
+class FloorMaterialSet(Model):
+    """Floor materials of some rooms."""
+
+    Name: NameText = Field(description="The set's name.")
+    TargetSet: TemplateTargetSet = Field(description="The rooms it is for.")
+    SampleSet: FloorSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
+
+
+class WallMaterialSet(Model):
+    """Wall materials of some rooms."""
+
+    Name: NameText = Field(description="The set's name.")
+    TargetSet: TemplateTargetSet = Field(description="The rooms it is for.")
+    SampleSet: WallSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
+
+
+class FurnitureArrangement(Model):
+    """Furniture of some rooms."""
+
+    Name: NameText = Field(description="The arrangement's name.")
+    TargetSet: TemplateTargetSet = Field(description="The rooms it is for.")
+    SampleSet: FurnitureSampleSet | None = Field(default=None, description="Kinds; absent: by room type.")
+    DesiredSpatialDensity: SpatialDensity = Field(default="Moderate", description="How full the rooms should be.")
+
+
+class TemplateFlooring(Model):
+    """Floor materials."""
+
+    MaterialSets: list[FloorMaterialSet] = Field(default=[], max_length=6, description="Floor materials by room.")
+
+
+class TemplateWalls(Model):
+    """Wall materials."""
+
+    MaterialSets: list[WallMaterialSet] = Field(default=[], max_length=6, description="Wall materials by room.")
+
+
+class TemplateFurniture(Model):
+    """Furniture."""
+
+    FurnitureArrangements: list[FurnitureArrangement] = Field(
+        default=[], max_length=6, description="Furniture by room; other rooms are furnished at random."
+    )
+
+
+class TemplateInterior(Model):
+    """Wishes about materials and furniture."""
+
+    Flooring: TemplateFlooring = Field(default=TemplateFlooring(), description="Floor materials.")
+    Walls: TemplateWalls = Field(default=TemplateWalls(), description="Wall materials.")
+    Furniture: TemplateFurniture = Field(default=TemplateFurniture(), description="Furniture.")
+
+
+class TemplateFloor(Model):
+    """One storey."""
+
+    Floorplan: TemplateFloorplan = Field(default=TemplateFloorplan(), description="Rooms and ways between them.")
+    Interior: TemplateInterior = Field(default=TemplateInterior(), description="Materials and furniture.")
+
+
+class TemplateBuilding(Model):
+    """One building."""
+
+    Floors: list[TemplateFloor] = Field(
+        default=[TemplateFloor()], min_length=1, max_length=1, description="Exactly one storey."
+    )
+
+
+class WorldTemplateBody(Model):
+    """A whole template body; `{}` is one, and means a single default room."""
+
+    Version: Literal["1"] = Field(default="1", description="Version of the body's form.")
+    Buildings: list[TemplateBuilding] = Field(
+        default=[TemplateBuilding()], min_length=1, max_length=1, description="Exactly one building."
+    )
+
+    @property
+    def floorplan(self) -> TemplateFloorplan:
+        """The wishes about the one floor plan there is."""
+        return self.Buildings[0].Floors[0].Floorplan
+
+    @property
+    def interior(self) -> TemplateInterior:
+        """The wishes about the one interior there is."""
+        return self.Buildings[0].Floors[0].Interior
+
+    def canonical(self) -> str:
+        """The body as compact JSON with all defaults filled in and sorted keys: equal wishes, equal text."""
+        return json.dumps(self.model_dump(exclude_none=True), sort_keys=True, separators=(",", ":"))
+
+
+FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
+"""JSON path of the floor plan in a body."""
+
+INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
+"""JSON path of the interior in a body."""
+
+
+def parse_template_body(text: str) -> WorldTemplateBody:
+    """Reads a template body.
+
+    A body wrapped as `{"name": ..., "templateBody": {...}}`, as the official samples have it, is
+    unwrapped.
+
+    Args:
+      text: JSON text of at most 262144 characters.
+
+    Raises:
+      InvalidParameterException: with one line per problem: JSON path, value, what would be right.
+    """
+    document, prefix = _unwrap(_load(text))
+    problems = list(_version_problems(document)) or list(_null_problems(document))
+    if not problems:
+        try:
+            body = WorldTemplateBody.model_validate(document)
+        except ValidationError as error:
+            problems = [_explain(detail) for detail in error.errors(include_url=False)]
+        else:
+            problems = list(_rule_problems(body))
+            if not problems:
+                return body
+    more = len(problems) - _MAX_REPORTED_PROBLEMS
+    lines = [prefix + problem for problem in problems[:_MAX_REPORTED_PROBLEMS]]
+    raise InvalidParameterException("\n".join([*lines, f"... and {more} more problems"] if more > 0 else lines))
+
+
+def _load(text: str) -> Any:
+    """Parses JSON strictly: no duplicate members, no NaN or Infinity."""
+    if not 1 <= len(text) <= MAX_BODY_CHARACTERS:
+        raise InvalidParameterException(
+            f"templateBody: {len(text)} characters; 1 to {MAX_BODY_CHARACTERS} would be right"
+        )
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        for name, count in Counter(name for name, _ in pairs).items():
+            if count > 1:
+                raise ValueError(f"member {_show(name)} is there {count} times in one object; once would be right")
+        return dict(pairs)
+
+    def refuse(constant: str) -> Any:
+        raise ValueError(f"{constant} is not a JSON number")
+
+    try:
+        return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
+    except json.JSONDecodeError as error:
+        raise InvalidParameterException(
+            f"templateBody: not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
+        ) from None
+    except RecursionError:
+        raise InvalidParameterException("templateBody: nested too deeply to be a template body") from None
+    except ValueError as error:
+        # Either from above, or Python's own limit on the digits of an integer.
+        message = "a number has too many digits" if "digits" in str(error) else str(error)
+        raise InvalidParameterException(f"templateBody: {message}") from None
+
+
+def _unwrap(document: Any) -> tuple[Any, str]:
+    """The body itself, and what its paths start with in the text the user wrote."""
+    if isinstance(document, dict) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:
+        return document["templateBody"], "templateBody."
+    return document, ""
+
+
+def _version_problems(document: Any) -> Iterator[str]:
+    """Comes first: members of another version's bodies would only add noise."""
+    if not isinstance(document, dict):
+        yield f"body: {_show(document)}: not a JSON object"
+    elif document.get("Version", "1") == "2":
+        yield 'Version: "2": version 2 bodies (hinged doors) are not supported yet; "1" would be right'
+    elif document.get("Version", "1") != "1":
+        yield f'Version: {_show(document["Version"])}: no such version; "1" would be right'
+
+
+def _null_problems(value: Any, path: str = "") -> Iterator[str]:
+    """The published schema knows no null: an absent member is left out."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _null_problems(item, _join(path, key))
+    elif value is None:
+        yield f"{path}: null: not allowed; leave it out instead"
+
+
+def _join(path: str, key: str | int) -> str:
+    if isinstance(key, int):
+        return f"{path}[{key}]"
+    # Member names that a user made up may hold anything; they stay on one printable line.
+    name = key if key.isidentifier() and key.isascii() else _show(key)
+    return f"{path}.{name}" if path else name
+
+
+def _show(value: Any) -> str:
+    """A value as short printable text."""
+    text = json.dumps(value, default=repr)
+    return text if len(text) <= _MAX_SHOWN_CHARACTERS else text[: _MAX_SHOWN_CHARACTERS - 4] + " ..."
+
+
+def _explain(detail: ErrorDetails) -> str:
+    """One pydantic error as a line."""
+    path = ""
+    for key in detail["loc"]:
+        path = _join(path, key)
+    if detail["type"] == "missing":
+        return f"{path}: missing; it is required"
+    if detail["type"] == "extra_forbidden":
+        known = _members_at(detail["loc"][:-1])
+        advice = _suggestion(str(detail["loc"][-1]), known) or f"known here: {', '.join(known)}"
+        return f"{path}: unknown member; {advice}"
+    message = detail["msg"].removeprefix("Input should be ")
+    if detail["type"] == "literal_error" and isinstance(detail["input"], str):
+        expected = tuple(re.findall("'([^']+)'", detail["ctx"]["expected"])) if "ctx" in detail else ()
+        if advice := _suggestion(detail["input"], expected):
+            return f"{path}: {_show(detail['input'])}: {advice}"
+    if message != detail["msg"]:
+        message += " would be right"
+    return f"{path}: {_show(detail['input'])}: {message}"
+
+
+def _members_at(location: tuple[int | str, ...]) -> tuple[str, ...]:
+    """Names of the members that the object at `location` may have."""
+    model: Any = WorldTemplateBody
+    for key in location:
+        if isinstance(key, str):
+            annotation = model.model_fields[key].annotation
+            while arguments := [argument for argument in get_args(annotation) if argument is not type(None)]:
+                annotation = arguments[0]
+            model = annotation
+    return tuple(model.model_fields)
+
+
+def _rule_problems(body: WorldTemplateBody) -> Iterator[str]:
+    """The rules that the guide gives in prose."""
+    names = tuple(room.Name for room in body.floorplan.Rooms)
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            path = f"{FLOORPLAN_PATH}.Rooms[{index}].Name"
+            yield f"{path}: {_show(name)}: taken by Rooms[{names.index(name)}]; names must be unique"
+    yield from _connection_problems(body.floorplan.DesiredConnections, names)
+    for section, sets in (
+        ("Flooring.MaterialSets", body.interior.Flooring.MaterialSets),
+        ("Walls.MaterialSets", body.interior.Walls.MaterialSets),
+        ("Furniture.FurnitureArrangements", body.interior.Furniture.FurnitureArrangements),
+    ):
+        for index, item in enumerate(sets):
+            yield from _target_problems(item.TargetSet, names, f"{INTERIOR_PATH}.{section}[{index}].TargetSet")
+
+
+def _target_problems(target: TemplateTargetSet, names: tuple[str, ...], path: str) -> Iterator[str]:
+    if (target.RoomNames is None) == (target.RoomTypes is None):
+        yield f"{path}: {'neither' if target.RoomNames is None else 'both'}; RoomNames or RoomTypes would be right"
+    for index, name in enumerate(target.RoomNames or []):
+        if name not in names:
+            yield _no_such_room(f"{path}.RoomNames[{index}]", name, names)
+
+
+def _no_such_room(path: str, name: str, names: tuple[str, ...]) -> str:
+    near = get_close_matches(name, names, n=1)
+    advice = f'did you mean "{near[0]}"?' if near else f"the rooms are {', '.join(map(_show, names))}"
+    return f"{path}: {_show(name)}: no such room; {advice}"
+
+
+def _connection_problems(connections: list[DesiredConnection], names: tuple[str, ...]) -> Iterator[str]:
+    kinds: dict[frozenset[str], set[str]] = {}
+    degree: Counter[str] = Counter()
+    for index, connection in enumerate(connections):
+        path = f"{FLOORPLAN_PATH}.DesiredConnections[{index}]"
+        unknown = [name for name in connection.Location if name not in names]
+        for name in unknown:
+            yield _no_such_room(f"{path}.Location[{connection.Location.index(name)}]", name, names)
+        if unknown:
+            continue
+        if len(connection.pair) == 1:
+            yield f"{path}.Location: {_show(connection.Location)}: two different rooms would be right"
+            continue
+        for name in connection.Location:
+            degree[name] += 1
+            if degree[name] == MAX_CONNECTIONS_PER_ROOM + 1:
+                yield f"{path}.Location: {_show(name)} has more than {MAX_CONNECTIONS_PER_ROOM} connections"
+        before = kinds.setdefault(connection.pair, set())
+        if before and (connection.ConnectionType == "Opening" or "Opening" in before):
+            rule = "one Opening alone, or several Doorways, would be right for one pair of rooms"
+            yield f"{path}: {_show(connection.Location)} {connection.ConnectionType}: connected before; {rule}"
+        before.add(connection.ConnectionType)
