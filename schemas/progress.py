@@ -1,0 +1,62 @@
+"""What a running pipeline tells whoever watches it.
+
+Listeners are called from any thread, also several at once; they return quickly and never raise.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+
+@dataclass(frozen=True)
+class StepStarted:
+    """A step began."""
+
+    step: str
+    operation: str
+
+
+@dataclass(frozen=True)
+class StepProgress:
+    """Where the parts of a step stand: worlds of a generation job, jobs of a batch."""
+
+    step: str
+    counts: Mapping[str, int]
+    """How many parts are in each state, by the state's name: `{"Completed": 3, "Running": 2}`."""
+
+    total: int
+    """How many parts there are in all; parts that `counts` leaves out wait."""
+
+    newest_failure: str = ""
+    """The latest failure in one line; empty when nothing failed yet."""
+
+
+@dataclass(frozen=True)
+class StepEnded:
+    """A step reached its end, good or bad."""
+
+    step: str
+    status: str
+    """The resource's terminal status, or `Completed` for quick operations."""
+
+    duration_s: float
+    detail: str = ""
+    """The ARN it made, or the error."""
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something worth a line: the server was started, outputs were moved."""
+
+    text: str
+
+
+ProgressEvent: TypeAlias = StepStarted | StepProgress | StepEnded | Note
+
+
+class ProgressListener(Protocol):
+    """Takes events; thread-safe."""
+
+    def __call__(self, event: ProgressEvent, /) -> None:
+        """Takes one event."""
+        ...
