@@ -1,0 +1,155 @@
+"""Simple shapes that several operations share: names, ARNs, tags, places in the object store, pages.
+
+Bounds, patterns and enumerations are the service's. Three things differ on purpose:
+
+- a pattern has to match the whole value;
+- `.` in a pattern also stands for a line break, since commands and failure reasons have several lines;
+- bounds of a list hold for requests; in answers a list may be empty, or longer.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal, Protocol, TypeVar
+
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints
+
+from .base import Shape
+
+MAX_DURATION_S = 14 * 24 * 3600
+"""Longest job and longest batch: 14 days."""
+
+
+class Named(Protocol):
+    """Anything with a name."""
+
+    @property
+    def name(self) -> str:
+        """The name."""
+        ...
+
+
+_Named = TypeVar("_Named", bound=Named)
+_Text = TypeVar("_Text", bound=str)
+
+
+def text(minimum: int, maximum: int, pattern: str | None = None) -> StringConstraints:
+    """Bounds of a string's length in characters, and a pattern for the whole of it."""
+    return StringConstraints(
+        min_length=minimum, max_length=maximum, pattern=None if pattern is None else f"^(?:{pattern})$"
+    )
+
+
+def unique_names(what: str) -> Callable[[list[_Named]], list[_Named]]:
+    """Makes a validator that refuses two entries of one name; `what` says what they are."""
+
+    def check(entries: list[_Named]) -> list[_Named]:
+        names = [entry.name for entry in entries]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"{what} names have to differ; {', '.join(map(repr, twice))} appears more than once")
+        return entries
+
+    return check
+
+
+def _no_reserved_tags(tags: dict[_Text, Any]) -> dict[_Text, Any]:
+    if reserved := sorted(key for key in tags if key.lower().startswith("aws:")):
+        raise ValueError(f"tag keys that begin with 'aws:' are reserved; rename {', '.join(map(repr, reserved))}")
+    return tags
+
+
+def shorten(reason: str, limit: int = 1024) -> str:
+    """Cuts a failure reason to what `GenericString` holds: keeps the beginning and, at greater length, the end."""
+    if len(reason) <= limit:
+        return reason
+    mark = "\n[…]\n"
+    head = math.ceil(limit / 3)
+    return reason[:head] + mark + reason[-(limit - head - len(mark)) :]
+
+
+# Plain values
+
+Timestamp = AwareDatetime
+"""A moment with its time zone; on the wire a number of seconds since 1970."""
+
+GenericString = Annotated[str, text(0, 1024)]
+NonEmptyString = Annotated[str, text(1, 255)]
+Json = Annotated[str, text(1, 262144)]
+Name = Annotated[str, text(1, 255, r"[a-zA-Z0-9_\-]*")]
+Path = Annotated[str, text(1, 1024)]
+Version = Annotated[str, text(1, 255, r"(\$LATEST)|[0-9]*")]
+ClientRequestToken = Annotated[str, text(1, 64, r"[a-zA-Z0-9_\-=]*")]
+JobDuration = Annotated[int, Field(ge=1, le=MAX_DURATION_S)]
+Architecture = Literal["X86_64", "ARM64", "ARMHF"]
+Seed = Annotated[int, Field(ge=0)]
+
+# References
+
+Arn = Annotated[str, text(1, 1224, r"arn:.*")]
+Arns = Annotated[list[Arn], Field(min_length=1, max_length=100)]
+ApplicationReference = Annotated[str, text(1, 1224, r"arn:.*|[a-zA-Z0-9_\-]+")]
+"""An application's ARN or, an extension, its bare name."""
+
+IamRole = Annotated[str, text(1, 255, r"arn:aws:iam::\w+:role/.*")]
+
+# Tags
+
+TagKey = Annotated[str, text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
+TagValue = Annotated[str, text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
+TagMap = Annotated[dict[TagKey, TagValue], Field(max_length=50), AfterValidator(_no_reserved_tags)]
+
+# Object store
+
+S3Bucket = Annotated[str, text(3, 63, r"[a-z0-9][a-z0-9.\-]*[a-z0-9]")]
+S3Key = Annotated[str, text(1, 1024)]
+S3KeyOrPrefix = Annotated[str, text(0, 1024)]
+S3Etag = str
+
+
+class OutputLocation(Shape):
+    """Where outputs are put."""
+
+    s3Bucket: S3Bucket | None = Field(default=None, description="Bucket; absent: the configured one.")
+    s3Prefix: S3Key | None = Field(default=None, description="What the keys of all outputs begin with.")
+
+
+def _none_if_empty(location: object) -> object:
+    empty = location == {} or (isinstance(location, OutputLocation) and not location.model_dump(exclude_none=True))
+    return None if empty else location
+
+
+OptionalOutputLocation = Annotated[OutputLocation | None, BeforeValidator(_none_if_empty)]
+"""Released clients send `{}` when they mean no location."""
+
+# Pages
+
+PaginationToken = Annotated[str, text(1, 2048, r"[a-zA-Z0-9_.\-\/+=]*")]
+MaxResults = Annotated[int, Field(ge=1, le=100)]
+
+
+class Filter(Shape):
+    """A condition on the resources of a list."""
+
+    name: Name | None = Field(default=None, description="What to compare, such as `status`.")
+    values: Annotated[list[Name], Field(min_length=1, max_length=1)] | None = Field(
+        default=None, description="The value it has to be equal to; exactly one."
+    )
+
+
+Filters = Annotated[list[Filter], Field(min_length=1, max_length=1)]
+
+
+def exactly_one(members: Sequence[str], given: Sequence[object], *, hint: str = "") -> None:
+    """Checks that one of several members is given.
+
+    Args:
+      members: names of the members.
+      given: their values, in the same order; `None` is absent.
+      hint: what to do, added to the message.
+
+    Raises:
+      ValueError: none or several are given.
+    """
+    present = [name for name, value in zip(members, given, strict=True) if value is not None]
+    if len(present) != 1:
+        found = "neither is" if not present else "both are"
+        raise ValueError(f"exactly one of {' and '.join(members)} has to be given, but {found}{hint}")

@@ -1,0 +1,83 @@
+"""Simulation job batches: many simulation jobs, so many at a time."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from .base import Shape
+from .common import MAX_DURATION_S, Arn, ClientRequestToken, GenericString, TagMap, Timestamp
+from .simulation_jobs import SimulationJobErrorCode, SimulationJobRequest, SimulationJobRequests, SimulationJobSummary
+
+SimulationJobBatchStatus = Literal[
+    "Pending",
+    "InProgress",
+    "Failed",
+    "Completed",
+    "Canceled",
+    "Canceling",
+    "Completing",
+    "TimingOut",
+    "TimedOut",
+]
+SimulationJobBatchErrorCode = Literal["InternalServiceError"]
+BatchTimeoutInSeconds = Annotated[int, Field(ge=1, le=MAX_DURATION_S)]
+MaxConcurrency = Annotated[int, Field(ge=1)]
+
+
+class BatchPolicy(Shape):
+    """Limits of a batch."""
+
+    timeoutInSeconds: BatchTimeoutInSeconds | None = Field(
+        default=None, description="Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
+    )
+    maxConcurrency: MaxConcurrency | None = Field(default=None, description="Jobs at a time, at least 1.")
+
+
+class StartSimulationJobBatchRequest(Shape):
+    """Orders a batch."""
+
+    clientRequestToken: ClientRequestToken | None = Field(
+        default=None, description="Makes the call repeatable: the same token and request give the same batch."
+    )
+    batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
+    createSimulationJobRequests: SimulationJobRequests = Field(description="The jobs, 1 to 1000, in order.")
+    tags: TagMap | None = Field(default=None, description="Tags for the batch; those of its jobs are in the requests.")
+
+
+class FailedCreateSimulationJobRequest(Shape):
+    """A request that never became a job."""
+
+    request: SimulationJobRequest | None = Field(default=None, description="The request as it was sent.")
+    failureReason: GenericString | None = Field(default=None, description="Why not, in words.")
+    failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why not.")
+    failedAt: Timestamp | None = Field(default=None, description="When that was found.")
+
+
+class StartSimulationJobBatchResponse(Shape):
+    """The batch as it was accepted. The three lists are always sent, even when empty."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the batch.")
+    status: SimulationJobBatchStatus | None = Field(default=None, description="Where the batch is in its life.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
+    batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
+    failureCode: SimulationJobBatchErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
+    failedRequests: list[FailedCreateSimulationJobRequest] | None = Field(
+        default=None, description="Requests that never became jobs."
+    )
+    pendingRequests: list[SimulationJobRequest] | None = Field(default=None, description="Requests that wait.")
+    createdRequests: list[SimulationJobSummary] | None = Field(default=None, description="Requests that became jobs.")
+    tags: TagMap | None = Field(default=None, description="The batch's tags.")
+
+
+class DescribeSimulationJobBatchRequest(Shape):
+    """Asks for one batch."""
+
+    batch: Arn = Field(description="ARN of the batch.")
+
+
+class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
+    """One batch."""
+
+    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it last changed.")

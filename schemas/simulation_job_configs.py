@@ -1,0 +1,242 @@
+"""The parts of a simulation job: applications, launch, tools, uploads, data, network, compute."""
+
+from pathlib import PurePosixPath
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from .base import Shape
+from .common import (
+    ApplicationReference,
+    Arn,
+    GenericString,
+    Name,
+    NonEmptyString,
+    Path,
+    S3Bucket,
+    S3Etag,
+    S3KeyOrPrefix,
+    Version,
+    text,
+    unique_names,
+)
+
+Command = Annotated[str, text(1, 1024, r"[a-zA-Z0-9_.\-]*")]
+CommandList = list[NonEmptyString]
+UnrestrictedCommand = Annotated[str, text(1, 1024)]
+EnvironmentVariableKey = Annotated[str, text(1, 1024, r"[A-Z_][A-Z0-9_]*")]
+EnvironmentVariableValue = Annotated[str, text(1, 1024)]
+Port = Annotated[int, Field(ge=1, le=65535)]
+NonSystemPort = Annotated[int, Field(ge=1024, le=65535)]
+SimulationUnit = Annotated[int, Field(ge=1, le=15)]
+GPUUnit = Annotated[int, Field(ge=0, le=1)]
+ComputeType = Literal["CPU", "GPU_AND_CPU"]
+ExitBehavior = Literal["FAIL", "RESTART"]
+UploadBehavior = Literal["UPLOAD_ON_TERMINATE", "UPLOAD_ROLLING_AUTO_REMOVE"]
+DataSourceType = Literal["Prefix", "Archive", "File"]
+
+# Deprecated members are marked in the JSON Schema only: reading one must not warn.
+_DEPRECATED: dict[str, bool] = {"deprecated": True}
+ARCHIVE_SUFFIXES = (".zip", ".tar.gz")
+
+
+def _no_reserved_variables(variables: dict[str, str]) -> dict[str, str]:
+    if reserved := sorted(name for name in variables if name.startswith("AWS")):
+        raise ValueError(f"variables that begin with AWS are reserved; rename {', '.join(reserved)}")
+    return variables
+
+
+EnvironmentVariableMap = Annotated[
+    dict[EnvironmentVariableKey, EnvironmentVariableValue],
+    Field(max_length=20),
+    AfterValidator(_no_reserved_variables),
+]
+
+
+class PortMapping(Shape):
+    """One port of the application, reachable from outside."""
+
+    jobPort: Port = Field(description="Port of the job's network interface.")
+    applicationPort: NonSystemPort = Field(description="Port the application listens on.")
+    enableOnPublicIp: bool | None = Field(default=None, description="Whether the public address answers too.")
+
+
+class PortForwardingConfig(Shape):
+    """Ports of the application that are reachable from outside."""
+
+    portMappings: Annotated[list[PortMapping], Field(max_length=10)] | None = Field(
+        default=None, description="The ports, at most 10."
+    )
+
+
+class LaunchConfig(Shape):
+    """How an application is started: `command`, or a launch file of a package."""
+
+    packageName: Command | None = Field(default=None, description="Package that holds the launch file.")
+    launchFile: Command | None = Field(default=None, description="Launch file, script or attribute of the package.")
+    environmentVariables: EnvironmentVariableMap | None = Field(
+        default=None, description="Variables for the application: capitals, digits, underscores; at most 20."
+    )
+    portForwardingConfig: PortForwardingConfig | None = Field(default=None, description="Ports to open.")
+    streamUI: bool | None = Field(default=None, description="Whether a screen is shown to viewers.")
+    command: CommandList | None = Field(default=None, description="Program and arguments, one entry each.")
+
+
+def _stays_inside(path: str) -> str:
+    if ".." in PurePosixPath(path).parts:
+        raise ValueError(f"{path!r} must not lead upwards with '..'")
+    return path
+
+
+class UploadConfiguration(Shape):
+    """Files of the application that are put into the output location."""
+
+    name: Name = Field(description="Folder of these files below the job's outputs; unique in the application.")
+    path: Annotated[Path, AfterValidator(_stays_inside)] = Field(
+        description="Which files: a glob, `**` crosses folders; not upwards with `..`."
+    )
+    uploadBehavior: UploadBehavior = Field(description="When: once at the end, or again and again, removing them.")
+
+
+class Tool(Shape):
+    """A program that runs beside the application."""
+
+    streamUI: bool | None = Field(default=None, description="Whether its screen is shown to viewers.")
+    name: Name = Field(description="Its name, unique in the application.")
+    command: UnrestrictedCommand = Field(description="Command line for bash.")
+    streamOutputToCloudWatch: bool | None = Field(default=None, description="Whether its output is logged.")
+    exitBehavior: ExitBehavior | None = Field(
+        default=None, description="When it ends: FAIL ends the job, RESTART (the default) starts it again."
+    )
+
+
+UploadConfigurations = Annotated[
+    list[UploadConfiguration], Field(max_length=10), AfterValidator(unique_names("uploadConfigurations"))
+]
+Tools = Annotated[list[Tool], Field(max_length=10), AfterValidator(unique_names("tools"))]
+
+
+class RobotApplicationConfig(Shape):
+    """A robot application in a simulation job."""
+
+    application: ApplicationReference = Field(description="ARN or name of the application.")
+    applicationVersion: Version | None = Field(default=None, description="Its version; absent: `$LATEST`.")
+    launchConfig: LaunchConfig = Field(description="How it is started.")
+    uploadConfigurations: UploadConfigurations | None = Field(default=None, description="Its files that are kept.")
+    useDefaultUploadConfigurations: bool | None = Field(
+        default=None, json_schema_extra=dict(_DEPRECATED), description="Whether the usual logs are kept as well."
+    )
+    tools: Tools | None = Field(default=None, description="Programs that run beside it, at most 10.")
+    useDefaultTools: bool | None = Field(
+        default=None, json_schema_extra=dict(_DEPRECATED), description="Whether the usual tools run beside it."
+    )
+
+
+class WorldConfig(Shape):
+    """A world in a simulation job."""
+
+    world: Arn | None = Field(default=None, description="ARN of the world.")
+
+
+class SimulationApplicationConfig(RobotApplicationConfig):
+    """A simulation application in a simulation job."""
+
+    worldConfigs: Annotated[list[WorldConfig], Field(max_length=1)] | None = Field(
+        default=None, description="The world it simulates, at most one."
+    )
+
+
+RobotApplicationConfigs = Annotated[list[RobotApplicationConfig], Field(min_length=1, max_length=1)]
+SimulationApplicationConfigs = Annotated[list[SimulationApplicationConfig], Field(min_length=1, max_length=1)]
+
+
+class DataSourceConfig(Shape):
+    """Objects that a job reads."""
+
+    name: Name = Field(description="Name of the source, unique in the job.")
+    s3Bucket: S3Bucket = Field(description="Bucket of the objects.")
+    s3Keys: Annotated[list[S3KeyOrPrefix], Field(min_length=1, max_length=100)] = Field(
+        description="Keys of the objects, or prefixes of keys."
+    )
+    type: DataSourceType | None = Field(
+        default=None, description="File (the default): keys; Archive: keys of archives to unpack; Prefix: prefixes."
+    )
+    destination: Path | None = Field(default=None, description="Folder where the job finds them.")
+
+    @model_validator(mode="after")
+    def _archives_are_archives(self) -> Self:
+        wrong = [key for key in self.s3Keys if not key.endswith(ARCHIVE_SUFFIXES)]
+        if self.type == "Archive" and wrong:
+            raise ValueError(f"keys of type Archive have to end in .zip or .tar.gz; {wrong[0]!r} does not")
+        return self
+
+
+DataSourceConfigs = Annotated[
+    list[DataSourceConfig], Field(min_length=1, max_length=6), AfterValidator(unique_names("dataSources"))
+]
+
+
+class S3KeyOutput(Shape):
+    """One object of a data source."""
+
+    s3Key: S3KeyOrPrefix | None = Field(default=None, description="Key of the object.")
+    etag: S3Etag | None = Field(default=None, description="Identifies the content it had when the job was made.")
+
+
+class DataSource(Shape):
+    """Objects that a job reads, as they were found."""
+
+    name: Name | None = Field(default=None, description="Name of the source.")
+    s3Bucket: S3Bucket | None = Field(default=None, description="Bucket of the objects.")
+    s3Keys: list[S3KeyOutput] | None = Field(default=None, description="The objects.")
+    type: DataSourceType | None = Field(default=None, description="File, Archive or Prefix.")
+    destination: Path | None = Field(default=None, description="Folder where the job finds them.")
+
+
+class LoggingConfig(Shape):
+    """What is recorded."""
+
+    recordAllRosTopics: bool | None = Field(
+        default=None, json_schema_extra=dict(_DEPRECATED), description="Whether all ROS topics are recorded."
+    )
+
+
+class VPCConfig(Shape):
+    """Network of a job."""
+
+    subnets: Annotated[list[NonEmptyString], Field(min_length=1, max_length=16)] = Field(description="Subnet ids.")
+    securityGroups: Annotated[list[NonEmptyString], Field(min_length=1, max_length=5)] | None = Field(
+        default=None, description="Security group ids."
+    )
+    assignPublicIp: bool | None = Field(default=None, description="Whether it gets a public address.")
+
+
+class VPCConfigResponse(Shape):
+    """Network of a job."""
+
+    subnets: list[NonEmptyString] | None = Field(default=None, description="Subnet ids.")
+    securityGroups: list[NonEmptyString] | None = Field(default=None, description="Security group ids.")
+    vpcId: GenericString | None = Field(default=None, description="Id of the network.")
+    assignPublicIp: bool | None = Field(default=None, description="Whether it gets a public address.")
+
+
+class NetworkInterface(Shape):
+    """Address of a job."""
+
+    networkInterfaceId: GenericString | None = Field(default=None, description="Id of the interface.")
+    privateIpAddress: GenericString | None = Field(default=None, description="Address inside the network.")
+    publicIpAddress: GenericString | None = Field(default=None, description="Address from outside, if it has one.")
+
+
+class Compute(Shape):
+    """What a job may use of the machine."""
+
+    simulationUnitLimit: SimulationUnit | None = Field(
+        default=None, description="Processors, with 2 GB of memory each, at most 15."
+    )
+    computeType: ComputeType | None = Field(default=None, description="With or without a GPU.")
+    gpuUnitLimit: GPUUnit | None = Field(default=None, description="Number of GPUs, 0 or 1.")
+
+
+class ComputeResponse(Compute):
+    """What a job may use of the machine."""

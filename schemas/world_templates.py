@@ -1,0 +1,90 @@
+"""World templates: descriptions of floor plans and interiors that worlds are generated from."""
+
+import json
+from typing import Annotated, Any, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from .base import Shape
+from .common import Arn, ClientRequestToken, GenericString, Json, S3Bucket, S3Key, TagMap, Timestamp, exactly_one, text
+
+
+def _as_text(body: object) -> object:
+    return json.dumps(body) if isinstance(body, dict) else body
+
+
+TemplateName = Annotated[str, text(0, 255)]
+TemplateBody = Annotated[Json, BeforeValidator(_as_text, json_schema_input_type=Json | dict[str, Any])]
+"""JSON text or, an extension, the body itself as a mapping, which becomes JSON text."""
+
+
+class TemplateLocation(Shape):
+    """An object that holds a template body."""
+
+    s3Bucket: S3Bucket = Field(description="Bucket of the object.")
+    s3Key: S3Key = Field(description="Key of the object.")
+
+
+class CreateWorldTemplateRequest(Shape):
+    """Orders a world template."""
+
+    clientRequestToken: ClientRequestToken | None = Field(
+        default=None, description="Makes the call repeatable: the same token and request give the same template."
+    )
+    name: TemplateName | None = Field(default=None, description="Name for people; any text.")
+    templateBody: TemplateBody | None = Field(default=None, description="The template, as JSON text or as a mapping.")
+    templateLocation: TemplateLocation | None = Field(default=None, description="Object that holds the template.")
+    tags: TagMap | None = Field(default=None, description="Tags for the template.")
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Self:
+        exactly_one(("templateBody", "templateLocation"), (self.templateBody, self.templateLocation))
+        return self
+
+
+class CreateWorldTemplateResponse(Shape):
+    """The template that was made."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the template.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    name: TemplateName | None = Field(default=None, description="Its name.")
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+
+
+class DescribeWorldTemplateRequest(Shape):
+    """Asks for one template, without its body."""
+
+    template: Arn = Field(description="ARN of the template.")
+
+
+class DescribeWorldTemplateResponse(Shape):
+    """One template, without its body."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the template.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="Token it was made with.")
+    name: TemplateName | None = Field(default=None, description="Its name.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it was last changed.")
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+    version: GenericString | None = Field(default=None, description='Version of the body\'s form: "1" or "2".')
+
+
+class GetWorldTemplateBodyRequest(Shape):
+    """Asks for a template's body."""
+
+    template: Arn | None = Field(default=None, description="ARN of the template whose present body is wanted.")
+    generationJob: Arn | None = Field(
+        default=None, description="ARN of the generation job whose body, as it was then, is wanted."
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        exactly_one(("template", "generationJob"), (self.template, self.generationJob))
+        return self
+
+
+class GetWorldTemplateBodyResponse(Shape):
+    """A template's body."""
+
+    templateBody: Json | None = Field(default=None, description="The body, JSON text.")

@@ -1,0 +1,49 @@
+"""Worlds: what generation jobs leave behind."""
+
+from pydantic import Field
+
+from .base import Shape
+from .common import Arn, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
+
+
+class DescribeWorldRequest(Shape):
+    """Asks for one world."""
+
+    world: Arn = Field(description="ARN of the world.")
+
+
+class DescribeWorldResponse(Shape):
+    """One world."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the world.")
+    generationJob: Arn | None = Field(default=None, description="ARN of the job that generated it.")
+    template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
+    tags: TagMap | None = Field(default=None, description="Its tags: the job's `worldTags`, and later changes.")
+    worldDescriptionBody: Json | None = Field(
+        default=None, description="JSON text that describes the world; only for templates of version 2."
+    )
+
+
+class ListWorldsRequest(Shape):
+    """Asks for worlds, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(default=None, description="Which worlds; absent: all.")
+
+
+class WorldSummary(Shape):
+    """One world in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the world.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
+    generationJob: Arn | None = Field(default=None, description="ARN of the job that generated it.")
+    template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
+
+
+class ListWorldsResponse(Shape):
+    """A page of worlds."""
+
+    worldSummaries: list[WorldSummary] | None = Field(default=None, description="Worlds, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
