@@ -19,6 +19,9 @@ class Shape(Model):
     `None` is absent: it is left out of whatever is sent.
     """
 
+    # Validators are built when first used: half the time to import all shapes, and a call uses few.
+    model_config = ConfigDict(defer_build=True)
+
     def to_wire(self) -> dict[str, Any]:
         """Returns the members that are present, as plain values (`datetime` stays `datetime`)."""
         return self.model_dump(exclude_none=True)
