@@ -48,6 +48,9 @@ class ReportedJob(Model):
     status: str = Field(description="The job's status, or `NotCreated`.")
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     failure_reason: str | None = Field(default=None, description="In words.")
+    log_tail: str = Field(
+        default="", description="Last lines of its log, where `failure_reason` does not already end with them."
+    )
     world_arn: str | None = Field(default=None, description="World it drove in.")
     result: RunResult | None = Field(default=None, description="Content of result.json, when there is one.")
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
@@ -67,4 +70,5 @@ class Report(Model):
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
+    where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")

@@ -1,0 +1,64 @@
+"""What became of each job, and of the run as a whole, in words."""
+
+from collections import Counter
+from collections.abc import Iterable
+from enum import Enum
+
+from ...schemas.report import Report, ReportedJob
+
+
+class Outcome(Enum):
+    """What became of a job, worst first; a red simulation and a broken machine are different things."""
+
+    BROKEN = "broken"
+    FAILED = "failed"
+    CANCELED = "canceled"
+    UNFINISHED = "unfinished"
+    UNJUDGED = "no verdict"
+    PASSED = "passed"
+
+    @property
+    def key(self) -> str:
+        """Name for style classes and icons."""
+        return self.name.lower()
+
+    @property
+    def rank(self) -> int:
+        """Place in the order of severity, 0 the worst."""
+        return list(Outcome).index(self)
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether a reader has to look at it first."""
+        return self in (Outcome.BROKEN, Outcome.FAILED)
+
+
+def outcome_of(job: ReportedJob) -> Outcome:
+    """Classifies a job by its status first: a verdict counts only when the job ended by itself."""
+    if job.status in ("Canceled", "Terminated", "Terminating"):
+        return Outcome.CANCELED
+    if job.status in ("Failed", "RunningFailed", "NotCreated") or (job.failure_code and job.status != "Completed"):
+        return Outcome.BROKEN
+    if job.status != "Completed":
+        return Outcome.UNFINISHED
+    if job.result is None or job.result.verdict == "NONE":
+        return Outcome.UNJUDGED
+    return Outcome.PASSED if job.result.verdict == "PASS" else Outcome.FAILED
+
+
+def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
+    """How many jobs had each outcome, worst first; outcomes nobody had are left out."""
+    counts = Counter(outcome_of(job) for job in jobs)
+    return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
+
+
+def headline(report: Report) -> str:
+    """The run in one sentence: `3 of 4 jobs passed; 1 failed`."""
+    if not report.jobs:
+        worlds = len(report.worlds)
+        return f"No simulation jobs; {worlds} {'world' if worlds == 1 else 'worlds'}" if worlds else "Nothing was simulated"
+    counts = count_outcomes(report.jobs)
+    total = len(report.jobs)
+    sentence = f"{counts.get(Outcome.PASSED, 0)} of {total} {'job' if total == 1 else 'jobs'} passed"
+    others = [f"{count} {outcome.value}" for outcome, count in counts.items() if outcome is not Outcome.PASSED]
+    return f"{sentence}; {', '.join(others)}" if others else sentence

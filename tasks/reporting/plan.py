@@ -1,0 +1,142 @@
+"""Floor plans: what is fixed in a world, and what one job saw of it.
+
+A page shows the same world several times: furniture and walls are drawn once, in a hidden part of
+the page, and every plan refers to them; floors, path and labels belong to each plan. Colours come
+from the page's style sheet, so that a plan follows light, dark and print.
+"""
+
+import math
+
+from markupsafe import Markup
+
+from ...schemas.simulation_run import RunResult
+from ...schemas.world import Point, Room, Wall, World
+from .frame import EXTENT, Frame
+from .furniture import draw_furniture
+from .lettering import draw_label
+from .svg import element, group, points
+from .trajectory import draw_trajectory, finite_path
+
+_BARS_M = (0.5, 1, 2, 5, 10, 20, 50, 100)
+
+
+def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
+    """Furniture, walls, doorways and windows of a world, to be referred to by `identity`."""
+    plan = world.floorplan
+    jambs = {_key(point) for passage in plan.passages for point in (passage.start, passage.end)}
+    walls = [wall for wall in plan.walls if not wall.lintel]
+    return element(
+        "g",
+        group((draw_furniture(item, frame) for item in sorted(world.furniture, key=_height)), class_="furniture"),
+        group((_line(p.start, p.end, frame) for p in plan.passages if p.kind == "Doorway"), class_="doorways"),
+        group((_wall(wall, jambs, frame) for wall in walls), class_="walls"),
+        group((_line(window.start, window.end, frame) for window in plan.windows), class_="windows"),
+        id=identity,
+    )
+
+
+def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Markup:
+    """A world as an architect would draw it, each room with its area."""
+    rooms = world.floorplan.rooms
+    return _plan(
+        frame,
+        title,
+        group((_floor(room, "floor", frame) for room in rooms), class_="floors"),
+        element("use", href=f"#{fixtures}"),
+        group((draw_label(r.name, f"{r.area_m2:.1f} m²", r.polygon, frame) for r in rooms), class_="labels"),
+    )
+
+
+def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult | None, title: str) -> Markup:
+    """A world with a job's path and collisions; visited rooms are tinted, the others hatched."""
+    visits = {visit.name: visit for visit in result.rooms} if result else {}
+    floors, labels = [], []
+    for room in world.floorplan.rooms:
+        visit = visits.get(room.name)
+        state = "floor" if visit is None else "floor visited" if visit.visited else "floor unvisited"
+        floors.append(_floor(room, state, frame))
+        note = ""
+        if visit is not None:
+            at = "" if visit.first_visit_s is None else f" at {visit.first_visit_s:.0f} s"
+            note = f"visited{at}" if visit.visited else "not visited"
+        labels.append(draw_label(room.name, note, room.polygon, frame))
+    lines, marks = draw_trajectory(result, frame) if result else (Markup(), Markup())
+    return _plan(
+        frame,
+        title,
+        group(floors, class_="floors"),
+        element("use", href=f"#{fixtures}"),
+        lines,
+        group(labels, class_="labels"),
+        marks,
+    )
+
+
+def draw_bare_path(result: RunResult, title: str) -> Markup | None:
+    """A path without its world; None when there is none to draw."""
+    path = finite_path(result)
+    if not path:
+        return None
+    frame = Frame.around((x, y) for _, x, y in path)
+    return _plan(frame, title, *draw_trajectory(result, frame))
+
+
+def _plan(frame: Frame, title: str, *content: Markup) -> Markup:
+    return element(
+        "svg",
+        element("title", title),
+        *content,
+        _scale_bar(frame),
+        class_="plan tall" if frame.height > 1.25 * frame.width else "plan",
+        viewBox=frame.view_box,
+        role="img",
+        aria_label=title,
+    )
+
+
+def _scale_bar(frame: Frame) -> Markup:
+    wanted = EXTENT / 6 / frame.scale
+    length_m = min(_BARS_M, key=lambda bar: abs(math.log(bar / wanted)))
+    left = frame.left_m
+    x, _ = frame.at((left, 0))
+    x += 0.3 * frame.scale
+    end, y = x + length_m * frame.scale, frame.foot
+    return element(
+        "g",
+        element("path", d=f"M{x:.1f} {y - 7:.1f}v14M{x:.1f} {y:.1f}H{end:.1f}m0 -7v14"),
+        element("text", f"{length_m:g} m", x=end + 12, y=y + 7),
+        class_="scale-bar",
+    )
+
+
+def _floor(room: Room, style: str, frame: Frame) -> Markup:
+    return element("polygon", points=points(frame.at(corner) for corner in room.polygon), class_=style)
+
+
+def _line(start: Point, end: Point, frame: Frame) -> Markup:
+    (x1, y1), (x2, y2) = frame.at(start), frame.at(end)
+    return element("line", x1=x1, y1=y1, x2=x2, y2=y2)
+
+
+def _wall(wall: Wall, jambs: set[Point], frame: Frame) -> Markup:
+    """A wall reaches half its thickness beyond its ends, to close corners, but not into a passage."""
+    (x1, y1), (x2, y2) = frame.at(wall.start), frame.at(wall.end)
+    length = math.hypot(x2 - x1, y2 - y1)
+    if not length:
+        return Markup()
+    thickness = wall.thickness_m * frame.scale
+    ux, uy = (x2 - x1) / length * thickness / 2, (y2 - y1) / length * thickness / 2
+    if _key(wall.start) not in jambs:
+        x1, y1 = x1 - ux, y1 - uy
+    if _key(wall.end) not in jambs:
+        x2, y2 = x2 + ux, y2 + uy
+    return element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke_width=thickness)
+
+
+def _key(point: Point) -> Point:
+    return round(point[0], 3), round(point[1], 3)
+
+
+def _height(item: object) -> float:
+    """Order of drawing: what stands on something comes after it."""
+    return getattr(item, "base_m", 0.0)

@@ -1,0 +1,169 @@
+"""The robot's path and its collisions, drawn on a plan."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from ...schemas.simulation_run import Collision, RunResult
+from ...schemas.world import Point
+from .frame import Frame
+from .svg import element, group, number, points
+
+SHADES = 8
+"""Steps of colour along the path, from start to end; the style sheet has the colours."""
+
+_ARROWS = 9
+_CLUSTER_M = 0.3
+_MOST_LABELS = 6
+
+PathPoint = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class CollisionSpot:
+    """Collisions close to each other, shown as one mark."""
+
+    x: float
+    y: float
+    collisions: tuple[Collision, ...]
+
+    @property
+    def force_N(self) -> float:  # noqa: N802 - the unit is part of the name
+        """The largest force of them."""
+        return max(collision.max_force_N for collision in self.collisions)
+
+    @property
+    def text(self) -> str:
+        """What a tooltip says: one line for each collision."""
+        return "\n".join(f"{c.other}: {c.max_force_N:.1f} N at {c.time_s:.1f} s" for c in self.collisions)
+
+
+def cluster(collisions: Sequence[Collision], radius_m: float = _CLUSTER_M) -> list[CollisionSpot]:
+    """Gathers collisions within `radius_m` of the hardest one around, hardest spot first."""
+    left = sorted(
+        (c for c in collisions if all(map(math.isfinite, (c.x, c.y, c.max_force_N)))),
+        key=lambda c: (-c.max_force_N, c.time_s),
+    )
+    spots = []
+    while left:
+        first = left[0]
+        near = [c for c in left if math.dist((c.x, c.y), (first.x, first.y)) <= radius_m]
+        left = [c for c in left if c not in near]
+        spots.append(CollisionSpot(first.x, first.y, tuple(sorted(near, key=lambda c: c.time_s))))
+    return spots
+
+
+def finite_path(result: RunResult) -> list[PathPoint]:
+    """The path without points that cannot be drawn (a diverged simulation leaves NaN)."""
+    return [point for point in result.path if all(map(math.isfinite, point))]
+
+
+def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[int, list[Point]]]:
+    """Cuts a path into pieces of one shade each, by time; neighbours share their end points."""
+    if len(path) < 2:
+        return []
+    start, end = path[0][0], path[-1][0]
+    span = (end - start) or 1.0
+    runs: list[tuple[int, list[Point]]] = []
+    for (t0, x0, y0), (t1, x1, y1) in zip(path, path[1:], strict=False):
+        shade = min(shades - 1, max(0, int(((t0 + t1) / 2 - start) / span * shades)))
+        if not runs or runs[-1][0] != shade:
+            runs.append((shade, [(x0, y0)]))
+        runs[-1][1].append((x1, y1))
+    return runs
+
+
+def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
+    """Draws one run.
+
+    Returns:
+      Lines, to go below the rooms' names, and marks (start, end, collisions), to go above them.
+    """
+    path = finite_path(result)
+    spots = cluster(result.collisions)
+    if not path:
+        return Markup(), _collision_marks(spots, frame)
+    ground = [(x, y) for _, x, y in path]
+    drawn = [frame.at(point) for point in ground]
+    runs = shaded_runs(path)
+    lines = element(
+        "g",
+        element("polyline", points=points(drawn), class_="casing"),
+        *(
+            element("polyline", points=points(frame.at(p) for p in run), class_=f"shade-{shade}")
+            for shade, run in runs
+        ),
+        *_arrows(path, drawn),
+        class_="path",
+    )
+    marks = group(
+        (_collision_marks(spots, frame), _mark(drawn[-1], "end"), _mark(drawn[0], "start")), class_="marks"
+    )
+    return lines, marks
+
+
+def _arrows(path: Sequence[PathPoint], drawn: Sequence[Point]) -> list[Markup]:
+    """Small arrow heads at equal distances along the path."""
+    lengths = [math.dist(a, b) for a, b in zip(drawn, drawn[1:], strict=False)]
+    total = sum(lengths)
+    if total < 60:
+        return []
+    count = max(1, min(_ARROWS, int(total / 110)))
+    wanted = [total * (index + 0.5) / count for index in range(count)]
+    start, span = path[0][0], (path[-1][0] - path[0][0]) or 1.0
+    arrows, walked = [], 0.0
+    for index, length in enumerate(lengths):
+        while wanted and length and walked + length >= wanted[0]:
+            share = (wanted.pop(0) - walked) / length
+            (x0, y0), (x1, y1) = drawn[index], drawn[index + 1]
+            angle = math.degrees(math.atan2(y1 - y0, x1 - x0))
+            shade = min(SHADES - 1, max(0, int((path[index][0] - start) / span * SHADES)))
+            place = f"translate({x0 + share * (x1 - x0):.1f} {y0 + share * (y1 - y0):.1f}) rotate({angle:.0f})"
+            arrows.append(element("path", d="M12 0L-8 10L-3 0L-8 -10Z", class_=f"arrow shade-{shade}", transform=place))
+        walked += length
+    return arrows
+
+
+def _mark(at: Point, kind: str) -> Markup:
+    """A disc where the robot started, a chequered square's outline where it ended; both carry a word."""
+    x, y = at
+    shape = (
+        element("circle", r=11)
+        if kind == "start"
+        else element("rect", x=-10, y=-10, width=20, height=20) + element("rect", x=-4, y=-4, width=8, height=8)
+    )
+    return element(
+        "g",
+        shape,
+        element("text", kind, y=-17 if kind == "start" else 32),
+        class_=kind,
+        transform=f"translate({x:.1f} {y:.1f})",
+    )
+
+
+def _collision_marks(spots: Sequence[CollisionSpot], frame: Frame) -> Markup:
+    labelled: list[Point] = []
+    marks = []
+    for spot in spots:
+        x, y = frame.at((spot.x, spot.y))
+        # Room for the letters: hardest first, and a label that would cover another is left to the tooltip.
+        free = all(abs(x - other[0]) > 95 or abs(y - other[1]) > 26 for other in labelled)
+        text = ""
+        if free and len(labelled) < _MOST_LABELS:
+            labelled.append((x, y))
+            times = f"{len(spot.collisions)}× " if len(spot.collisions) > 1 else ""
+            text = element("text", f"{times}{spot.force_N:.0f} N", x=19, y=7)
+        marks.append(
+            element(
+                "g",
+                element("title", spot.text),
+                element("circle", r=13),
+                element("path", d="M-6 -6L6 6M6 -6L-6 6"),
+                text,
+                class_="collision",
+                transform=f"translate({number(x)} {number(y)})",
+            )
+        )
+    return group(marks, class_="collisions")

@@ -1,0 +1,265 @@
+"""What the page shows, computed from the report: the template only places it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from ...schemas.report import Report, ReportedFile, ReportedJob
+from ...schemas.simulation_run import RunResult
+from . import plan, wording
+from .outcomes import Outcome, count_outcomes, headline, outcome_of
+from .pictures import Picture, PictureError, budget_for_each, embed_picture
+from .statistics import wilson_interval
+from .worlds import WorldView, view_worlds
+
+_KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number with its name and unit."""
+
+    name: str
+    value: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers of a job that the table compares; None where there is none."""
+
+    rooms_visited: int | None = None
+    rooms: int | None = None
+    distance_m: float | None = None
+    sim_time_s: float | None = None
+    real_time_factor: float | None = None
+    collisions: float | None = None
+    max_force_N: float | None = None  # noqa: N815 - the unit is part of the name
+    wall_time_s: float | None = None
+
+    @property
+    def rooms_text(self) -> str:
+        """`5/6`."""
+        return "–" if not self.rooms else f"{self.rooms_visited}/{self.rooms}"
+
+
+@dataclass(frozen=True)
+class FileView:
+    """A stored file; `link` is empty where browsers cannot follow the address."""
+
+    name: str
+    uri: str
+    link: str
+    size: str
+    hint: str
+
+
+@dataclass(frozen=True)
+class JobView:
+    """One job's card and its row in the table."""
+
+    anchor: str
+    job: ReportedJob
+    outcome: Outcome
+    number: int
+    title: str
+    reason: str
+    log: str
+    world: WorldView | None
+    numbers: Numbers
+    measures: list[Measure]
+    more: list[Measure]
+    plan: Markup | None
+    plan_note: str
+    poster: Picture | None
+    poster_note: str
+    files: list[FileView]
+    folder: str
+    seconds: tuple[str, str] | None
+    """Simulated time at the path's start and end."""
+
+    @property
+    def result(self) -> RunResult | None:
+        """The job's result."""
+        return self.job.result
+
+
+@dataclass(frozen=True)
+class Rate:
+    """The success rate with its interval, as shares."""
+
+    successes: int
+    trials: int
+    low: float
+    high: float
+
+    @property
+    def share(self) -> float:
+        """The rate itself."""
+        return self.successes / self.trials
+
+
+@dataclass(frozen=True)
+class Page:
+    """Everything the template needs."""
+
+    report: Report
+    headline: str
+    counts: dict[Outcome, int]
+    rate: Rate | None
+    duration: str
+    longest_step_s: float
+    jobs: list[JobView]
+    worlds: list[WorldView]
+
+    @property
+    def failures(self) -> list[JobView]:
+        """Jobs that failed or broke, in the order they were requested."""
+        return [job for job in self.jobs if job.outcome.is_failure]
+
+    @property
+    def others(self) -> list[JobView]:
+        """The other jobs, those that need a look first."""
+        return sorted((job for job in self.jobs if not job.outcome.is_failure), key=lambda job: job.outcome.rank)
+
+
+def view_report(report: Report) -> Page:
+    """Computes the page; reads the worlds' `world.json` from disk and nothing else."""
+    pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(bool(job.poster_png) for job in report.jobs)
+    budget = budget_for_each(pictures)
+    worlds = view_worlds(report, budget)
+    by_arn = {view.world.arn: view for view in worlds}
+    return Page(
+        report=report,
+        headline=headline(report),
+        counts=count_outcomes(report.jobs),
+        rate=_rate(report),
+        duration=wording.duration((report.ended_at - report.started_at).total_seconds()),
+        longest_step_s=max((step.duration_s for step in report.steps), default=0.0),
+        jobs=[_view_job(job, index, by_arn, budget) for index, job in enumerate(report.jobs, start=1)],
+        worlds=worlds,
+    )
+
+
+def _rate(report: Report) -> Rate | None:
+    """Broken jobs count against the rate; canceled, unfinished and unjudged ones say nothing."""
+    counts = count_outcomes(report.jobs)
+    successes = counts.get(Outcome.PASSED, 0)
+    trials = successes + counts.get(Outcome.FAILED, 0) + counts.get(Outcome.BROKEN, 0)
+    return Rate(successes, trials, *wilson_interval(successes, trials)) if trials else None
+
+
+def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], budget_bytes: int) -> JobView:
+    world = worlds.get(job.world_arn) if job.world_arn else None
+    drawing, note = _job_plan(job, world)
+    poster, poster_note = _poster(job, budget_bytes)
+    numbers = _numbers(job)
+    reason = wording.plain(job.failure_reason or "")
+    return JobView(
+        anchor=f"job-{index}",
+        job=job,
+        outcome=outcome_of(job),
+        number=index,
+        title=job.label,
+        reason=reason,
+        log="" if job.log_tail.strip() in reason else wording.plain(job.log_tail),
+        world=world,
+        numbers=numbers,
+        measures=_measures(numbers),
+        more=_other_metrics(job.result),
+        plan=drawing,
+        plan_note=note,
+        poster=poster,
+        poster_note=poster_note,
+        files=[_view_file(file) for file in job.files],
+        folder=_folder(job.files),
+        seconds=_path_seconds(job.result),
+    )
+
+
+def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:
+    """The drawing, and what to say where it is missing or incomplete."""
+    if world is not None and world.content is not None and world.frame is not None:
+        title = f"Plan of {world.world.label} with the path of {job.label}"
+        note = "" if job.result else "The job left no result, so there is no path to draw."
+        return plan.draw_job_plan(world.content, world.frame, world.fixtures, job.result, title), note
+    if world is not None:
+        missing = f"No plan of {world.world.label}: {world.note}"
+    elif job.world_arn:
+        missing = f"The world {job.world_arn} is not part of this report."
+    else:
+        missing = "This job drove in no generated world."
+    bare = plan.draw_bare_path(job.result, f"Path of {job.label}") if job.result else None
+    return bare, missing
+
+
+def _poster(job: ReportedJob, budget_bytes: int) -> tuple[Picture | None, str]:
+    if not job.poster_png:
+        return None, ""
+    try:
+        return embed_picture(job.poster_png, budget_bytes), ""
+    except PictureError as error:
+        return None, f"Frame of the video: {error}."
+
+
+def _numbers(job: ReportedJob) -> Numbers:
+    result = job.result
+    if result is None:
+        return Numbers(wall_time_s=job.duration_s)
+    strongest = max((collision.max_force_N for collision in result.collisions), default=None)
+    return Numbers(
+        rooms_visited=sum(room.visited for room in result.rooms),
+        rooms=len(result.rooms),
+        distance_m=result.metrics.get("distance_m"),
+        sim_time_s=result.sim_time_s,
+        real_time_factor=result.real_time_factor,
+        # The list of collisions is cut at 200; the metric counts all.
+        collisions=result.metrics.get("collisions", float(len(result.collisions))),
+        max_force_N=result.metrics.get("max_force_N", strongest),
+        wall_time_s=result.wall_time_s if job.duration_s is None else job.duration_s,
+    )
+
+
+def _measures(numbers: Numbers) -> list[Measure]:
+    measures = [
+        Measure("rooms visited", numbers.rooms_text if numbers.rooms else "–"),
+        Measure("distance", wording.number(numbers.distance_m, 1), "m"),
+        Measure("collisions", wording.number(numbers.collisions, 0)),
+        Measure("largest force", wording.number(numbers.max_force_N, 0), "N"),
+        Measure("simulated time", wording.number(numbers.sim_time_s, 1), "s"),
+        Measure("wall time", wording.number(numbers.wall_time_s, 1), "s"),
+        Measure("real-time factor", wording.number(numbers.real_time_factor, 1), "×"),
+    ]
+    return [measure for measure in measures if measure.value != "–"]
+
+
+def _other_metrics(result: RunResult | None) -> list[Measure]:
+    if result is None:
+        return []
+    others = [(name, value) for name, value in result.metrics.items() if name not in _KNOWN_METRICS]
+    return [Measure(*_swap(wording.name_and_unit(name), wording.compact(value))) for name, value in sorted(others)]
+
+
+def _swap(name_and_unit: tuple[str, str], value: str) -> tuple[str, str, str]:
+    name, unit = name_and_unit
+    return name, value, unit
+
+
+def _view_file(file: ReportedFile) -> FileView:
+    # Anything else, `javascript:` above all, stays text.
+    link = file.uri if file.uri.startswith(("file:///", "http://", "https://")) else ""
+    hint = "open in Foxglove" if file.name.endswith(".mcap") else ""
+    return FileView(file.name, file.uri, link, wording.size(file.size_bytes), hint)
+
+
+def _folder(files: list[ReportedFile]) -> str:
+    """The address all files lie below; empty when there is none."""
+    folders = {file.uri.removesuffix(file.name) for file in files if file.uri.endswith(file.name)}
+    return folders.pop() if len(folders) == 1 else ""
+
+
+def _path_seconds(result: RunResult | None) -> tuple[str, str] | None:
+    if result is None or len(result.path) < 2:
+        return None
+    return f"{result.path[0][0]:.0f} s", f"{result.path[-1][0]:.0f} s"

@@ -1,0 +1,107 @@
+"""What the page shows of each world."""
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+from pydantic import ValidationError
+
+from ...schemas.report import Report, ReportedWorld
+from ...schemas.world import Wish, World
+from . import plan
+from .frame import Frame
+from .pictures import Picture, PictureError, embed_picture, embed_svg
+
+
+@dataclass(frozen=True)
+class WorldView:
+    """One world of the gallery, and the drawing that the jobs' plans refer to."""
+
+    anchor: str
+    world: ReportedWorld
+    content: World | None
+    """Absent when `world.json` cannot be read; `note` says why."""
+    note: str
+    frame: Frame | None
+    fixtures: str
+    """Id of the drawing of walls and furniture."""
+    drawing: Markup | None
+    plan: Markup | None
+    plan_uri: str
+    """The bundle's own floor plan, for when there is nothing to draw from."""
+    preview: Picture | None
+    preview_note: str
+    driven_by: list[int]
+    """Numbers of the jobs that drove here."""
+
+    @property
+    def wishes(self) -> list[Wish]:
+        """Wishes of the template about plan and interior."""
+        return [*self.content.floorplan.wishes, *self.content.wishes] if self.content else []
+
+    @property
+    def unmet(self) -> list[Wish]:
+        """Wishes that the world does not grant."""
+        return [wish for wish in self.wishes if wish.outcome != "satisfied"]
+
+    @property
+    def area_m2(self) -> float:
+        """Area of all rooms."""
+        return sum(room.area_m2 for room in self.content.floorplan.rooms) if self.content else 0.0
+
+
+def view_worlds(report: Report, budget_bytes: int) -> list[WorldView]:
+    """Computes the gallery; reads each world's `world.json`."""
+    drives: dict[str, list[int]] = {}
+    for number, job in enumerate(report.jobs, start=1):
+        if job.world_arn:
+            drives.setdefault(job.world_arn, []).append(number)
+    return [
+        _view_world(world, index, drives.get(world.arn, []), budget_bytes)
+        for index, world in enumerate(report.worlds, start=1)
+    ]
+
+
+def _view_world(world: ReportedWorld, index: int, driven_by: list[int], budget_bytes: int) -> WorldView:
+    content, note = _read(world)
+    fixtures = f"world-{index}-fixtures"
+    frame = drawing = own_plan = None
+    plan_uri = ""
+    if content is not None:
+        frame = Frame.of_world(content)
+        drawing = plan.draw_fixtures(content, frame, fixtures)
+        own_plan = plan.draw_world_plan(content, frame, fixtures, f"Floor plan of {world.label}")
+    else:
+        plan_uri, note = _given_plan(world, note)
+    preview, preview_note = None, "There is no preview."
+    if world.preview_png:
+        try:
+            preview, preview_note = embed_picture(world.preview_png, budget_bytes), ""
+        except PictureError as error:
+            preview_note = f"No preview: {error}."
+    return WorldView(
+        f"world-{index}", world, content, note, frame, fixtures, drawing, own_plan, plan_uri, preview, preview_note,
+        driven_by,
+    )  # fmt: skip
+
+
+def _read(world: ReportedWorld) -> tuple[World | None, str]:
+    try:
+        content = World.model_validate_json(world.world_json.read_bytes())
+    except OSError as error:
+        return None, f"{world.world_json} cannot be read ({error.strerror})."
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the document"
+        return None, f"{world.world_json} is not a world: {place}: {first['msg']}."
+    if not content.floorplan.rooms:
+        return None, f"{world.world_json} has no rooms."
+    return content, ""
+
+
+def _given_plan(world: ReportedWorld, note: str) -> tuple[str, str]:
+    if not world.floorplan_svg:
+        return "", note
+    try:
+        return embed_svg(world.floorplan_svg), note
+    except PictureError as error:
+        return "", f"{note} Its floorplan.svg is not shown: {error}."
