@@ -1,0 +1,84 @@
+"""ARNs: the names of resources, `arn:<partition>:robomaker:<region>:<account>:<kind>/<id>`.
+
+| kind | id |
+| --- | --- |
+| `robot-application`, `simulation-application`, `robot`, `deployment-fleet` | `<name>/<created, ms since 1970>` |
+| `simulation-job`, `simulation-job-batch`, `deployment-job` | `sim-…`, `batch-…`, … |
+| `world-template`, `world-generation-job`, `world-export-job` | `template-…`, `generation-…`, `export-…` |
+| `world` | `<id of the generation job>/world-<n>` |
+"""
+
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal, get_args
+
+from .errors import InvalidParameterException
+from .request_problems import nearest
+
+Kind = Literal[
+    "robot-application",
+    "simulation-application",
+    "simulation-job",
+    "simulation-job-batch",
+    "deployment-job",
+    "robot",
+    "deployment-fleet",
+    "world-generation-job",
+    "world-export-job",
+    "world-template",
+    "world",
+]
+NamedKind = Literal["robot-application", "simulation-application", "robot", "deployment-fleet"]
+
+_FORM = re.compile(
+    r"arn:(?P<partition>aws[a-z-]*):robomaker:(?P<region>[a-z0-9-]+):(?P<account>[0-9]{12}):(?P<kind>[a-z-]+)/(?P<id>.+)"
+)
+_WANTED = "arn:aws:robomaker:<region>:<account>:<kind>/<id>"
+_KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
+
+
+@dataclass(frozen=True)
+class ResourceArn:
+    """An ARN in its parts; `str()` puts them together."""
+
+    region: str
+    account: str
+    kind: Kind
+    id: str
+    """Everything behind the kind; may hold slashes."""
+
+    partition: str = "aws"
+
+    def __str__(self) -> str:
+        return f"arn:{self.partition}:robomaker:{self.region}:{self.account}:{self.kind}/{self.id}"
+
+    @property
+    def name(self) -> str:
+        """The resource's name: of applications, robots and fleets their own, of others the id."""
+        return self.id.partition("/")[0] if self.kind in get_args(NamedKind) else self.id
+
+    @classmethod
+    def parse(cls, arn: str, *kinds: Kind) -> "ResourceArn":
+        """Takes an ARN apart.
+
+        Args:
+          arn: the ARN.
+          kinds: what it may name; none: anything.
+
+        Raises:
+          InvalidParameterException: it is no ARN of this service, or names something else.
+        """
+        if (found := _FORM.fullmatch(arn)) is None:
+            raise InvalidParameterException(f"{arn!r} is no ARN of a resource; it has to look like {_WANTED}")
+        if (kind := _KINDS.get(found["kind"])) is None:
+            hint = nearest(found["kind"], _KINDS) or f"; known are {', '.join(_KINDS)}"
+            raise InvalidParameterException(f"{arn!r} names a {found['kind']!r}, which is not known{hint}")
+        if kinds and kind not in kinds:
+            raise InvalidParameterException(f"{arn!r} names a {kind}; it has to name a {' or '.join(kinds)}")
+        return cls(found["region"], found["account"], kind, found["id"], found["partition"])
+
+
+def named_arn(region: str, account: str, kind: NamedKind, name: str, created_at: datetime) -> ResourceArn:
+    """The ARN of something that has a name; the moment of creation tells it from namesakes before it."""
+    return ResourceArn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")

@@ -1,0 +1,233 @@
+"""The lives of jobs and batches: their states, the events that move them, and how a batch ends.
+
+These tables are the only way a status changes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, get_args
+
+from .arns import Kind
+from .errors import StateConflictError
+from .simulation_job_batches import SimulationJobBatchStatus
+from .simulation_jobs import SimulationJobErrorCode, SimulationJobStatus
+from .world_export_jobs import WorldExportJobStatus
+from .world_generation_jobs import WorldGenerationJobStatus
+
+State = TypeVar("State", bound=str)
+
+
+@dataclass(frozen=True)
+class Lifecycle(Generic[State]):
+    """A state machine."""
+
+    name: str
+    """What lives it, for messages."""
+
+    initial: State
+    """Where it begins."""
+
+    states: tuple[State, ...]
+    """All states the interface knows."""
+
+    terminal: frozenset[State]
+    """States that nothing leads out of."""
+
+    transitions: Mapping[tuple[State, str], State]
+    """The state after an event in a state; pairs that are absent are not allowed."""
+
+    @property
+    def events(self) -> frozenset[str]:
+        """Everything that can happen."""
+        return frozenset(event for _, event in self.transitions)
+
+
+def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
+    """The state after an event.
+
+    Raises:
+      StateConflictError: the event cannot happen in that state; the message says what can.
+    """
+    for (before, happened), after in machine.transitions.items():
+        if (before, happened) == (state, event):
+            return after
+    possible = sorted(happened for before, happened in machine.transitions if before == state)
+    hint = f"possible are {', '.join(possible)}" if possible else "nothing is possible any more"
+    raise StateConflictError(f"{machine.name} is {state}: {event!r} cannot happen; {hint}")
+
+
+def _table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[State, str], State]:
+    """Turns `{event: (states before, state after)}` into a transition table."""
+    return {(before, event): after for event, (befores, after) in rows.items() for before in befores}
+
+
+_JOB_ROWS: dict[str, tuple[tuple[SimulationJobStatus, ...], SimulationJobStatus]] = {
+    "prepare": (("Pending",), "Preparing"),
+    "run": (("Preparing", "Restarting"), "Running"),
+    "restart": (("Running",), "Restarting"),
+    "crash": (("Running",), "RunningFailed"),
+    "terminate": (("Pending", "Preparing", "Running", "Restarting", "RunningFailed"), "Terminating"),
+    "complete": (("Terminating",), "Completed"),
+    "fail": (("Pending", "Preparing", "Restarting", "Terminating"), "Failed"),
+    "cancel": (("Terminating",), "Canceled"),
+}
+
+SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
+    name="the simulation job",
+    initial="Pending",
+    states=get_args(SimulationJobStatus),
+    terminal=frozenset({"Completed", "Failed", "Terminated", "Canceled"}),
+    transitions=_table(_JOB_ROWS),
+)
+"""One simulation job.
+
+```
+            prepare            run            terminate              complete
+  Pending ──────────> Preparing ───> Running ───────────> Terminating ────────> Completed
+     │                    │           │ ^ │                ^  │    └─ cancel ─> Canceled
+     │                    │   restart │ │ │ crash          │  │
+     │                    │           v │ v      terminate │  │ fail
+     │                    │   Restarting  RunningFailed ───┘  │
+     └──────── fail ──────┴──── fail ┘                        └───> Failed
+```
+
+`terminate` is possible in every state on the way and opens the phase of uploads; a job that will
+fail carries its failure code from then on. `crash` is for `failureBehavior: Continue`; with `Fail`
+the job terminates. A performer that takes over a Running job from one that died restarts it.
+`Terminated` is in the interface, but nothing published says what it meant; no event leads there.
+"""
+
+_BATCH_ROWS: dict[str, tuple[tuple[SimulationJobBatchStatus, ...], SimulationJobBatchStatus]] = {
+    "start": (("Pending",), "InProgress"),
+    "drain": (("InProgress",), "Completing"),
+    "complete": (("Completing",), "Completed"),
+    "fail": (("Pending", "InProgress", "Completing", "TimingOut"), "Failed"),
+    "begin_timeout": (("Pending", "InProgress", "Completing"), "TimingOut"),
+    "time_out": (("TimingOut",), "TimedOut"),
+    "begin_cancel": (("Pending", "InProgress", "Completing"), "Canceling"),
+    "cancel": (("Canceling",), "Canceled"),
+}
+
+SIMULATION_JOB_BATCH: Lifecycle[SimulationJobBatchStatus] = Lifecycle(
+    name="the simulation job batch",
+    initial="Pending",
+    states=get_args(SimulationJobBatchStatus),
+    terminal=frozenset({"Completed", "Failed", "TimedOut", "Canceled"}),
+    transitions=_table(_BATCH_ROWS),
+)
+"""One batch.
+
+```
+            start               drain                complete
+  Pending ────────> InProgress ──────> Completing ────────────> Completed
+     └───────────┬──────┴───────┬──────────┘└─ fail ──────────> Failed
+                 │ begin_timeout│ begin_cancel                    ^
+                 v              v                                 │ fail
+             TimingOut      Canceling ── cancel ──> Canceled      │
+                 ├── time_out ──> TimedOut                        │
+                 └────────────────────────────────────────────────┘
+```
+
+`drain`: no request waits any more, jobs are still active. `fail` is possible from the beginning.
+"""
+
+_GENERATION_ROWS: dict[str, tuple[tuple[WorldGenerationJobStatus, ...], WorldGenerationJobStatus]] = {
+    "start": (("Pending",), "Running"),
+    "complete": (("Running",), "Completed"),
+    "complete_partly": (("Running",), "PartialFailed"),
+    "fail": (("Pending", "Running"), "Failed"),
+    "begin_cancel": (("Pending", "Running"), "Canceling"),
+    "cancel": (("Canceling",), "Canceled"),
+}
+
+WORLD_GENERATION_JOB: Lifecycle[WorldGenerationJobStatus] = Lifecycle(
+    name="the world generation job",
+    initial="Pending",
+    states=get_args(WorldGenerationJobStatus),
+    terminal=frozenset({"Completed", "PartialFailed", "Failed", "Canceled"}),
+    transitions=_table(_GENERATION_ROWS),
+)
+"""One world generation job.
+
+```
+            start            complete
+  Pending ────────> Running ──────────────────> Completed
+     │                 ├───── complete_partly ─> PartialFailed
+     ├─────────────────┴───── fail ────────────> Failed
+     └── begin_cancel ─┴─> Canceling ─ cancel ─> Canceled
+```
+"""
+
+_EXPORT_ROWS: dict[str, tuple[tuple[WorldExportJobStatus, ...], WorldExportJobStatus]] = {
+    "start": (("Pending",), "Running"),
+    "complete": (("Running",), "Completed"),
+    "fail": (("Pending", "Running"), "Failed"),
+    "begin_cancel": (("Pending", "Running"), "Canceling"),
+    "cancel": (("Canceling",), "Canceled"),
+}
+
+WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
+    name="the world export job",
+    initial="Pending",
+    states=get_args(WorldExportJobStatus),
+    terminal=frozenset({"Completed", "Failed", "Canceled"}),
+    transitions=_table(_EXPORT_ROWS),
+)
+"""One world export job.
+
+```
+            start            complete
+  Pending ────────> Running ──────────────────> Completed
+     ├─────────────────┴───── fail ────────────> Failed
+     └── begin_cancel ─┴─> Canceling ─ cancel ─> Canceled
+```
+"""
+
+LIFECYCLES: Mapping[Kind, Lifecycle[Any]] = {
+    "simulation-job": SIMULATION_JOB,
+    "simulation-job-batch": SIMULATION_JOB_BATCH,
+    "world-generation-job": WORLD_GENERATION_JOB,
+    "world-export-job": WORLD_EXPORT_JOB,
+}
+"""The state machine of each kind of resource that has one."""
+
+ACTIVE: frozenset[SimulationJobStatus] = frozenset(set(SIMULATION_JOB.states) - SIMULATION_JOB.terminal)
+"""States in which a simulation job counts for its batch's `maxConcurrency`."""
+
+
+def is_terminal(kind: Kind, status: str) -> bool:
+    """Whether nothing can happen any more to a resource of that kind and status."""
+    return kind in LIFECYCLES and status in LIFECYCLES[kind].terminal
+
+
+def batch_outcome(
+    pending: Sequence[SimulationJobErrorCode | None],
+    failed: Sequence[SimulationJobErrorCode],
+    created: Sequence[SimulationJobStatus],
+    *,
+    timed_out: bool = False,
+    canceled: bool = False,
+) -> SimulationJobBatchStatus:
+    """Decides what a batch's status is, or will be.
+
+    Jobs that failed, and requests that failed for any reason other than an internal fault, still
+    make a completed batch.
+
+    Args:
+      pending: for each request that waits, why it has not become a job; `None`: its turn has not come.
+      failed: for each request that will never become a job, why.
+      created: the status of each job that was made.
+      timed_out: whether the batch's time is up.
+      canceled: whether the batch was cancelled.
+    """
+    active = any(status in ACTIVE for status in created)
+    internal_fault = "InternalServiceError" in failed or (timed_out and "InternalServiceError" in pending)
+    if canceled:
+        return "Canceling" if active else "Canceled"
+    if timed_out:
+        return "TimingOut" if active else "Failed" if internal_fault else "TimedOut"
+    if pending:
+        return "InProgress" if created or failed else "Pending"
+    if active:
+        return "Completing"
+    return "Failed" if internal_fault else "Completed"
