@@ -29,12 +29,12 @@ Kind = Literal[
     "world-template",
     "world",
 ]
-NamedKind = Literal["robot-application", "simulation-application", "robot", "deployment-fleet"]
 
 _FORM = re.compile(
     r"arn:(?P<partition>aws[a-z-]*):robomaker:(?P<region>[a-z0-9-]+):(?P<account>[0-9]{12}):(?P<kind>[a-z-]+)/(?P<id>.+)"
 )
 _WANTED = "arn:aws:robomaker:<region>:<account>:<kind>/<id>"
+_NAMED = frozenset({"robot-application", "simulation-application", "robot", "deployment-fleet"})
 _KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
 
 
@@ -56,7 +56,7 @@ class ResourceArn:
     @property
     def name(self) -> str:
         """The resource's name: of applications, robots and fleets their own, of others the id."""
-        return self.id.partition("/")[0] if self.kind in get_args(NamedKind) else self.id
+        return self.id.partition("/")[0] if self.kind in _NAMED else self.id
 
     @classmethod
     def parse(cls, arn: str, *kinds: Kind) -> "ResourceArn":
@@ -79,6 +79,21 @@ class ResourceArn:
         return cls(found["region"], found["account"], kind, found["id"], found["partition"])
 
 
-def named_arn(region: str, account: str, kind: NamedKind, name: str, created_at: datetime) -> ResourceArn:
-    """The ARN of something that has a name; the moment of creation tells it from namesakes before it."""
-    return ResourceArn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")
+def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
+    """The ARN of a resource that has an id.
+
+    Raises:
+      ValueError: there is no such kind of resource.
+    """
+    if kind not in _KINDS:
+        raise ValueError(f"there is no kind of resource {kind!r}{nearest(kind, _KINDS)}")
+    return str(ResourceArn(region, account, _KINDS[kind], resource_id))
+
+
+def application_arn(region: str, account: str, kind: str, name: str, created_at: datetime) -> str:
+    """The ARN of an application, robot or fleet: its name, and the moment of creation, which tells it from namesakes.
+
+    Raises:
+      ValueError: there is no such kind of resource.
+    """
+    return resource_arn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, get_args
 
-from .arns import Kind
 from .errors import StateConflictError
 from .simulation_job_batches import SimulationJobBatchStatus
-from .simulation_jobs import SimulationJobErrorCode, SimulationJobStatus
+from .simulation_jobs import SimulationJobStatus
 from .world_export_jobs import WorldExportJobStatus
 from .world_generation_jobs import WorldGenerationJobStatus
 
@@ -62,9 +61,9 @@ def _table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[St
 
 
 _JOB_ROWS: dict[str, tuple[tuple[SimulationJobStatus, ...], SimulationJobStatus]] = {
-    "prepare": (("Pending",), "Preparing"),
-    "run": (("Preparing", "Restarting"), "Running"),
-    "restart": (("Running",), "Restarting"),
+    "prepare": (("Pending", "Preparing"), "Preparing"),
+    "restart": (("Running", "RunningFailed", "Restarting"), "Restarting"),
+    "start": (("Preparing", "Restarting"), "Running"),
     "crash": (("Running",), "RunningFailed"),
     "terminate": (("Pending", "Preparing", "Running", "Restarting", "RunningFailed"), "Terminating"),
     "complete": (("Terminating",), "Completed"),
@@ -82,30 +81,30 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
 """One simulation job.
 
 ```
-            prepare            run            terminate              complete
-  Pending ──────────> Preparing ───> Running ───────────> Terminating ────────> Completed
-     │                    │           │ ^ │                ^  │    └─ cancel ─> Canceled
-     │                    │   restart │ │ │ crash          │  │
-     │                    │           v │ v      terminate │  │ fail
-     │                    │   Restarting  RunningFailed ───┘  │
-     └──────── fail ──────┴──── fail ┘                        └───> Failed
+          prepare            start           terminate              complete
+  Pending ───────> Preparing ─────> Running ──────────> Terminating ────────> Completed
+     │                 │    restart │ ^ │ crash          ^  │  └─── cancel ──> Canceled
+     │                 │            v │ v      terminate │  │
+     │                 │    Restarting  RunningFailed ───┘  │ fail
+     └────── fail ─────┴── fail ┘                           └───────────────> Failed
 ```
 
 `terminate` is possible in every state on the way and opens the phase of uploads; a job that will
 fail carries its failure code from then on. `crash` is for `failureBehavior: Continue`; with `Fail`
-the job terminates. A performer that takes over a Running job from one that died restarts it.
-`Terminated` is in the interface, but nothing published says what it meant; no event leads there.
+the job terminates. A performer that takes the job over from one that died prepares it again, or
+restarts it if it was running. `Terminated` is in the interface, but nothing published says what it
+meant; no event leads there.
 """
 
 _BATCH_ROWS: dict[str, tuple[tuple[SimulationJobBatchStatus, ...], SimulationJobBatchStatus]] = {
     "start": (("Pending",), "InProgress"),
     "drain": (("InProgress",), "Completing"),
-    "complete": (("Completing",), "Completed"),
+    "complete": (("InProgress", "Completing"), "Completed"),
     "fail": (("Pending", "InProgress", "Completing", "TimingOut"), "Failed"),
-    "begin_timeout": (("Pending", "InProgress", "Completing"), "TimingOut"),
-    "time_out": (("TimingOut",), "TimedOut"),
-    "begin_cancel": (("Pending", "InProgress", "Completing"), "Canceling"),
-    "cancel": (("Canceling",), "Canceled"),
+    "time_out": (("Pending", "InProgress", "Completing"), "TimingOut"),
+    "timed_out": (("TimingOut",), "TimedOut"),
+    "cancel": (("Pending", "InProgress", "Completing"), "Canceling"),
+    "canceled": (("Canceling",), "Canceled"),
 }
 
 SIMULATION_JOB_BATCH: Lifecycle[SimulationJobBatchStatus] = Lifecycle(
@@ -118,26 +117,26 @@ SIMULATION_JOB_BATCH: Lifecycle[SimulationJobBatchStatus] = Lifecycle(
 """One batch.
 
 ```
-            start               drain                complete
-  Pending ────────> InProgress ──────> Completing ────────────> Completed
-     └───────────┬──────┴───────┬──────────┘└─ fail ──────────> Failed
-                 │ begin_timeout│ begin_cancel                    ^
-                 v              v                                 │ fail
-             TimingOut      Canceling ── cancel ──> Canceled      │
-                 ├── time_out ──> TimedOut                        │
-                 └────────────────────────────────────────────────┘
+          start               drain             complete (also from InProgress)
+  Pending ─────> InProgress ───────> Completing ─────────> Completed
+     └──────────────┴──────┬────────────┴────── fail ────> Failed
+                           │                                  ^
+                           ├─ time_out ─> TimingOut ── fail ──┘
+                           │                  └──── timed_out ─> TimedOut
+                           └─ cancel ───> Canceling ─ canceled ─> Canceled
 ```
 
-`drain`: no request waits any more, jobs are still active. `fail` is possible from the beginning.
+`drain`: no request waits any more, jobs are still active. `fail`, `time_out` and `cancel` are
+possible from the beginning.
 """
 
 _GENERATION_ROWS: dict[str, tuple[tuple[WorldGenerationJobStatus, ...], WorldGenerationJobStatus]] = {
     "start": (("Pending",), "Running"),
     "complete": (("Running",), "Completed"),
-    "complete_partly": (("Running",), "PartialFailed"),
+    "partially_fail": (("Running",), "PartialFailed"),
     "fail": (("Pending", "Running"), "Failed"),
-    "begin_cancel": (("Pending", "Running"), "Canceling"),
-    "cancel": (("Canceling",), "Canceled"),
+    "cancel": (("Pending", "Running"), "Canceling"),
+    "canceled": (("Canceling",), "Canceled"),
 }
 
 WORLD_GENERATION_JOB: Lifecycle[WorldGenerationJobStatus] = Lifecycle(
@@ -150,11 +149,11 @@ WORLD_GENERATION_JOB: Lifecycle[WorldGenerationJobStatus] = Lifecycle(
 """One world generation job.
 
 ```
-            start            complete
-  Pending ────────> Running ──────────────────> Completed
-     │                 ├───── complete_partly ─> PartialFailed
-     ├─────────────────┴───── fail ────────────> Failed
-     └── begin_cancel ─┴─> Canceling ─ cancel ─> Canceled
+          start           complete
+  Pending ─────> Running ──────────────────> Completed
+     │              ├───── partially_fail ─> PartialFailed
+     ├──────────────┼───── fail ───────────> Failed
+     └── cancel ────┴─> Canceling ─ canceled ─> Canceled
 ```
 """
 
@@ -162,8 +161,8 @@ _EXPORT_ROWS: dict[str, tuple[tuple[WorldExportJobStatus, ...], WorldExportJobSt
     "start": (("Pending",), "Running"),
     "complete": (("Running",), "Completed"),
     "fail": (("Pending", "Running"), "Failed"),
-    "begin_cancel": (("Pending", "Running"), "Canceling"),
-    "cancel": (("Canceling",), "Canceled"),
+    "cancel": (("Pending", "Running"), "Canceling"),
+    "canceled": (("Canceling",), "Canceled"),
 }
 
 WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
@@ -176,14 +175,14 @@ WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
 """One world export job.
 
 ```
-            start            complete
-  Pending ────────> Running ──────────────────> Completed
-     ├─────────────────┴───── fail ────────────> Failed
-     └── begin_cancel ─┴─> Canceling ─ cancel ─> Canceled
+          start           complete
+  Pending ─────> Running ──────────────────> Completed
+     ├──────────────┼───── fail ───────────> Failed
+     └── cancel ────┴─> Canceling ─ canceled ─> Canceled
 ```
 """
 
-LIFECYCLES: Mapping[Kind, Lifecycle[Any]] = {
+LIFECYCLES: Mapping[str, Lifecycle[Any]] = {
     "simulation-job": SIMULATION_JOB,
     "simulation-job-batch": SIMULATION_JOB_BATCH,
     "world-generation-job": WORLD_GENERATION_JOB,
@@ -195,15 +194,15 @@ ACTIVE: frozenset[SimulationJobStatus] = frozenset(set(SIMULATION_JOB.states) - 
 """States in which a simulation job counts for its batch's `maxConcurrency`."""
 
 
-def is_terminal(kind: Kind, status: str) -> bool:
+def is_terminal(kind: str, status: str) -> bool:
     """Whether nothing can happen any more to a resource of that kind and status."""
     return kind in LIFECYCLES and status in LIFECYCLES[kind].terminal
 
 
 def batch_outcome(
-    pending: Sequence[SimulationJobErrorCode | None],
-    failed: Sequence[SimulationJobErrorCode],
-    created: Sequence[SimulationJobStatus],
+    pending: int,
+    failed: Sequence[str],
+    created: Sequence[str],
     *,
     timed_out: bool = False,
     canceled: bool = False,
@@ -214,14 +213,14 @@ def batch_outcome(
     make a completed batch.
 
     Args:
-      pending: for each request that waits, why it has not become a job; `None`: its turn has not come.
-      failed: for each request that will never become a job, why.
-      created: the status of each job that was made.
+      pending: how many requests wait.
+      failed: for each request that will never become a job, the failure code.
+      created: for each job that was made, its status.
       timed_out: whether the batch's time is up.
       canceled: whether the batch was cancelled.
     """
     active = any(status in ACTIVE for status in created)
-    internal_fault = "InternalServiceError" in failed or (timed_out and "InternalServiceError" in pending)
+    internal_fault = "InternalServiceError" in failed
     if canceled:
         return "Canceling" if active else "Canceled"
     if timed_out:
