@@ -1,0 +1,161 @@
+"""From a template's wishes to a floor plan: rooms, walls, ways, windows, and the account of the wishes."""
+
+from math import hypot
+from random import Random
+
+import numpy as np
+
+from ...schemas.world import Floorplan, Passage, Point, Room, Wall, Window
+from ...schemas.world_template_body import TemplateFloorplan, WorldTemplateBody
+from .brief import EXTERIOR_WALL, Brief, brief
+from .connections import Way, connect
+from .floorplan_wishes import judge_wishes
+from .partition import UNITS_PER_M, Corners, Partition, area, extent
+from .partition_search import find_partition
+from .walls import Pane, Piece, build_walls, place_windows
+
+LINTEL_M = 2.1
+"""Height of doorways."""
+
+_ORIGIN_CLEARANCE = 20
+"""Distance of the origin from walls where there is room for it, in units."""
+
+_LATTICE = 10
+
+Spot = tuple[int, int]
+
+
+def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Floorplan:
+    """Makes a floor plan; the same body and the same generator state give the same plan.
+
+    Rooms tile the footprint. Every room is connected. The origin lies inside a room, at least 0.5 m
+    from every wall, and all coordinates are multiples of 5 cm.
+
+    Args:
+      body: the wishes.
+      rng: the source of chance.
+
+    Raises:
+      WorldGenerationError: no valid plan within the bounded number of attempts.
+    """
+    wishes = body.floorplan
+    # The search takes thousands of small draws, for which the standard library's generator is ten times faster.
+    dice = Random(int(rng.integers(2**63)))  # noqa: S311
+    numbers = brief(wishes)
+    plan = find_partition(numbers, dice)
+    ways = connect(plan, numbers, dice)
+    panes = place_windows(plan, numbers, dice)
+    origin = _origin(plan, numbers, ways)
+    return Floorplan(
+        footprint=_points(((0, 0), (plan.width, 0), (plan.width, plan.height), (0, plan.height)), origin),
+        ceiling_height_m=wishes.Ceiling.Height,
+        rooms=[_room(wishes, numbers, number, corners, origin) for number, corners in enumerate(plan.rooms)],
+        walls=[_wall(piece, numbers, origin) for piece in build_walls(plan, ways)],
+        passages=[_passage(way, numbers, origin) for way in ways],
+        windows=[_window(pane, numbers, origin) for pane in panes],
+        wishes=judge_wishes(wishes, numbers, plan, ways),
+    )
+
+
+def _origin(plan: Partition, numbers: Brief, ways: list[Way]) -> Spot:
+    """A free spot: in the largest living room or hallway if that is wide enough, near its ways in."""
+
+    def rank(room: int) -> tuple[int, bool, float]:
+        best = max(clearance for clearance, _ in spots[room])
+        public = numbers.types[room] in ("Living", "Hallway")
+        return min(round(best), _ORIGIN_CLEARANCE), public, area(plan.rooms[room])
+
+    spots = [_spots(corners) for corners in plan.rooms]
+    room = max(range(len(plan.rooms)), key=rank)
+    doors = [_middle(way) for way in ways if room in way.pair]
+
+    def merit(candidate: tuple[float, Spot]) -> tuple[float, float]:
+        clearance, (x, y) = candidate
+        return min(clearance, _ORIGIN_CLEARANCE), -sum(hypot(x - u, y - v) for u, v in doors)
+
+    return max(spots[room], key=merit)[1]
+
+
+def _spots(corners: Corners) -> list[tuple[float, Spot]]:
+    """Spots all over a room, each with its distance from the nearest wall's face; negative outside."""
+    box = extent(corners)
+    found = []
+    for column in range(1, _LATTICE):
+        for row in range(1, _LATTICE):
+            x = box.x0 + (box.x1 - box.x0) * column // _LATTICE
+            y = box.y0 + (box.y1 - box.y0) * row // _LATTICE
+            found.append((_distance(corners, x, y) - EXTERIOR_WALL / 2, (x, y)))
+    return found
+
+
+def _distance(corners: Corners, x: int, y: int) -> float:
+    """Distance of a point from a room's border; negative if the point is not inside."""
+    nearest, inside = float("inf"), False
+    following = (*corners[1:], corners[0])
+    for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
+        beside = max(min(x0, x1) - x, 0, x - max(x0, x1))
+        above = max(min(y0, y1) - y, 0, y - max(y0, y1))
+        nearest = min(nearest, hypot(beside, above))
+        if x0 == x1 and x < x0 and min(y0, y1) <= y < max(y0, y1):
+            inside = not inside
+    return nearest if inside else -nearest
+
+
+def _middle(way: Way) -> Spot:
+    along = (way.start + way.end) // 2
+    return (along, way.contact.at) if way.contact.horizontal else (way.contact.at, along)
+
+
+def _points(spots: Corners, origin: Spot) -> list[Point]:
+    # Dividing whole numbers gives the nearest float to the decimal: 3.15, not 3.1500000000000004.
+    return [((x - origin[0]) / UNITS_PER_M, (y - origin[1]) / UNITS_PER_M) for x, y in spots]
+
+
+def _ends(horizontal: bool, at: int, start: int, end: int, origin: Spot) -> tuple[Point, Point]:
+    spots = ((start, at), (end, at)) if horizontal else ((at, start), (at, end))
+    first, last = _points(spots, origin)
+    return first, last
+
+
+def _room(wishes: TemplateFloorplan, numbers: Brief, number: int, corners: Corners, origin: Spot) -> Room:
+    wish = wishes.Rooms[number]
+    goal = max(_spots(corners))[1]
+    return Room(
+        name=wish.Name,
+        type=wish.Type,
+        polygon=_points(corners, origin),
+        area_m2=area(corners) / UNITS_PER_M**2,
+        desired_area_m2=wish.DesiredShape.Area,
+        desired_aspect_ratio=numbers.ratios[number],
+        goal=_points((goal,), origin)[0],
+    )
+
+
+def _wall(piece: Piece, numbers: Brief, origin: Spot) -> Wall:
+    start, end = _ends(piece.horizontal, piece.at, piece.start, piece.end, origin)
+    return Wall(
+        start=start,
+        end=end,
+        thickness_m=piece.thickness / UNITS_PER_M,
+        exterior=len(piece.rooms) == 1,
+        rooms=[numbers.names[room] for room in piece.rooms],
+        lintel=piece.lintel,
+        bottom_m=LINTEL_M if piece.lintel else 0.0,
+    )
+
+
+def _passage(way: Way, numbers: Brief, origin: Spot) -> Passage:
+    start, end = _ends(way.contact.horizontal, way.contact.at, way.start, way.end, origin)
+    return Passage(
+        kind=way.kind,
+        rooms=(numbers.names[way.pair[0]], numbers.names[way.pair[1]]),
+        start=start,
+        end=end,
+        width_m=(way.end - way.start) / UNITS_PER_M,
+        requested=way.requested,
+    )
+
+
+def _window(pane: Pane, numbers: Brief, origin: Spot) -> Window:
+    start, end = _ends(pane.horizontal, pane.at, pane.start, pane.end, origin)
+    return Window(start=start, end=end, room=numbers.names[pane.room])

@@ -1,0 +1,216 @@
+"""Rectangles cut into rooms: the geometry below the floor plan, in whole grid units.
+
+A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a
+room, a negative number an operator that joins the two trees before it.
+
+| operator | meaning |
+| --- | --- |
+| `SIDE_BY_SIDE` | the first left of the second |
+| `STACKED` | the first below the second |
+| `POCKETS` | the second in a corner of the first, which is one room and becomes L-shaped |
+
+All coordinates are multiples of `UNIT_M`, which is also the resolution of the occupancy map: rooms
+tile exactly, and wall faces fall on cell borders.
+"""
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import NamedTuple
+
+UNIT_M = 0.05
+UNITS_PER_M = 20
+
+SIDE_BY_SIDE = -1
+STACKED = -2
+POCKETS = (-3, -4, -5, -6)
+"""The corner the pocket lies in: south-west, south-east, north-west, north-east."""
+
+_CORRIDOR_SHARE = 0.4
+"""A pocket that takes more than this of its box turns the host into a corridor."""
+
+_POCKET_SPAN = 0.75
+"""Most of a side that a smaller pocket takes."""
+
+Corners = tuple[tuple[int, int], ...]
+"""A room's corners, counter-clockwise, in units."""
+
+
+class Box(NamedTuple):
+    """An axis-aligned rectangle in units."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+
+
+class Contact(NamedTuple):
+    """A straight piece of border between two rooms, in units; `low` lies left of or below `high`."""
+
+    low: int
+    high: int
+    horizontal: bool
+    at: int
+    start: int
+    end: int
+
+
+class Partition(NamedTuple):
+    """A footprint from (0, 0) to (`width`, `height`), cut into rooms."""
+
+    width: int
+    height: int
+    rooms: tuple[Corners, ...]
+    arms: tuple[int, ...]
+    """Narrowest width of each room."""
+
+
+def partition(
+    expression: Sequence[int], areas: Sequence[float], ratios: Sequence[float], width: int, height: int
+) -> Partition:
+    """Cuts a footprint as the expression says, each room in proportion to its area.
+
+    Args:
+      expression: the slicing tree; every room occurs once.
+      areas: the rooms' desired areas, in any unit.
+      ratios: the rooms' desired length over width; only pockets, which can choose, look at it.
+      width: footprint along x, in units.
+      height: footprint along y, in units.
+    """
+    sizes, firsts = _sizes(expression, areas)
+    boxes: list[Box | None] = [None] * len(expression)
+    boxes[-1] = Box(0, 0, width, height)
+    rooms: list[Corners] = [()] * len(areas)
+    arms = [0] * len(areas)
+    for index in range(len(expression) - 1, -1, -1):
+        token, box = expression[index], boxes[index]
+        if box is None:  # the host of a pocket, which is cut already
+            continue
+        x0, y0, x1, y1 = box
+        if token >= 0:
+            rooms[token] = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+            arms[token] = min(x1 - x0, y1 - y0)
+            continue
+        first, second = firsts[index], index - 1
+        share = sizes[first] / sizes[index]
+        host, guest = expression[first], expression[second]
+        if token < STACKED and host >= 0:
+            pocket = _pocket(box, token, 1 - share, ratios[guest] if guest >= 0 else 1.0)
+            boxes[second] = pocket
+            rooms[host], arms[host] = _around(box, pocket)
+        elif token == STACKED:
+            cut = y0 + round((y1 - y0) * share)
+            boxes[first], boxes[second] = Box(x0, y0, x1, cut), Box(x0, cut, x1, y1)
+        else:
+            cut = x0 + round((x1 - x0) * share)
+            boxes[first], boxes[second] = Box(x0, y0, cut, y1), Box(cut, y0, x1, y1)
+    return Partition(width, height, tuple(rooms), tuple(arms))
+
+
+def _sizes(expression: Sequence[int], areas: Sequence[float]) -> tuple[list[float], list[int]]:
+    """For every token the area of its tree, and for operators where their first operand ends."""
+    sizes: list[float] = []
+    firsts: list[int] = []
+    roots: list[int] = []
+    for index, token in enumerate(expression):
+        if token >= 0:
+            sizes.append(areas[token])
+            firsts.append(-1)
+        else:
+            second, first = roots.pop(), roots.pop()
+            sizes.append(sizes[first] + sizes[second])
+            firsts.append(first)
+        roots.append(index)
+    return sizes, firsts
+
+
+def _pocket(box: Box, corner: int, share: float, ratio: float) -> Box:
+    """A corner of the box with `share` of its area."""
+    width, height = box.x1 - box.x0, box.y1 - box.y0
+    if share > _CORRIDOR_SHARE:
+        # What is left is a corridor around two sides; it is equally wide on both.
+        half = (width + height) / 2
+        arm = half - sqrt(half * half - width * height * (1 - share))
+        along, up = width - arm, height - arm
+    else:
+        area = share * width * height
+        along = sqrt(area * ratio if width > height else area / ratio)
+        along = max(min(along, width * _POCKET_SPAN), area / (height * _POCKET_SPAN))
+        up = area / along
+    x_size, y_size = round(along), round(up)
+    west, south = corner in (POCKETS[0], POCKETS[2]), corner in (POCKETS[0], POCKETS[1])
+    x0 = box.x0 if west else box.x1 - x_size
+    y0 = box.y0 if south else box.y1 - y_size
+    return Box(x0, y0, x0 + x_size, y0 + y_size)
+
+
+def _around(box: Box, pocket: Box) -> tuple[Corners, int]:
+    """The L that a pocket leaves of a box, counter-clockwise, and its narrower arm."""
+    x0, y0, x1, y1 = box
+    west, south = pocket.x0 == x0, pocket.y0 == y0
+    x, y = (pocket.x1 if west else pocket.x0), (pocket.y1 if south else pocket.y0)
+    corners = {
+        (True, True): ((x, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y), (x, y)),
+        (False, True): ((x0, y0), (x, y0), (x, y), (x1, y), (x1, y1), (x0, y1)),
+        (True, False): ((x0, y0), (x1, y0), (x1, y1), (x, y1), (x, y), (x0, y)),
+        (False, False): ((x0, y0), (x1, y0), (x1, y), (x, y), (x, y1), (x0, y1)),
+    }[west, south]
+    return corners, min(x1 - x if west else x - x0, y1 - y if south else y - y0)
+
+
+def extent(corners: Sequence[tuple[int, int]]) -> Box:
+    """The bounding box of a room."""
+    if len(corners) == 4:  # counter-clockwise from a corner, so opposite corners span it
+        (x0, y0), (x1, y1) = corners[0], corners[2]
+        return Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+    xs, ys = [x for x, _ in corners], [y for _, y in corners]
+    return Box(min(xs), min(ys), max(xs), max(ys))
+
+
+def area(corners: Corners) -> float:
+    """Area in square units, by the shoelace formula."""
+    following = (*corners[1:], corners[0])
+    return sum(x * v - u * y for (x, y), (u, v) in zip(corners, following, strict=True)) / 2
+
+
+class Lines(NamedTuple):
+    """Borders of rooms on one straight line: those the line is the far side of, and those it is the near side of."""
+
+    below: list[tuple[int, int, int]]
+    """(start, end, room) of rooms left of or below the line."""
+    above: list[tuple[int, int, int]]
+    """(start, end, room) of rooms right of or above the line."""
+
+
+def lines(rooms: Sequence[Corners]) -> dict[tuple[bool, int], Lines]:
+    """All borders, by (horizontal, coordinate)."""
+    found: dict[tuple[bool, int], Lines] = {}
+    for room, corners in enumerate(rooms):
+        x, y = corners[-1]
+        for u, v in corners:
+            # Counter-clockwise: the room lies to the left of every edge.
+            if y == v:
+                line = found.setdefault((True, y), Lines([], []))
+                if u > x:
+                    line.above.append((x, u, room))
+                else:
+                    line.below.append((u, x, room))
+            else:
+                line = found.setdefault((False, x), Lines([], []))
+                if v > y:
+                    line.below.append((y, v, room))
+                else:
+                    line.above.append((v, y, room))
+            x, y = u, v
+    return found
+
+
+def contacts(rooms: Sequence[Corners]) -> list[Contact]:
+    """All straight pieces of border that two rooms share."""
+    return [
+        Contact(low, high, horizontal, at, max(start, other_start), min(end, other_end))
+        for (horizontal, at), (below, above) in lines(rooms).items()
+        for start, end, low in below
+        for other_start, other_end, high in above
+        if max(start, other_start) < min(end, other_end)
+    ]

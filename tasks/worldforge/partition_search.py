@@ -1,0 +1,240 @@
+"""The search for a good partition: random slicing trees, improved step by step, one of the best chosen."""
+
+from collections.abc import Sequence
+from math import exp, log, sqrt
+from random import Random
+
+from ...schemas.errors import WorldGenerationError
+from .brief import HABITABLE, Brief, affinity, door_capacity, opening_fits
+from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, contacts, extent, partition
+
+MAX_CLIMBS = 40
+"""Hill climbs before giving up; the first few nearly always succeed."""
+
+_CLIMBS = 4
+_STEPS_PER_ROOM = 10
+_TOLERANCE = log(1.15)
+"""Deviation of a ratio above which the wish counts as missed, in cost only slightly stricter than in the report."""
+
+_MISSED_WISH = 0.3
+_MISSED_CONNECTION = 2.5
+_NOT_CONNECTED = 6.0
+_TOO_NARROW = 3.0
+_DARK = 0.6
+_STRANGE_NEIGHBOURS = 0.8
+_FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
+"""By number of rooms, the last from there on: with one room, the room's own wish wins."""
+_BENT = 0.4
+_BENT_HALLWAY = 0.1
+_CHOICE_TEMPERATURE = 0.25
+
+_PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
+
+
+class Judge:
+    """Says what a partition costs under a brief; 0 is perfect."""
+
+    def __init__(self, brief: Brief) -> None:
+        self.brief = brief
+        self.min_sides = brief.min_sides
+        self.log_ratios = [log(ratio) for ratio in brief.ratios]
+        self.log_footprint = log(brief.footprint_ratio)
+        self.affinities = [[affinity(one, other) for other in brief.types] for one in brief.types]
+
+    def cost(self, plan: Partition) -> float:
+        """The whole cost."""
+        return self._shapes(plan) + self._neighbours(plan)
+
+    def is_valid(self, plan: Partition) -> bool:
+        """Whether every room is wide enough and a way leads to each."""
+        wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
+        return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
+
+    def _shapes(self, plan: Partition) -> float:
+        off = abs(log(plan.width / plan.height) - self.log_footprint)
+        cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_WISH if off > _TOLERANCE else 0.0))
+        for room, corners in enumerate(plan.rooms):
+            kind = self.brief.types[room]
+            box = extent(corners)
+            along, up = box.x1 - box.x0, box.y1 - box.y0
+            if plan.arms[room] < self.min_sides[room]:
+                cost += _TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
+                if along <= 0 or up <= 0:
+                    continue
+            off = abs(log(along / up)) - self.log_ratios[room]
+            if kind == "Hallway" and off > 0:
+                off /= 2  # a hallway that is longer than wished is still a good hallway
+            off = abs(off)
+            cost += off + off * off / 2 + (_MISSED_WISH if off > _TOLERANCE else 0.0)
+            if len(corners) > 4:
+                cost += _BENT_HALLWAY if kind == "Hallway" else _BENT
+            if kind in HABITABLE and box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
+                cost += _DARK
+        return cost
+
+    def _neighbours(self, plan: Partition) -> float:
+        if len(plan.rooms) == 1:
+            return 0.0
+        ways, missed = self._ways(plan)
+        cost = _MISSED_CONNECTION * missed
+        reached = _reached_from_first(ways)
+        for room, row in enumerate(self.affinities):
+            if not reached >> room & 1:
+                cost += _NOT_CONNECTED
+            best = max((row[other] for other in range(len(row)) if ways[room] >> other & 1), default=0.0)
+            cost += _STRANGE_NEIGHBOURS * (1 - best)
+        return cost
+
+    def _ways(self, plan: Partition) -> tuple[list[int], int]:
+        """For every room a bit set of the rooms it can be joined to, and how many requested ways do not fit."""
+        ways = [0] * len(plan.rooms)
+        doors: dict[tuple[int, int], int] = {}
+        openings: set[tuple[int, int]] = set()
+        for contact in contacts(plan.rooms):
+            low, high = contact.low, contact.high
+            pair = (low, high) if low < high else (high, low)
+            fitting = door_capacity(contact, plan)
+            if opening_fits(contact, plan):
+                openings.add(pair)
+            if fitting:
+                doors[pair] = doors.get(pair, 0) + fitting
+                ways[low] |= 1 << high
+                ways[high] |= 1 << low
+        missed = 0
+        for pair, (kind, count) in self.brief.requests.items():
+            if kind == "Doorway":
+                missed += max(0, count - doors.get(pair, 0))
+            elif pair in openings:
+                ways[pair[0]] |= 1 << pair[1]
+                ways[pair[1]] |= 1 << pair[0]
+            else:
+                missed += 1
+        return ways, missed
+
+
+def _reached_from_first(ways: Sequence[int]) -> int:
+    """Bit set of the rooms that can be reached from room 0."""
+    reached, fresh = 1, 1
+    while fresh:
+        found = 0
+        for room, others in enumerate(ways):
+            if fresh >> room & 1:
+                found |= others
+        fresh = found & ~reached
+        reached |= fresh
+    return reached
+
+
+def find_partition(brief: Brief, dice: Random) -> Partition:
+    """Finds a partition that is valid and near the wishes, another one for other dice.
+
+    Args:
+      brief: the wishes.
+      dice: the source of chance.
+
+    Raises:
+      WorldGenerationError: no valid partition in `MAX_CLIMBS` hill climbs.
+    """
+    judge = Judge(brief)
+    found: dict[Partition, float] = {}
+    for climb in range(MAX_CLIMBS):
+        if climb >= _CLIMBS and found:
+            break
+        plan, cost = _climb(judge, dice)
+        if judge.is_valid(plan):
+            found[plan] = cost
+    if not found:
+        raise WorldGenerationError(
+            f"no partition of {sum(brief.areas_m2):g} m2 into {len(brief.areas_m2)} rooms where every room is wide "
+            f"enough and connected was found in {MAX_CLIMBS} attempts"
+        )
+    least = min(found.values())
+    weights = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in found.values()]
+    return _mirrored(dice.choices([*found], weights)[0], dice)
+
+
+def _climb(judge: Judge, dice: Random) -> tuple[Partition, float]:
+    """Improves one random slicing tree by small changes."""
+    brief = judge.brief
+    ratios = _footprint_ratios(brief)
+    expression = _random_tree(dice.sample(range(len(brief.areas_m2)), len(brief.areas_m2)), dice)
+    ratio = brief.footprint_ratio
+    plan = _cut(brief, expression, ratio)
+    cost = judge.cost(plan)
+    for _ in range(_STEPS_PER_ROOM * len(brief.areas_m2)):
+        changed, changed_ratio = expression, ratio
+        if len(expression) == 1 or dice.random() < 0.15:
+            changed_ratio = brief.footprint_ratio if dice.random() < 0.3 else dice.choice(ratios)
+        else:
+            changed = _changed(expression, dice)
+        candidate = _cut(brief, changed, changed_ratio)
+        candidate_cost = judge.cost(candidate)
+        if candidate_cost <= cost:
+            expression, ratio, plan, cost = changed, changed_ratio, candidate, candidate_cost
+    return plan, cost
+
+
+def _footprint_ratios(brief: Brief) -> list[float]:
+    """Outlines to try when the desired one does not suit the rooms."""
+    ratios = [*_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS), brief.footprint_ratio]
+    if len(brief.ratios) == 1:
+        ratios = [brief.footprint_ratio, brief.ratios[0], 1 / brief.ratios[0]]
+    return ratios
+
+
+def _cut(brief: Brief, expression: Sequence[int], ratio: float) -> Partition:
+    square_units = sum(brief.areas_m2) * UNITS_PER_M**2
+    width = round(sqrt(square_units * ratio))
+    return partition(expression, brief.areas_m2, brief.ratios, width, round(square_units / width))
+
+
+def _random_tree(rooms: list[int], dice: Random) -> list[int]:
+    if len(rooms) == 1:
+        return rooms
+    split = dice.randrange(1, len(rooms))
+    return [*_random_tree(rooms[:split], dice), *_random_tree(rooms[split:], dice), _random_operator(dice)]
+
+
+def _random_operator(dice: Random) -> int:
+    if dice.random() < 0.1:
+        return dice.choice(POCKETS)
+    return SIDE_BY_SIDE if dice.random() < 0.5 else STACKED
+
+
+def _changed(expression: list[int], dice: Random) -> list[int]:
+    """A copy with two rooms swapped, an operator replaced, or a part rebuilt."""
+    changed = expression.copy()
+    chance = dice.random()
+    if chance < 0.5:
+        one, other = dice.sample([index for index, token in enumerate(changed) if token >= 0], 2)
+        changed[one], changed[other] = changed[other], changed[one]
+        return changed
+    index = dice.choice([index for index, token in enumerate(changed) if token < 0])
+    if chance < 0.8:
+        changed[index] = _random_operator(dice)
+        return changed
+    first = _first_token(changed, index)
+    rooms = [token for token in changed[first:index] if token >= 0]
+    dice.shuffle(rooms)
+    return [*changed[:first], *_random_tree(rooms, dice), *changed[index + 1 :]]
+
+
+def _first_token(expression: Sequence[int], root: int) -> int:
+    """Where the tree that ends at `root` begins."""
+    open_trees, index = 1, root
+    while True:
+        open_trees += -1 if expression[index] >= 0 else 1
+        if not open_trees:
+            return index
+        index -= 1
+
+
+def _mirrored(plan: Partition, dice: Random) -> Partition:
+    """The plan turned over at one, both or none of its axes: all equally good."""
+    flip_x, flip_y = dice.random() < 0.5, dice.random() < 0.5
+
+    def turn(corners: tuple[tuple[int, int], ...]) -> tuple[tuple[int, int], ...]:
+        turned = [(plan.width - x if flip_x else x, plan.height - y if flip_y else y) for x, y in corners]
+        return tuple(reversed(turned)) if flip_x != flip_y else tuple(turned)
+
+    return plan._replace(rooms=tuple(turn(corners) for corners in plan.rooms))
