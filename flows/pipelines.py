@@ -1,0 +1,272 @@
+"""Pipelines: the steps of a specification, one after the other, and the report at the end.
+
+`RunPipeline` is the flow that `prefect deployment run` and schedules start; `run_spec` is the same
+for a caller in this process who watches.
+"""
+
+import time
+from collections.abc import Callable
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..schemas.errors import RobomakerError, ServiceError
+from ..schemas.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
+from ..schemas.report import RunState
+from ..schemas.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
+from ..schemas.settings import Settings
+from ..schemas.spec import CheckedSpec, load_spec
+from ..tasks.service import Progress, Service
+from .operation import perform_flow, registry
+
+if TYPE_CHECKING:
+    from prefect import Flow
+
+_BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
+# From worst to best: what several steps or jobs make of a run.
+_SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
+
+
+def run_spec(checked: CheckedSpec, settings: Settings, listener: ProgressListener, *, spec_path: str) -> RunRecord:
+    """Runs a checked specification as a flow in this process.
+
+    Args:
+      checked: the specification.
+      settings: where everything is kept.
+      listener: told of everything that happens.
+      spec_path: the file it came from.
+
+    Returns:
+      The record of the run, whose `exit_code` says how it ended; the report is written.
+    """
+    from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+    run = PipelineRun(checked, Service.open(settings), listener, spec_path)
+    token = _current.set(run)
+    try:
+        # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
+        with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+            pipeline_flow()(spec=spec_path, return_state=True)
+    finally:
+        _current.reset(token)
+    return run.record()
+
+
+@cache
+def pipeline_flow() -> "Flow[..., Any]":
+    """The flow `RunPipeline`."""
+    from prefect import flow
+    from prefect.states import Completed, Failed
+
+    def run(spec: str) -> Any:
+        """Runs the specification in a file.
+
+        Args:
+          spec: path of the YAML file.
+        """
+        pipeline = _current.get() or PipelineRun.of_file(Path(spec))
+        record = pipeline.run()
+        if record.exit_code == 0:
+            return Completed(message=pipeline.headline())
+        return Failed(message=pipeline.headline())
+
+    run.__module__ = __name__
+    return flow(name="RunPipeline", flow_run_name="{spec}")(run)
+
+
+class PipelineRun:
+    """One run of one specification.
+
+    Args:
+      checked: the specification.
+      service: where its operations happen.
+      listener: told of everything that happens.
+      spec_path: the file it came from.
+    """
+
+    def __init__(self, checked: CheckedSpec, service: Service, listener: ProgressListener, spec_path: str) -> None:
+        self._checked = checked
+        self._service = service
+        self._listener = listener
+        self._spec_path = spec_path
+        self._started_at = service.clock()
+        self.run_id = f"{checked.name}-{self._started_at:%Y%m%dT%H%M%S%f}"[:-3]
+        self._folder = service.folder("runs", self.run_id)
+        self._steps: list[StepRecord] = []
+        self._outputs: dict[str, dict[str, Any]] = {}
+        self._record: RunRecord | None = None
+
+    @classmethod
+    def of_file(cls, path: Path) -> "PipelineRun":
+        """A run of a file, which nobody watches.
+
+        Raises:
+          SpecError: the specification has problems.
+        """
+        checked = load_spec(path.read_text(), str(path))
+        return cls(checked, Service.current(), _log, str(path))
+
+    def run(self) -> RunRecord:
+        """Runs all steps; a failed one keeps the later ones from starting."""
+        failed = False
+        try:
+            for name in self._checked.order:
+                if failed:
+                    self._steps.append(self._skipped(name))
+                else:
+                    failed = not self._run_step(name)
+        finally:
+            self._record = self._finish()
+        return self._record
+
+    def record(self) -> RunRecord:
+        """The record of the run, once it has ended.
+
+        Raises:
+          RobomakerError: the flow ended before the run did.
+        """
+        if self._record is None:
+            raise RobomakerError("the flow ended before the pipeline did; see the Prefect server's log")
+        return self._record
+
+    def headline(self) -> str:
+        """How the run ended, in a line."""
+        record = self.record()
+        verdicts = [job.verdict for job in record.jobs]
+        judged = len([verdict for verdict in verdicts if verdict in ("PASS", "FAIL")])
+        return f"{record.state}: {verdicts.count('PASS')} of {judged} verdicts pass, report at {record.report_path}"
+
+    def _run_step(self, name: str) -> bool:
+        """Runs a step; answers whether the next may start."""
+        step = self._checked.steps[name]
+        self._listener(StepStarted(name, step.operation))
+        started, started_at = time.monotonic(), self._service.clock()
+        status, error, output = "Completed", None, {}
+        try:
+            output = self._call(name)
+            status = output.get("status", "Completed")
+        except RobomakerError as problem:
+            status, error = "Failed", _in_words(problem)
+        if error is None and status in _BAD_ENDS:
+            error = output.get("failureReason")
+        self._outputs[name] = output
+        arn = output.get("arn")
+        self._steps.append(
+            StepRecord(
+                name=name,
+                operation=step.operation,
+                status=status,
+                started_at=started_at,
+                ended_at=self._service.clock(),
+                arn=arn,
+                output=output,
+                error=error,
+            )
+        )
+        self._listener(StepEnded(name, status, time.monotonic() - started, error or arn or ""))
+        return status not in _BAD_ENDS
+
+    def _call(self, name: str) -> dict[str, Any]:
+        """Calls a step's operation; jobs are performed to their end."""
+        step = self._checked.steps[name]
+        request = self._checked.resolve_input(name, self._outputs)
+        entry = registry()[step.operation]
+        output = self._reused(step.operation, step.if_exists, request) or entry.answer(request, self._service)
+        if entry.performer is None:
+            return output
+
+        def watch(progress: Progress) -> None:
+            self._listener(StepProgress(name, dict(progress.counts), progress.total))
+
+        with self._service.watched_by(watch).activated():
+            return perform_flow(step.operation)(output["arn"])
+
+    def _reused(self, operation: str, if_exists: str, request: dict[str, Any]) -> dict[str, Any] | None:
+        """The answer of an application that exists already, where the step allows that."""
+        from .applications import reuse_application
+
+        if if_exists != "reuse":
+            return None
+        kind = "robot-application" if operation == "CreateRobotApplication" else "simulation-application"
+        return reuse_application(kind, request, self._service)
+
+    def _skipped(self, name: str) -> StepRecord:
+        operation = self._checked.steps[name].operation
+        self._listener(StepEnded(name, "Skipped", 0.0, "an earlier step failed"))
+        return StepRecord(name=name, operation=operation, status="Skipped")
+
+    def _finish(self) -> RunRecord:
+        """Writes the report and the record, whatever happened."""
+        from ..tasks.reports import publish_report
+
+        jobs, report_path = publish_report(
+            self._service,
+            name=self._checked.name,
+            run_id=self.run_id,
+            spec_path=self._spec_path,
+            steps=self._steps,
+            started_at=self._started_at,
+            folder=self._folder,
+            state_of=self._state,
+        )
+        state = self._state(jobs)
+        record = RunRecord(
+            run_id=self.run_id,
+            name=self._checked.name,
+            spec_path=self._spec_path,
+            state=state,
+            exit_code=EXIT_CODES[state],
+            started_at=self._started_at,
+            ended_at=self._service.clock(),
+            steps=self._steps,
+            jobs=jobs,
+            report_path=report_path,
+            run_dir=self._folder,
+        )
+        part = self._folder / "run.json.part"
+        part.write_text(record.model_dump_json(indent=2, exclude_none=True))
+        part.replace(self._folder / "run.json")
+        return record
+
+    def _state(self, jobs: list[JobRecord]) -> RunState:
+        """How the run ended as a whole."""
+        states = {_BAD_ENDS.get(step.status, "succeeded") for step in self._steps}
+        if len(self._steps) < len(self._checked.order):
+            states.add("canceled")
+        for job in jobs:
+            if job.failure_code == "BatchTimedOut":
+                states.add("timed out")
+            elif job.status in ("Failed", "NotCreated"):
+                states.add("broken")
+            elif job.status == "Canceled":
+                states.add("canceled")
+            elif job.verdict == "FAIL":
+                states.add("failed")
+        return next(state for state in _SEVERITY if state in states or state == "succeeded")
+
+
+_current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
+
+
+def _in_words(error: RobomakerError) -> str:
+    return f"{error.code}: {error}" if isinstance(error, ServiceError) else str(error)
+
+
+def _log(event: ProgressEvent) -> None:
+    """Watches a pipeline that a worker runs: its steps go to the flow run's log."""
+    from prefect.logging import get_run_logger
+
+    if isinstance(event, StepEnded):
+        get_run_logger().info("step %s: %s %s", event.step, event.status, event.detail)
+    elif isinstance(event, Note):
+        get_run_logger().info("%s", event.text)
+
+
+_FLOWS: dict[str, Callable[[], "Flow[..., Any]"]] = {"RunPipeline": pipeline_flow}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _FLOWS:
+        return _FLOWS[name]()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

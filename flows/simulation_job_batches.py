@@ -1,0 +1,229 @@
+"""Simulation job batches: many jobs, never more than `maxConcurrency` at once."""
+
+from collections import Counter
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from typing import Any
+
+from ..schemas.errors import ServiceError
+from ..schemas.ids import new_id
+from ..schemas.lifecycles import batch_outcome
+from ..schemas.simulation_job_batches import (
+    DescribeSimulationJobBatchRequest,
+    DescribeSimulationJobBatchResponse,
+    StartSimulationJobBatchRequest,
+    StartSimulationJobBatchResponse,
+)
+from ..schemas.simulation_jobs import SimulationJobRequest
+from ..tasks.catalog import ClientToken, Resource
+from ..tasks.performing import perform_once
+from ..tasks.service import Progress, Service
+from .operation import flows_of, operation
+from .simulation_jobs import store_job, summary
+
+KIND = "simulation-job-batch"
+MAX_TIMEOUT_S = 1_209_600
+_WATCH_S = 0.25
+_END_EVENTS: Mapping[str, str] = {
+    "Completed": "complete",
+    "Failed": "fail",
+    "TimedOut": "time_out",
+    "Canceled": "cancel",
+}
+# What becomes of a request that the service's own checks refuse for good.
+_FAILURE_CODES: Mapping[str, str] = {
+    "ResourceNotFoundException": "ResourceNotFound",
+    "InvalidParameterException": "InvalidInput",
+    "LimitExceededException": "LimitExceeded",
+}
+
+
+def perform_simulation_job_batch(arn: str, service: Service) -> None:
+    """Turns the batch's requests into jobs, runs them, and ends the batch."""
+    perform_once(arn, KIND, service, lambda batch: BatchRun(batch, service).run())
+
+
+@operation("StartSimulationJobBatch", perform=perform_simulation_job_batch, describe="DescribeSimulationJobBatch")
+def start_simulation_job_batch(
+    request: StartSimulationJobBatchRequest, service: Service
+) -> StartSimulationJobBatchResponse:
+    """Stores a batch; its requests become jobs when it is performed."""
+    batch_id = new_id("batch", service.chance)
+    policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
+    batch = service.catalog.create(
+        Resource.new(
+            arn=service.arn(KIND, batch_id),
+            kind=KIND,
+            id=batch_id,
+            name="",
+            status="Pending",
+            tags=request.tags or {},
+            document={
+                "request": request.to_wire(),
+                "batchPolicy": {
+                    "timeoutInSeconds": policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
+                    "maxConcurrency": policy.get("maxConcurrency", service.settings.max_jobs),
+                },
+                "failed": {},
+            },
+        ),
+        token=ClientToken.of("StartSimulationJobBatch", request),
+    )
+    answer = _described(batch, service)
+    del answer["lastUpdatedAt"]
+    return StartSimulationJobBatchResponse.model_validate(answer)
+
+
+@operation("DescribeSimulationJobBatch")
+def describe_simulation_job_batch(
+    request: DescribeSimulationJobBatchRequest, service: Service
+) -> DescribeSimulationJobBatchResponse:
+    """Tells how a batch stands: which requests are jobs, which wait, which failed."""
+    batch = service.catalog.get(request.batch, kind=KIND)
+    return DescribeSimulationJobBatchResponse.model_validate(_described(batch, service))
+
+
+def _described(batch: Resource, service: Service) -> dict[str, Any]:
+    requests = batch.document["request"]["createSimulationJobRequests"]
+    failed = batch.document["failed"]
+    jobs = _jobs_by_request(batch, service)
+    return {
+        "arn": batch.arn,
+        "status": batch.status,
+        "lastUpdatedAt": batch.updated_at,
+        "createdAt": batch.created_at,
+        "clientRequestToken": batch.document["request"].get("clientRequestToken"),
+        "batchPolicy": batch.document["batchPolicy"],
+        "failureCode": batch.document.get("failureCode"),
+        "failureReason": batch.document.get("failureReason"),
+        "failedRequests": [
+            {"request": requests[int(index)], **failure, "failedAt": datetime.fromisoformat(failure["failedAt"])}
+            for index, failure in sorted(failed.items(), key=lambda item: int(item[0]))
+        ],
+        "pendingRequests": [
+            request for index, request in enumerate(requests) if index not in jobs and str(index) not in failed
+        ],
+        "createdRequests": [summary(job) for _, job in sorted(jobs.items())],
+        "tags": dict(batch.tags),
+    }
+
+
+def _jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
+    """The batch's jobs by the place of their request."""
+    return {job.document["requestIndex"]: job for job in service.catalog.children(batch.arn, kind="simulation-job")}
+
+
+class BatchRun:
+    """One performer's work on one batch.
+
+    Args:
+      batch: the batch, whose lease the caller holds.
+      service: where it is stored.
+    """
+
+    def __init__(self, batch: Resource, service: Service) -> None:
+        self._service = service
+        self._arn = batch.arn
+        self._batch = batch
+        policy = batch.document["batchPolicy"]
+        self._requests = batch.document["request"]["createSimulationJobRequests"]
+        self._concurrency = min(policy["maxConcurrency"], len(self._requests))
+        self._deadline = batch.created_at + timedelta(seconds=policy["timeoutInSeconds"])
+
+    def run(self) -> None:
+        """Runs every request that has not ended and settles the batch."""
+        from prefect.task_runners import ThreadPoolTaskRunner
+
+        from ..tasks.simulation import simulate_request
+        from ..tasks.slots import Slots
+
+        if self._batch.status == "Pending":
+            self._service.catalog.transition(self._arn, "start")
+        limit = self._batch.document["batchPolicy"]["maxConcurrency"]
+        with self._service.activated(), Slots(f"robomaker-{self._batch.id}", limit) as slots:
+            with ThreadPoolTaskRunner(max_workers=self._concurrency) as runner:
+                futures = [
+                    runner.submit(simulate_request, {"batch": self, "index": index, "slots": slots})
+                    for index in range(len(self._requests))
+                ]
+                while waiting := [future for future in futures if not future.state.is_final()]:
+                    self._note_stop()
+                    waiting[0].wait(timeout=_WATCH_S)
+                for future in futures:
+                    future.result()
+            slots.remove()
+        self._settle()
+
+    def why_stop(self) -> str | None:
+        """The failure code with which the batch's jobs have to stop, if they have to."""
+        if self._service.catalog.cancel_requested(self._arn):
+            return "BatchCanceled"
+        return "BatchTimedOut" if self._service.clock() >= self._deadline else None
+
+    def create_job(self, index: int) -> Resource | None:
+        """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
+        if str(index) in self._service.catalog.get(self._arn).document["failed"]:
+            return None
+        request = SimulationJobRequest.model_validate(self._requests[index])
+        token = ClientToken(operation="StartSimulationJobBatch", token=f"{self._batch.id}-{index}", request_hash="")
+        try:
+            return store_job(request, self._service, token=token, batch=(self._arn, index))
+        except ServiceError as error:
+            self.fail_request(index, _FAILURE_CODES.get(error.code, "InternalServiceError"), str(error))
+            return None
+
+    def fail_request(self, index: int, code: str, reason: str) -> None:
+        """Records that a request never becomes a job."""
+        failure = {"failureCode": code, "failureReason": reason[:1024], "failedAt": self._service.clock().isoformat()}
+
+        def add(document: dict[str, Any]) -> dict[str, Any]:
+            return {**document, "failed": {**document["failed"], str(index): failure}}
+
+        self._service.catalog.update(self._arn, add)
+
+    def report(self) -> None:
+        """Tells whoever watches how many requests are in which state."""
+        counts = Counter(job.status.lower() for job in self._service.catalog.children(self._arn, kind="simulation-job"))
+        failed = len(self._service.catalog.get(self._arn).document["failed"])
+        waiting = len(self._requests) - counts.total() - failed
+        self._service.report_progress(
+            Progress({**counts, "not created": failed, "pending": waiting}, len(self._requests))
+        )
+
+    def _note_stop(self) -> None:
+        """Moves the batch to the state that says why, once its jobs have to stop."""
+        event = {"BatchCanceled": "begin_cancel", "BatchTimedOut": "begin_timeout"}.get(self.why_stop() or "")
+        if event and self._status() in ("Pending", "InProgress", "Completing"):
+            self._service.catalog.transition(self._arn, event)
+
+    def _settle(self) -> None:
+        status = self._status()
+        jobs = _jobs_by_request(self._batch, self._service)
+        failed = self._service.catalog.get(self._arn).document["failed"]
+        pending = [i for i in range(len(self._requests)) if i not in jobs and str(i) not in failed]
+        for index in pending:
+            code = {"Canceling": "BatchCanceled", "TimingOut": "BatchTimedOut"}.get(status, "InternalServiceError")
+            self.fail_request(index, code, "the batch ended before a job was made of this request")
+        failures = self._service.catalog.get(self._arn).document["failed"].values()
+        end = batch_outcome(
+            pending=[],
+            failed=[failure["failureCode"] for failure in failures],
+            created=[job.status for job in jobs.values()],
+            timed_out=status == "TimingOut",
+            canceled=status == "Canceling",
+        )
+        if end == "Completed" and status == "InProgress":
+            self._service.catalog.transition(self._arn, "drain")
+        changes = {}
+        if end == "Failed":
+            reason = "at least one request could not become a job because of an internal fault"
+            changes = {"failureCode": "InternalServiceError", "failureReason": reason}
+        self._service.catalog.transition(self._arn, _END_EVENTS[end], document_changes=changes)
+        self.report()
+
+    def _status(self) -> str:
+        return self._service.catalog.get(self._arn).status
+
+
+def __getattr__(name: str) -> Any:
+    return flows_of(__name__)(name)

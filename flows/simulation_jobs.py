@@ -1,0 +1,189 @@
+"""Simulation jobs: one robot, one world, one run."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from ..schemas.errors import InvalidParameterException, ResourceNotFoundException
+from ..schemas.ids import new_id
+from ..schemas.operations import seed_of, video_of
+from ..schemas.simulation_jobs import (
+    BatchDescribeSimulationJobRequest,
+    BatchDescribeSimulationJobResponse,
+    CreateSimulationJobRequest,
+    CreateSimulationJobResponse,
+    DescribeSimulationJobRequest,
+    DescribeSimulationJobResponse,
+    SimulationJob,
+    SimulationJobOrder,
+)
+from ..tasks.catalog import ClientToken, Resource
+from ..tasks.data_sources import resolve_data_sources
+from ..tasks.run_plans import find_application, world_arn
+from ..tasks.service import Progress, Service
+from .operation import flows_of, operation
+
+KIND = "simulation-job"
+_DEFAULT_COMPUTE = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLimit": 0}
+
+
+def perform_simulation_job(arn: str, service: Service) -> None:
+    """Runs the job's simulation in a process of its own and stores its outputs."""
+    from ..tasks.simulation import simulate
+
+    with service.activated():
+        simulate(arn)
+    status = service.catalog.get(arn).status
+    service.report_progress(Progress({status.lower(): 1}, 1))
+
+
+@operation("CreateSimulationJob", perform=perform_simulation_job, describe="DescribeSimulationJob")
+def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> CreateSimulationJobResponse:
+    """Stores a simulation job whose applications, world and data exist."""
+    token = ClientToken.of("CreateSimulationJob", request)
+    job = store_job(request, service, token=token)
+    described = describe(job)
+    for member in ("name", "failureReason", "networkInterface"):
+        described.pop(member, None)
+    return CreateSimulationJobResponse.model_validate(described)
+
+
+@operation("DescribeSimulationJob")
+def describe_simulation_job(request: DescribeSimulationJobRequest, service: Service) -> DescribeSimulationJobResponse:
+    """Tells how a simulation job stands."""
+    return DescribeSimulationJobResponse.model_validate(describe(service.catalog.get(request.job, kind=KIND)))
+
+
+@operation("BatchDescribeSimulationJob")
+def batch_describe_simulation_job(
+    request: BatchDescribeSimulationJobRequest, service: Service
+) -> BatchDescribeSimulationJobResponse:
+    """Tells how several simulation jobs stand."""
+    jobs, missing = [], []
+    for arn in request.jobs:
+        try:
+            jobs.append(SimulationJob.model_validate(describe(service.catalog.get(arn, kind=KIND))))
+        except ResourceNotFoundException:
+            missing.append(arn)
+    return BatchDescribeSimulationJobResponse(jobs=jobs, unprocessedJobs=missing)
+
+
+def store_job(
+    request: SimulationJobOrder, service: Service, *, token: ClientToken | None, batch: tuple[str, int] | None = None
+) -> Resource:
+    """Stores one job as Pending.
+
+    Args:
+      request: the order, alone or out of a batch.
+      service: where it is stored.
+      token: makes the call repeatable.
+      batch: ARN of the batch it belongs to, and the place of its request there.
+
+    Raises:
+      ResourceNotFoundException: an application or world does not exist.
+      InvalidParameterException: data cannot be read, or an application cannot be started so.
+    """
+    wire = request.to_wire()
+    _check_applications(wire, service)
+    if (world := world_arn(wire)) is not None:
+        service.catalog.get(world, kind="world")
+    data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
+    seed = seed_of(request)
+    job_id = new_id("sim", service.chance)
+    return service.catalog.create(
+        Resource.new(
+            arn=service.arn(KIND, job_id),
+            kind=KIND,
+            id=job_id,
+            name=job_id,
+            status="Pending",
+            parent=batch[0] if batch else None,
+            tags=request.tags or {},
+            document={
+                "request": wire,
+                "requestIndex": batch[1] if batch else None,
+                "seed": service.new_seed() if seed is None else seed,
+                "video": video_of(request),
+                "dataSources": data_sources,
+                **_application_names(wire, service),
+            },
+        ),
+        token=token,
+    )
+
+
+def describe(job: Resource) -> dict[str, Any]:
+    """The members of a job's description, those without a value as `None`."""
+    document = job.document
+    request = document["request"]
+    started = document.get("lastStartedAt")
+    return {
+        "arn": job.arn,
+        "name": job.id,
+        "status": job.status,
+        "lastStartedAt": datetime.fromisoformat(started) if started else None,
+        "lastUpdatedAt": job.updated_at,
+        "failureBehavior": request.get("failureBehavior", "Fail"),
+        "failureCode": document.get("failureCode"),
+        "failureReason": document.get("failureReason"),
+        "clientRequestToken": request.get("clientRequestToken"),
+        "outputLocation": request.get("outputLocation"),
+        "loggingConfig": request.get("loggingConfig"),
+        "maxJobDurationInSeconds": request["maxJobDurationInSeconds"],
+        "simulationTimeMillis": document.get("simulationTimeMillis", 0),
+        "iamRole": request.get("iamRole"),
+        "robotApplications": request.get("robotApplications"),
+        "simulationApplications": request.get("simulationApplications"),
+        "dataSources": document.get("dataSources") or None,
+        "tags": dict(job.tags),
+        "vpcConfig": request.get("vpcConfig"),
+        "networkInterface": document.get("networkInterface"),
+        "compute": {**_DEFAULT_COMPUTE, **request.get("compute", {})},
+    }
+
+
+def summary(job: Resource) -> dict[str, Any]:
+    """The members of a job's entry in a list."""
+    document = job.document
+    return {
+        "arn": job.arn,
+        "lastUpdatedAt": job.updated_at,
+        "name": job.id,
+        "status": job.status,
+        "simulationApplicationNames": document["simulationApplicationNames"],
+        "robotApplicationNames": document["robotApplicationNames"],
+        "dataSourceNames": [source["name"] for source in document.get("dataSources") or []],
+        "computeType": describe(job)["compute"]["computeType"],
+    }
+
+
+def _check_applications(request: Mapping[str, Any], service: Service) -> None:
+    for role in ("robot", "simulation"):
+        for index, config in enumerate(request.get(f"{role}Applications") or []):
+            place = f"{role}Applications[{index}]"
+            application = find_application(config["application"], role, config.get("applicationVersion"), service)
+            launch = config["launchConfig"]
+            if launch.get("command"):
+                raise InvalidParameterException(
+                    f"{place}.launchConfig.command: {launch['command']!r} cannot be run here yet; "
+                    "give packageName and launchFile, a dotted attribute such as my_nav and arena.make_environment"
+                )
+            if application.document.get("sources") and not (launch.get("packageName") and launch.get("launchFile")):
+                raise InvalidParameterException(
+                    f"{place}.launchConfig: packageName and launchFile have to say what of the archive is started, "
+                    "such as my_nav and arena.make_environment"
+                )
+
+
+def _application_names(request: Mapping[str, Any], service: Service) -> dict[str, list[str]]:
+    return {
+        f"{role}ApplicationNames": [
+            find_application(config["application"], role, None, service).name
+            for config in request.get(f"{role}Applications") or []
+        ]
+        for role in ("robot", "simulation")
+    }
+
+
+def __getattr__(name: str) -> Any:
+    return flows_of(__name__)(name)

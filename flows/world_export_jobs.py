@@ -1,0 +1,99 @@
+"""World export jobs: worlds packed into one archive."""
+
+from typing import Any
+
+from ..schemas.errors import InvalidParameterException, StorageAccessDeniedError, StorageError
+from ..schemas.ids import new_id
+from ..schemas.world_export_jobs import (
+    CreateWorldExportJobRequest,
+    CreateWorldExportJobResponse,
+    DescribeWorldExportJobRequest,
+    DescribeWorldExportJobResponse,
+)
+from ..tasks.catalog import ClientToken, Resource
+from ..tasks.performing import perform_once
+from ..tasks.service import Progress, Service
+from .operation import flows_of, operation
+
+KIND = "world-export-job"
+
+
+def perform_world_export_job(arn: str, service: Service) -> None:
+    """Packs the worlds, stores the archive and ends the job."""
+    perform_once(arn, KIND, service, lambda job: _export(job, service))
+
+
+@operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")
+def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> CreateWorldExportJobResponse:
+    """Stores an export job for worlds that exist."""
+    if request.outputLocation.s3Bucket is None:
+        raise InvalidParameterException("outputLocation.s3Bucket: has to be given; the archive is put there")
+    for world in request.worlds:
+        service.catalog.get(world, kind="world")
+    job_id = new_id("export", service.chance)
+    job = service.catalog.create(
+        Resource.new(
+            arn=service.arn(KIND, job_id),
+            kind=KIND,
+            id=job_id,
+            name="",
+            status="Pending",
+            tags=request.tags or {},
+            document={"request": request.to_wire()},
+        ),
+        token=ClientToken.of("CreateWorldExportJob", request),
+    )
+    answer = _described(job)
+    del answer["worlds"], answer["failureReason"]
+    return CreateWorldExportJobResponse.model_validate(answer)
+
+
+@operation("DescribeWorldExportJob")
+def describe_world_export_job(
+    request: DescribeWorldExportJobRequest, service: Service
+) -> DescribeWorldExportJobResponse:
+    """Tells how an export job stands."""
+    return DescribeWorldExportJobResponse.model_validate(_described(service.catalog.get(request.job, kind=KIND)))
+
+
+def _described(job: Resource) -> dict[str, Any]:
+    request = job.document["request"]
+    return {
+        "arn": job.arn,
+        "status": job.status,
+        "createdAt": job.created_at,
+        "failureCode": job.document.get("failureCode"),
+        "failureReason": job.document.get("failureReason"),
+        "clientRequestToken": request.get("clientRequestToken"),
+        "worlds": request["worlds"],
+        "outputLocation": request["outputLocation"],
+        "iamRole": request["iamRole"],
+        "tags": dict(job.tags),
+    }
+
+
+def _export(job: Resource, service: Service) -> None:
+    if job.status == "Pending":
+        job = service.catalog.transition(job.arn, "start")
+    if service.catalog.cancel_requested(job.arn):
+        service.catalog.transition(job.arn, "begin_cancel")
+        service.catalog.transition(job.arn, "cancel")
+        return
+    from ..tasks.world_export import export_worlds
+
+    total = len(job.document["request"]["worlds"])
+    try:
+        with service.activated():
+            export_worlds(job)
+    except StorageError as error:
+        code = "AccessDenied" if isinstance(error, StorageAccessDeniedError) else "ResourceNotFound"
+        changes = {"failureCode": code, "failureReason": str(error)[:1024]}
+        service.catalog.transition(job.arn, "fail", document_changes=changes)
+        service.report_progress(Progress({"failed": total}, total))
+        return
+    service.catalog.transition(job.arn, "complete")
+    service.report_progress(Progress({"exported": total}, total))
+
+
+def __getattr__(name: str) -> Any:
+    return flows_of(__name__)(name)

@@ -1,0 +1,156 @@
+"""World generation jobs: worlds from a template, several processes at a time."""
+
+import multiprocessing
+import os
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+from ..schemas.ids import new_id
+from ..schemas.operations import seed_of
+from ..schemas.world_generation_jobs import (
+    CreateWorldGenerationJobRequest,
+    CreateWorldGenerationJobResponse,
+    DescribeWorldGenerationJobRequest,
+    DescribeWorldGenerationJobResponse,
+)
+from ..tasks.catalog import ClientToken, Resource
+from ..tasks.performing import perform_once
+from ..tasks.service import Progress, Service
+from .operation import flows_of, operation
+
+KIND = "world-generation-job"
+MAX_WORLDS = 50
+
+
+def perform_world_generation_job(arn: str, service: Service) -> None:
+    """Generates the job's worlds that do not exist yet and ends the job."""
+    perform_once(arn, KIND, service, lambda job: _generate(job, service))
+
+
+@operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
+def create_world_generation_job(
+    request: CreateWorldGenerationJobRequest, service: Service
+) -> CreateWorldGenerationJobResponse:
+    """Stores a generation job; the template's body is kept as it is now."""
+    template = service.catalog.get(request.template, kind="world-template")
+    seed = seed_of(request)
+    job_id = new_id("generation", service.chance)
+    job = service.catalog.create(
+        Resource.new(
+            arn=service.arn(KIND, job_id),
+            kind=KIND,
+            id=job_id,
+            name="",
+            status="Pending",
+            tags=request.tags or {},
+            document={
+                "request": request.to_wire(),
+                "templateBody": template.document["templateBody"],
+                "seed": service.new_seed() if seed is None else seed,
+            },
+        ),
+        token=ClientToken.of("CreateWorldGenerationJob", request),
+    )
+    return CreateWorldGenerationJobResponse.model_validate(_described(job))
+
+
+@operation("DescribeWorldGenerationJob")
+def describe_world_generation_job(
+    request: DescribeWorldGenerationJobRequest, service: Service
+) -> DescribeWorldGenerationJobResponse:
+    """Tells how a generation job stands, with the worlds finished so far."""
+    job = service.catalog.get(request.job, kind=KIND)
+    worlds = [world.arn for world in service.catalog.children(job.arn, kind="world")]
+    failures = job.document.get("failures") or {"totalFailureCount": 0, "failures": []}
+    response = _described(job)
+    response["failureReason"] = job.document.get("failureReason")
+    response["finishedWorldsSummary"] = {
+        "finishedCount": len(worlds) + failures["totalFailureCount"],
+        "succeededWorlds": worlds,
+        "failureSummary": failures,
+    }
+    return DescribeWorldGenerationJobResponse.model_validate(response)
+
+
+def _described(job: Resource) -> dict[str, Any]:
+    request = job.document["request"]
+    return {
+        "arn": job.arn,
+        "status": job.status,
+        "createdAt": job.created_at,
+        "failureCode": job.document.get("failureCode"),
+        "clientRequestToken": request.get("clientRequestToken"),
+        "template": request["template"],
+        "worldCount": request["worldCount"],
+        "tags": dict(job.tags),
+        "worldTags": request.get("worldTags") or {},
+    }
+
+
+def _generate(job: Resource, service: Service) -> None:
+    count = job.document["request"]["worldCount"]
+    total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
+    if job.status == "Pending":
+        job = service.catalog.transition(job.arn, "start")
+    if total > MAX_WORLDS:
+        reason = f"worldCount asks for {total} worlds; a job makes 1 to {MAX_WORLDS}"
+        failure = {"failureCode": "AllWorldGenerationFailed", "failureReason": reason}
+        service.catalog.transition(job.arn, "fail", document_changes=failure)
+        return
+    failures = _generate_missing(job, total, service)
+    _end(job, total, failures, service)
+
+
+def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[str, Any]]:
+    """Generates what is missing; returns the failures."""
+    from prefect.task_runners import ThreadPoolTaskRunner
+
+    from ..tasks.world_generation import generate_and_store
+
+    exist = {world.arn for world in service.catalog.children(job.arn, kind="world")}
+    arns = [job.arn.replace(f"{KIND}/", "world/") + f"/world-{n + 1}" for n in range(total)]
+    missing = [index for index, arn in enumerate(arns) if arn not in exist]
+    workers = max(1, min(len(missing), os.cpu_count() or 1))
+    failures: list[dict[str, Any]] = []
+    done = len(exist)
+    context = multiprocessing.get_context("forkserver")
+    with (
+        service.activated(),
+        ProcessPoolExecutor(workers, mp_context=context) as processes,
+        ThreadPoolTaskRunner(max_workers=workers) as runner,
+    ):
+        futures = [
+            runner.submit(
+                generate_and_store,
+                {"job": job, "index": index, "world_arn": arns[index], "workers": processes},
+            )
+            for index in missing
+        ]
+        for future in futures:
+            if failure := future.result():
+                failures.append(failure)
+            else:
+                done += 1
+            waiting = total - done - len(failures)
+            service.report_progress(Progress({"succeeded": done, "failed": len(failures), "pending": waiting}, total))
+    return failures
+
+
+def _end(job: Resource, total: int, failures: list[dict[str, Any]], service: Service) -> None:
+    from ..tasks.world_generation import failure_summary
+
+    changes: dict[str, Any] = {"failures": failure_summary(failures)}
+    if service.catalog.cancel_requested(job.arn):
+        service.catalog.transition(job.arn, "begin_cancel", document_changes=changes)
+        service.catalog.transition(job.arn, "cancel")
+    elif not failures:
+        service.catalog.transition(job.arn, "complete", document_changes=changes)
+    elif len(failures) < total:
+        service.catalog.transition(job.arn, "complete_partly", document_changes=changes)
+    else:
+        changes |= {"failureCode": "AllWorldGenerationFailed", "failureReason": failures[0]["reason"][:1024]}
+        service.catalog.transition(job.arn, "fail", document_changes=changes)
+
+
+def __getattr__(name: str) -> Any:
+    return flows_of(__name__)(name)

@@ -1,0 +1,93 @@
+"""World templates: what worlds should be like."""
+
+from typing import Any
+
+from ..schemas.errors import InvalidParameterException, ObjectNotFoundError, StorageError
+from ..schemas.ids import new_id
+from ..schemas.world_template_body import parse_template_body
+from ..schemas.world_templates import (
+    CreateWorldTemplateRequest,
+    CreateWorldTemplateResponse,
+    DescribeWorldTemplateRequest,
+    DescribeWorldTemplateResponse,
+    GetWorldTemplateBodyRequest,
+    GetWorldTemplateBodyResponse,
+    TemplateLocation,
+)
+from ..tasks.catalog import ClientToken, Resource
+from ..tasks.service import Service
+from .operation import flows_of, operation
+
+_MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to four bytes
+
+
+@operation("CreateWorldTemplate")
+def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
+    """Checks and stores a template body."""
+    text = request.templateBody or _read_body(request.templateLocation, service)
+    body = parse_template_body(text)
+    template_id = new_id("template", service.chance)
+    resource = service.catalog.create(
+        Resource.new(
+            arn=service.arn("world-template", template_id),
+            kind="world-template",
+            id=template_id,
+            name=request.name or "",
+            status="Active",
+            tags=request.tags or {},
+            document={"templateBody": text, "version": body.Version, "clientRequestToken": request.clientRequestToken},
+        ),
+        token=ClientToken.of("CreateWorldTemplate", request),
+    )
+    return CreateWorldTemplateResponse(
+        arn=resource.arn,
+        clientRequestToken=request.clientRequestToken,
+        createdAt=resource.created_at,
+        name=request.name,
+        tags=dict(resource.tags),
+    )
+
+
+@operation("DescribeWorldTemplate")
+def describe_world_template(request: DescribeWorldTemplateRequest, service: Service) -> DescribeWorldTemplateResponse:
+    """Tells everything about a template but its body."""
+    resource = service.catalog.get(request.template, kind="world-template")
+    return DescribeWorldTemplateResponse(
+        arn=resource.arn,
+        clientRequestToken=resource.document.get("clientRequestToken"),
+        name=resource.name or None,
+        createdAt=resource.created_at,
+        lastUpdatedAt=resource.updated_at,
+        tags=dict(resource.tags),
+        version=resource.document["version"],
+    )
+
+
+@operation("GetWorldTemplateBody")
+def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Service) -> GetWorldTemplateBodyResponse:
+    """Returns a template's body as it is now, or as it was when a generation job was made."""
+    if request.template is not None:
+        resource = service.catalog.get(request.template, kind="world-template")
+    else:
+        resource = service.catalog.get(str(request.generationJob), kind="world-generation-job")
+    return GetWorldTemplateBodyResponse(templateBody=resource.document["templateBody"])
+
+
+def _read_body(location: TemplateLocation | None, service: Service) -> str:
+    if location is None:
+        raise InvalidParameterException("give templateBody or templateLocation")
+    place = f"templateLocation: s3://{location.s3Bucket}/{location.s3Key}"
+    try:
+        if service.store.head(location.s3Bucket, location.s3Key).size_bytes > _MAX_BODY_BYTES:
+            raise InvalidParameterException(f"{place} is larger than a template body may be (262144 characters)")
+        return service.store.get_bytes(location.s3Bucket, location.s3Key).decode()
+    except ObjectNotFoundError as error:
+        raise InvalidParameterException(f"{place} does not exist") from error
+    except StorageError as error:
+        raise InvalidParameterException(f"{place} cannot be read: {error}") from error
+    except UnicodeDecodeError as error:
+        raise InvalidParameterException(f"{place} is not UTF-8 text: {error}") from error
+
+
+def __getattr__(name: str) -> Any:
+    return flows_of(__name__)(name)

@@ -1,0 +1,52 @@
+"""The applications that come with this package, present in every catalog."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from ..schemas.arns import NamedKind, named_arn
+from ..schemas.errors import ResourceAlreadyExistsException
+from ..schemas.settings import Settings
+from .catalog import Catalog, Resource
+
+PACKAGE = "prefect_robomaker.tasks.runtime.applications"
+# When the service they were made for was announced; any fixed time would do, so that their ARNs never change.
+_CREATED_AT = datetime(2018, 11, 26, tzinfo=UTC)
+
+BUILTINS: Mapping[str, tuple[NamedKind, Mapping[str, Any]]] = {
+    "scout": (
+        "robot-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "environment": {"uri": f"python://{PACKAGE}.scout"},
+        },
+    ),
+    "indoor-navigation": (
+        "simulation-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+            "environment": {"uri": f"python://{PACKAGE}.indoor_navigation"},
+        },
+    ),
+}
+
+
+def register_builtins(catalog: Catalog, settings: Settings) -> None:
+    """Makes sure the built-in applications are in the catalog."""
+    for name, (kind, definition) in BUILTINS.items():
+        if catalog.find(kind, name) is not None:
+            continue
+        arn = str(named_arn(settings.region, settings.account, kind, name, _CREATED_AT))
+        resource = Resource.new(
+            arn=arn,
+            kind=kind,
+            id=arn.split("-application/")[1],
+            name=name,
+            status="Active",
+            document={**definition, "version": "$LATEST", "revisionId": "builtin-1"},
+        )
+        try:
+            catalog.create(resource, token=None, unique_name=True)
+        except ResourceAlreadyExistsException:
+            continue  # another process was quicker

@@ -1,0 +1,92 @@
+"""Data sources: stored objects that a job finds in its data folder."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ..schemas.errors import (
+    BundleError,
+    InvalidParameterException,
+    LaunchError,
+    StorageAccessDeniedError,
+    StorageError,
+)
+from .service import Service
+from .storage import unpack
+from .storage.base import ObjectInfo
+
+MAX_FILES = 100
+MAX_BYTES = 25 * 10**9
+
+
+def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service) -> list[dict[str, Any]]:
+    """Finds the objects that data sources mean now, with their ETags.
+
+    Raises:
+      InvalidParameterException: an object does not exist or cannot be read, or there are too many.
+    """
+    resolved, objects = [], []
+    for index, config in enumerate(configs):
+        found = _objects(config, f"dataSources[{index}]", service)
+        objects += found
+        keys = [{"s3Key": item.key, "etag": item.etag} for item in found]
+        resolved.append({"type": "File", **config, "s3Keys": keys})
+    size = sum(item.size_bytes for item in objects)
+    if len(objects) > MAX_FILES or size > MAX_BYTES:
+        raise InvalidParameterException(
+            f"dataSources: {len(objects)} files of {size / 1e9:.1f} GB; a job reads at most {MAX_FILES} files of 25 GB"
+        )
+    return resolved
+
+
+def fetch_data_sources(sources: Sequence[Mapping[str, Any]], folder: Path, service: Service) -> Path | None:
+    """Fetches resolved data sources, each into a folder of its name.
+
+    Objects keep the folders of their keys; archives are unpacked into the source's folder.
+
+    Raises:
+      LaunchError: an object is gone, has changed, or is no archive.
+    """
+    for source in sources:
+        for item in source["s3Keys"]:
+            place = f"s3://{source['s3Bucket']}/{item['s3Key']}"
+            try:
+                _fetch(source, item, folder / source["name"], service)
+            except StorageAccessDeniedError as error:
+                raise LaunchError(f"{place}: {error}", "BadPermissionsS3Object") from error
+            except (StorageError, BundleError) as error:
+                raise LaunchError(f"{place}: {error}", "InvalidS3Resource") from error
+    return folder if sources else None
+
+
+def _objects(config: Mapping[str, Any], place: str, service: Service) -> list[ObjectInfo]:
+    found: list[ObjectInfo] = []
+    for number, key in enumerate(config["s3Keys"]):
+        where = f"{place}.s3Keys[{number}]: s3://{config['s3Bucket']}/{key}"
+        try:
+            if config.get("type") == "Prefix":
+                items = list(service.store.list(config["s3Bucket"], key))
+            else:
+                items = [service.store.head(config["s3Bucket"], key)]
+        except StorageError as error:
+            raise InvalidParameterException(f"{where} cannot be read: {error}") from error
+        if not items:
+            raise InvalidParameterException(f"{where}: no object has a key that starts so")
+        found += items
+    return found
+
+
+def _fetch(source: Mapping[str, Any], item: Mapping[str, Any], folder: Path, service: Service) -> None:
+    bucket, key = source["s3Bucket"], item["s3Key"]
+    relative = PurePosixPath(key)
+    if relative.is_absolute() or ".." in relative.parts:
+        raise StorageError(f"the key {key!r} leads out of the data folder")
+    path = folder / relative
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fetched = service.store.get_file(bucket, key, path)
+    if fetched.etag != item["etag"]:
+        raise LaunchError(f"s3://{bucket}/{key} has changed since the job was made", "MismatchedEtag")
+    if source["type"] == "Archive":
+        archive = path.rename(folder / ".archive")
+        unpack(archive, folder / relative.name.removesuffix(".zip").removesuffix(".tar.gz"))
+        archive.unlink()

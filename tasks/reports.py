@@ -1,0 +1,227 @@
+"""Gathering what a run left behind, for its report and its record."""
+
+import importlib.metadata
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..schemas.errors import ResourceNotFoundException, StorageError
+from ..schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
+from ..schemas.run_record import JobRecord, RunRecord, StepRecord
+from ..schemas.simulation_run import RunResult
+from .artifacts import show_jobs, show_picture, show_summary
+from .bundles import world_bundle
+from .catalog import Resource
+from .reporting import write_report
+from .run_plans import world_arn
+from .service import Service
+from .storage import read_manifest
+
+REPORT_NAME = "report.html"
+_PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
+
+
+def publish_report(
+    service: Service,
+    *,
+    name: str,
+    run_id: str,
+    spec_path: str,
+    steps: Sequence[StepRecord],
+    started_at: datetime,
+    folder: Path,
+    state_of: Callable[[list[JobRecord]], RunState],
+) -> tuple[list[JobRecord], Path]:
+    """Writes the report of a run and shows its main parts in Prefect's UI.
+
+    Returns:
+      The run's simulation jobs in short, and the report's path.
+    """
+    reported = jobs_of(steps, service)
+    records = [_job_record(job, service) for job in reported]
+    report = Report(
+        name=name,
+        run_id=run_id,
+        state=state_of(records),
+        started_at=started_at,
+        ended_at=service.clock(),
+        steps=[_reported_step(step) for step in steps],
+        worlds=_worlds(steps, reported, service),
+        jobs=reported,
+        command=f"robomaker run {spec_path}",
+        versions=versions(),
+    )
+    path = folder / REPORT_NAME
+    write_report(report, path)
+    _show(report, records, path)
+    return records, path
+
+
+def rebuild_report(record: RunRecord, service: Service) -> Path:
+    """Writes the report of an earlier run again, from what is stored of it."""
+    _, path = publish_report(
+        service,
+        name=record.name,
+        run_id=record.run_id,
+        spec_path=record.spec_path,
+        steps=record.steps,
+        started_at=record.started_at,
+        folder=record.run_dir,
+        state_of=lambda _: record.state,
+    )
+    return path
+
+
+def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
+    """The simulation jobs that steps made, and the requests that became none, in order."""
+    jobs: list[ReportedJob] = []
+    for step in steps:
+        if step.operation == "CreateSimulationJob" and step.arn:
+            jobs.append(_reported_job(step.arn, service))
+        elif step.operation == "StartSimulationJobBatch":
+            jobs += [_reported_job(job["arn"], service) for job in step.output.get("createdRequests", [])]
+            jobs += [
+                ReportedJob(
+                    label=f"request that failed {number}",
+                    status="NotCreated",
+                    failure_code=failure["failureCode"],
+                    failure_reason=failure["failureReason"],
+                    world_arn=world_arn(failure["request"]),
+                )
+                for number, failure in enumerate(step.output.get("failedRequests", []), start=1)
+            ]
+    return jobs
+
+
+def versions() -> dict[str, str]:
+    """Versions of what makes results what they are."""
+    return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
+
+
+def _reported_job(arn: str, service: Service) -> ReportedJob:
+    job = service.catalog.get(arn, kind="simulation-job")
+    files, result, poster = _outputs(job.document.get("outputs"), service)
+    duration = job.document.get("simulationTimeMillis")
+    return ReportedJob(
+        label=job.id,
+        arn=arn,
+        status=job.status,
+        failure_code=job.document.get("failureCode"),
+        failure_reason=job.document.get("failureReason"),
+        world_arn=world_arn(job.document["request"]),
+        result=result,
+        poster_png=poster,
+        files=files,
+        duration_s=None if duration is None else duration / 1000,
+    )
+
+
+def _outputs(place: Mapping[str, str] | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes]:
+    """Files, result and poster of a run; nothing of outputs that cannot be read any more."""
+    if place is None:
+        return [], None, b""
+    bucket, prefix = place["bucket"], place["prefix"]
+    try:
+        entries = read_manifest(service.store, bucket, prefix).files
+        names = {entry.path for entry in entries}
+        result = service.store.get_bytes(bucket, f"{prefix}/result.json") if "result.json" in names else None
+        poster = service.store.get_bytes(bucket, f"{prefix}/poster.png") if "poster.png" in names else b""
+        parsed = RunResult.model_validate_json(result) if result else None
+    except (StorageError, ValidationError):
+        return [], None, b""
+    files = [
+        ReportedFile(
+            name=entry.path, uri=service.store.uri(bucket, f"{prefix}/{entry.path}"), size_bytes=entry.size_bytes
+        )
+        for entry in entries
+    ]
+    return files, parsed, poster
+
+
+def _job_record(job: ReportedJob, service: Service) -> JobRecord:
+    result = job.result
+    place = service.catalog.get(job.arn).document.get("outputs") if job.arn else None
+    return JobRecord(
+        arn=job.arn,
+        label=job.label,
+        status=job.status,
+        verdict=result.verdict if result else None,
+        world=job.world_arn and short_name(job.world_arn),
+        rooms_visited=sum(room.visited for room in result.rooms) if result and result.rooms else None,
+        rooms_total=len(result.rooms) if result and result.rooms else None,
+        duration_s=job.duration_s,
+        failure_code=job.failure_code,
+        failure_reason=job.failure_reason,
+        metrics=result.metrics if result else {},
+        output_uri=service.store.uri(place["bucket"], place["prefix"]) if place else None,
+    )
+
+
+def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:
+    """Worlds that steps made or jobs drove in, each once."""
+    arns = [
+        arn
+        for step in steps
+        if step.operation == "CreateWorldGenerationJob"
+        for arn in step.output.get("finishedWorldsSummary", {}).get("succeededWorlds", [])
+    ]
+    arns += [job.world_arn for job in jobs if job.world_arn]
+    worlds = []
+    for arn in dict.fromkeys(arns):
+        try:
+            worlds.append(_reported_world(service.catalog.get(arn, kind="world"), service))
+        except (ResourceNotFoundException, StorageError):
+            continue  # deleted since; the job's card says which world it was
+    return worlds
+
+
+def _reported_world(world: Resource, service: Service) -> ReportedWorld:
+    folder = world_bundle(world, service)
+    preview = folder / "preview.png"
+    return ReportedWorld(
+        arn=world.arn,
+        label=short_name(world.arn),
+        world_json=folder / "world.json",
+        floorplan_svg=(folder / "floorplan.svg").read_text(),
+        preview_png=preview.read_bytes() if preview.exists() else b"",
+    )
+
+
+def short_name(arn: str) -> str:
+    """The part of an ARN that people tell resources apart by: `generation-…/world-3`."""
+    return arn.split(":", 5)[-1].partition("/")[2]
+
+
+def _reported_step(step: StepRecord) -> ReportedStep:
+    duration = (step.ended_at - step.started_at).total_seconds() if step.started_at and step.ended_at else 0.0
+    return ReportedStep(
+        name=step.name,
+        operation=step.operation,
+        status=step.status,
+        duration_s=duration,
+        detail=step.error or step.arn or "",
+    )
+
+
+def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
+    key = f"robomaker-{report.run_id}".lower().replace("_", "-").replace(".", "-")
+    rows: list[dict[str, Any]] = [
+        {"job": job.label, "world": job.world or "", "status": job.status, "verdict": job.verdict or ""}
+        | {name: round(value, 2) for name, value in job.metrics.items()}
+        for job in jobs
+    ]
+    show_jobs(f"{key}-jobs", rows)
+    passed = sum(job.verdict == "PASS" for job in jobs)
+    lines = [f"# {report.name}: {report.state}", "", f"{passed} of {len(jobs)} jobs pass.", "", f"Report: `{path}`"]
+    lines += [
+        f"- **{job.label}** {job.verdict or job.status}: {job.failure_code or ''} {job.failure_reason or ''}".rstrip()
+        for job in jobs
+        if job.verdict != "PASS"
+    ]
+    show_summary(f"{key}-summary", "\n".join(lines))
+    for world in report.worlds[:1]:
+        show_picture(f"{key}-world", world.preview_png, world.label)

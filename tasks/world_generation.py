@@ -1,0 +1,100 @@
+"""Generating one world of a generation job: build it in a process of its own, store its bundle."""
+
+import tempfile
+from collections import Counter
+from concurrent.futures import Executor
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from ..schemas.errors import StorageError, WorldGenerationError
+from .catalog import Resource
+from .service import Service
+from .storage import publish
+from .worldforge import generate_world, seeds_for, write_bundle
+
+WORLDS_PREFIX = "worlds"
+
+
+def build_bundle(template_body: str, floorplan_seed: int, interior_seed: int, folder: str) -> str:
+    """Generates a world and writes its bundle; runs in a worker process.
+
+    Returns:
+      The bundle's content hash.
+
+    Raises:
+      WorldGenerationError: no valid world came out of the allowed attempts.
+    """
+    from ..schemas.world_template_body import parse_template_body
+
+    world = generate_world(parse_template_body(template_body), floorplan_seed, interior_seed)
+    return write_bundle(world, Path(folder))
+
+
+@task(name="generate-world", task_run_name="{world_arn}", cache_policy=NO_CACHE)
+def generate_and_store(job: Resource, index: int, world_arn: str, workers: Executor) -> dict[str, Any] | None:
+    """Generates the world of one place in a job and adds it to the catalog.
+
+    Args:
+      job: the generation job.
+      index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
+      world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
+      workers: processes that build worlds.
+
+    Returns:
+      `None`, or a failure: `{"code": …, "reason": …}`.
+    """
+    service = Service.current()
+    document = job.document
+    interiors = document["request"]["worldCount"]["interiorCountPerFloorplan"]
+    seeds = seeds_for(document["seed"], index // interiors, index % interiors)
+    try:
+        with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+            folder = Path(scratch, "bundle")
+            content = workers.submit(build_bundle, document["templateBody"], *seeds, str(folder)).result()
+            prefix = f"{WORLDS_PREFIX}/{content}"
+            publish_bundle(service, prefix, folder, service.clock())
+    except WorldGenerationError as error:
+        return {"code": "InternalServiceError", "reason": str(error)}
+    except (StorageError, OSError) as error:
+        return {"code": "InternalServiceError", "reason": f"the world could not be stored: {error}"}
+    _add_to_catalog(service, job, index, world_arn, {"bucket": service.settings.bucket, "prefix": prefix})
+    return None
+
+
+def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
+    """Stores a world bundle under its content's own prefix; equal bundles are stored once."""
+    service.store.ensure_bucket(service.settings.bucket)
+    publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
+
+
+def failure_summary(failures: list[dict[str, Any]]) -> dict[str, Any]:
+    """Failures of worlds, summed up by code as the service does."""
+    counts = Counter(failure["code"] for failure in failures)
+    samples = {failure["code"]: failure["reason"] for failure in reversed(failures)}
+    return {
+        "totalFailureCount": len(failures),
+        "failures": [
+            {"failureCode": code, "sampleFailureReason": samples[code][:1024], "failureCount": count}
+            for code, count in counts.most_common()
+        ],
+    }
+
+
+def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
+    service.catalog.create(
+        Resource.new(
+            arn=arn,
+            kind="world",
+            id=f"{job.id}/world-{index + 1}",
+            name="",
+            status="Active",
+            parent=job.arn,
+            tags=job.document["request"].get("worldTags") or {},
+            document={"template": job.document["request"]["template"], "bundle": bundle},
+        ),
+        token=None,
+    )
