@@ -61,8 +61,6 @@ def _table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[St
 
 
 _JOB_ROWS: dict[str, tuple[tuple[SimulationJobStatus, ...], SimulationJobStatus]] = {
-    "prepare": (("Pending", "Preparing"), "Preparing"),
-    "restart": (("Running", "RunningFailed", "Restarting"), "Restarting"),
     "start": (("Preparing", "Restarting"), "Running"),
     "crash": (("Running",), "RunningFailed"),
     "terminate": (("Pending", "Preparing", "Running", "Restarting", "RunningFailed"), "Terminating"),
@@ -70,20 +68,27 @@ _JOB_ROWS: dict[str, tuple[tuple[SimulationJobStatus, ...], SimulationJobStatus]
     "fail": (("Pending", "Preparing", "Restarting", "Terminating"), "Failed"),
     "cancel": (("Terminating",), "Canceled"),
 }
+_PREPARE_ROWS: dict[tuple[SimulationJobStatus, str], SimulationJobStatus] = {
+    ("Pending", "prepare"): "Preparing",
+    ("Preparing", "prepare"): "Preparing",
+    ("Running", "prepare"): "Restarting",
+    ("RunningFailed", "prepare"): "Restarting",
+    ("Restarting", "prepare"): "Restarting",
+}
 
 SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
     name="the simulation job",
     initial="Pending",
     states=get_args(SimulationJobStatus),
     terminal=frozenset({"Completed", "Failed", "Terminated", "Canceled"}),
-    transitions=_table(_JOB_ROWS),
+    transitions={**_table(_JOB_ROWS), **_PREPARE_ROWS},
 )
 """One simulation job.
 
 ```
           prepare            start           terminate              complete
   Pending ───────> Preparing ─────> Running ──────────> Terminating ────────> Completed
-     │                 │    restart │ ^ │ crash          ^  │  └─── cancel ──> Canceled
+     │                 │    prepare │ ^ │ crash          ^  │  └─── cancel ──> Canceled
      │                 │            v │ v      terminate │  │
      │                 │    Restarting  RunningFailed ───┘  │ fail
      └────── fail ─────┴── fail ┘                           └───────────────> Failed
@@ -91,9 +96,9 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
 
 `terminate` is possible in every state on the way and opens the phase of uploads; a job that will
 fail carries its failure code from then on. `crash` is for `failureBehavior: Continue`; with `Fail`
-the job terminates. A performer that takes the job over from one that died prepares it again, or
-restarts it if it was running. `Terminated` is in the interface, but nothing published says what it
-meant; no event leads there.
+the job terminates. `prepare` may happen again, for a restart or after its performer died; a job that
+has run before is `Restarting` meanwhile. `Terminated` is in the interface, but nothing published
+says what it meant; no event leads there.
 """
 
 _BATCH_ROWS: dict[str, tuple[tuple[SimulationJobBatchStatus, ...], SimulationJobBatchStatus]] = {
