@@ -9,9 +9,9 @@ Bounds, patterns and enumerations are the service's. Three things differ on purp
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal, Protocol, TypeVar
+from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
-from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
 
 from .base import Shape
 
@@ -134,8 +134,19 @@ class Filter(Shape):
         default=None, description="The value it has to be equal to; exactly one."
     )
 
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.name is None or self.values is None:
+            raise ValueError("a filter needs both name and values")
+        return self
+
 
 Filters = Annotated[list[Filter], Field(min_length=1, max_length=1)]
+
+
+def filter_values(filters: Sequence[Filter] | None) -> dict[str, list[str]]:
+    """Filters as a mapping from names to the values that are wanted."""
+    return {each.name: each.values for each in filters or () if each.name and each.values}
 
 
 def exactly_one(members: Sequence[str], given: Sequence[object], *, hint: str = "") -> None:

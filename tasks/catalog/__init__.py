@@ -1,1 +1,17 @@
-"""The catalog: every resource, its state, and the requests that made it."""
+"""The catalog: every resource, its state, and the requests that made it.
+
+```
+catalog = Catalog.open("sqlite:////home/ann/catalog.db", clock=lambda: datetime.now(UTC))
+job = catalog.create(Resource.new(arn=…, kind="simulation-job", …), token=ClientToken.of(name, request))
+if catalog.claim(job.arn, owner, lease_s=30):
+    catalog.transition(job.arn, "prepare", owner=owner)
+```
+
+It runs on SQLite, one file that many processes share, and is written in SQL that PostgreSQL
+understands as well.
+"""
+
+from .catalog import Catalog
+from .records import ClientToken, NewResource, Page, Resource
+
+__all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource"]

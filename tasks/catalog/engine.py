@@ -1,0 +1,120 @@
+"""Opening the catalog's database: connections, transactions, migrations."""
+
+import os
+import sqlite3
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, make_url, select, text
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
+
+from ...schemas.errors import ConfigurationError
+from .tables import metadata, schema_version
+
+_BUSY_TIMEOUT_S = 30.0
+_MIGRATION_LOCK = 0x0B07  # any number, the same for all programs that use this catalog
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all,)
+"""Each brings the tables one version further; later ones are added at the end and never change.
+
+The first makes all tables as they are now, so a migration added later is for catalogs that were
+made before it, and has to find out what is there already.
+"""
+
+
+def open_engine(url: str) -> Engine:
+    """Connects to a catalog's database and brings its tables up to date.
+
+    Raises:
+      ConfigurationError: the URL leads nowhere, a driver is missing, or a newer program made the
+        database.
+    """
+    engine = _connect(_checked(url))
+    try:
+        with writing(engine).begin() as connection:
+            _migrate(connection)
+    except OperationalError as error:
+        raise ConfigurationError(f"the catalog {engine.url!r} cannot be opened: {error.orig}") from error
+    _reopen_after_fork(engine)
+    return engine
+
+
+def writing(engine: Engine) -> Engine:
+    """The same engine, whose transactions take the write lock when they begin.
+
+    SQLite refuses, without waiting, to turn a transaction that has read into one that writes when
+    another has written in between. Taking the lock first waits instead.
+    """
+    return engine.execution_options(catalog_writes=True)
+
+
+def _checked(url: str) -> URL:
+    try:
+        parsed = make_url(url)
+    except ArgumentError as error:
+        raise ConfigurationError(
+            f"the catalog URL {url!r} is no database URL; write sqlite:////path/to/catalog.db or postgresql://…"
+        ) from error
+    if parsed.get_backend_name() == "sqlite":
+        if parsed.database in (None, "", ":memory:"):
+            raise ConfigurationError(f"the catalog URL {url!r} names no file; write sqlite:////path/to/catalog.db")
+        Path(str(parsed.database)).parent.mkdir(parents=True, exist_ok=True)
+    return parsed
+
+
+def _connect(url: URL) -> Engine:
+    is_sqlite = url.get_backend_name() == "sqlite"
+    try:
+        engine = create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S} if is_sqlite else {})
+    except (ModuleNotFoundError, NoSuchModuleError) as error:
+        raise ConfigurationError(
+            f"the catalog URL {url!r} needs a driver that is not installed ({error}); "
+            "for PostgreSQL install psycopg[binary] and write postgresql+psycopg://…"
+        ) from error
+    if is_sqlite:
+        event.listen(engine, "connect", _configure_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _configure_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
+    connection.isolation_level = None  # the driver begins no transactions; `_begin_sqlite` does
+    for pragma in (
+        "journal_mode = WAL",  # readers and one writer do not wait for each other
+        "synchronous = NORMAL",  # a crash of the machine may undo the last commits, never damage the file
+        "foreign_keys = ON",
+    ):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    writes = connection.get_execution_options().get("catalog_writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _migrate(connection: Connection) -> None:
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _MIGRATION_LOCK})
+    schema_version.create(connection, checkfirst=True)
+    version = connection.scalar(select(func.max(schema_version.c.version))) or 0
+    if version > len(MIGRATIONS):
+        raise ConfigurationError(
+            f"the catalog {connection.engine.url!r} has version {version}, this program knows {len(MIGRATIONS)}; "
+            "update this program or use another catalog"
+        )
+    for number, migration in enumerate(MIGRATIONS[version:], version + 1):
+        migration(connection)
+        connection.execute(insert(schema_version).values(version=number))
+
+
+def _reopen_after_fork(engine: Engine) -> None:
+    """Makes forked children open connections of their own: SQLite's must not be shared."""
+    reference = weakref.ref(engine)
+
+    def forget() -> None:
+        if (inherited := reference()) is not None:
+            inherited.dispose(close=False)
+
+    os.register_at_fork(after_in_child=forget)

@@ -1,0 +1,105 @@
+"""What the catalog keeps, and what it is asked with."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from ...schemas.base import Shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewResource:
+    """A resource that is to be created."""
+
+    arn: str
+    kind: str
+    """What it is: the part of the ARN before the id, such as `simulation-job`."""
+
+    id: str
+    name: str = ""
+    """Its name; empty if it has none."""
+
+    status: str = ""
+    """Where it is in its life; for kinds without a lifecycle whatever the caller likes."""
+
+    parent: str | None = None
+    """ARN of the generation job or batch it came from."""
+
+    tags: Mapping[str, str] = field(default_factory=dict)
+
+    document: Mapping[str, Any] = field(default_factory=dict)
+    """Plain JSON: the request, and whatever its performer records."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resource(NewResource):
+    """A resource as it was when it was read."""
+
+    created_at: datetime
+    updated_at: datetime
+    """Time of the last change of status, document or tags."""
+
+    revision: int
+    """Counts those changes, from 1."""
+
+    @staticmethod
+    def new(
+        *,
+        arn: str,
+        kind: str,
+        id: str,  # noqa: A002 - the name it has everywhere else
+        name: str = "",
+        status: str = "",
+        parent: str | None = None,
+        tags: Mapping[str, str] | None = None,
+        document: Mapping[str, Any] | None = None,
+    ) -> NewResource:
+        """Describes a resource to create; the catalog adds the times."""
+        return NewResource(
+            arn=arn,
+            kind=kind,
+            id=id,
+            name=name,
+            status=status,
+            parent=parent,
+            tags=tags or {},
+            document=document or {},
+        )
+
+
+@dataclass(frozen=True)
+class ClientToken:
+    """What makes a create call repeatable."""
+
+    operation: str
+    """The operation's name; tokens of different operations have nothing to do with each other."""
+
+    token: str
+    """The caller's token."""
+
+    request_hash: str
+    """Equal for equal requests."""
+
+    @classmethod
+    def of(cls, operation: str, request: Shape) -> "ClientToken | None":
+        """The token in a request's `clientRequestToken`; `None` if it has none."""
+        members = request.model_dump(mode="json", exclude_none=True)
+        token = members.pop("clientRequestToken", None)
+        if token is None:
+            return None
+        canonical = json.dumps(members, sort_keys=True, separators=(",", ":"))
+        return cls(operation, token, hashlib.sha256(canonical.encode()).hexdigest())
+
+
+@dataclass(frozen=True)
+class Page:
+    """Some of the resources of a list."""
+
+    resources: tuple[Resource, ...]
+    """Newest first."""
+
+    next_token: str | None
+    """What to ask the next page with; `None` on the last."""

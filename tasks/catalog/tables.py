@@ -1,0 +1,88 @@
+"""The catalog's tables, in SQL that SQLite and PostgreSQL both know."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    Column,
+    Dialect,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    UniqueConstraint,
+)
+from sqlalchemy.types import TypeDecorator
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND = timedelta(microseconds=1)
+
+
+class UtcTime(TypeDecorator[datetime]):
+    """A moment, kept as microseconds since 1970: exact, ordered and without a time zone to lose."""
+
+    impl = BigInteger
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> int | None:  # noqa: ARG002 - interface
+        """Turns a moment into microseconds."""
+        return None if value is None else (value - _EPOCH) // _MICROSECOND
+
+    def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002 - interface
+        """Turns microseconds into a moment in UTC."""
+        return None if value is None else _EPOCH + value * _MICROSECOND
+
+
+metadata = MetaData()
+
+# SQLite counts up by itself only in a column declared INTEGER.
+_Sequence = BigInteger().with_variant(Integer, "sqlite")
+
+resources = Table(
+    "resources",
+    metadata,
+    Column("sequence", _Sequence, primary_key=True, autoincrement=True, comment="order of creation; lists go by it"),
+    Column("arn", String(1224), nullable=False, unique=True),
+    Column("kind", String(64), nullable=False),
+    Column("id", String(512), nullable=False),
+    Column("name", String(255), nullable=False),
+    Column("unique_name", String(255), comment="the name, where no other of the kind may have it"),
+    Column("status", String(32), nullable=False),
+    Column("parent", String(1224)),
+    Column("created_at", UtcTime, nullable=False),
+    Column("updated_at", UtcTime, nullable=False),
+    Column("revision", Integer, nullable=False),
+    Column("tags", JSON, nullable=False),
+    Column("document", JSON, nullable=False),
+    Column("cancel_requested", Boolean, nullable=False, default=False),
+    Column("lease_owner", String(255)),
+    Column("lease_expires_at", UtcTime),
+    UniqueConstraint("kind", "unique_name"),
+    Index("resources_by_kind", "kind", "sequence"),
+    Index("resources_by_name", "kind", "name", "sequence"),
+    Index("resources_by_status", "kind", "status", "sequence"),
+    Index("resources_by_parent", "parent", "kind", "sequence"),
+    # Ids of deleted rows must not come back: page tokens point between them.
+    sqlite_autoincrement=True,
+)
+
+client_tokens = Table(
+    "client_tokens",
+    metadata,
+    Column("operation", String(64), primary_key=True),
+    Column("account", String(12), primary_key=True),
+    Column("token", String(64), primary_key=True),
+    Column("request_hash", String(64), nullable=False),
+    Column("arn", ForeignKey("resources.arn", ondelete="CASCADE"), nullable=False, index=True),
+)
+
+schema_version = Table(
+    "schema_version",
+    metadata,
+    Column("version", Integer, primary_key=True, autoincrement=False, comment="number of migrations applied"),
+)
