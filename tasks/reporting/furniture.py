@@ -8,7 +8,7 @@ import math
 
 from markupsafe import Markup
 
-from ...schemas.world import Furniture
+from ...schemas.world import Furniture, Point
 from .frame import Frame
 from .svg import element
 
@@ -65,6 +65,14 @@ def draw_furniture(item: Furniture, frame: Frame) -> Markup:
         # Turning left on the ground is a negative angle in a drawing whose y points down.
         transform=f"translate({x:.1f} {y:.1f})" + (f" rotate({-turn:.0f})" if round(turn) else ""),
     )
+
+
+def covered_points(item: Furniture, frame: Frame) -> list[Point]:
+    """A few points of the drawing that the piece covers: enough to keep letters off it."""
+    cos, sin = math.cos(item.yaw), math.sin(item.yaw)
+    shares = (-0.45, 0.0, 0.45)
+    offsets = ((u * item.depth_m, v * item.width_m) for u in shares for v in shares)
+    return [frame.at((item.x + u * cos - v * sin, item.y + u * sin + v * cos)) for u, v in offsets]
 
 
 def _marks(model_type: str, depth: float, width: float) -> list[Markup]:

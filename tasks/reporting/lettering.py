@@ -1,7 +1,9 @@
 """Putting names into rooms so that they fit."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from markupsafe import Markup
 
@@ -10,8 +12,12 @@ from .frame import Frame
 from .svg import element
 
 _LETTER = 0.56  # mean width of a letter, in letter heights, of common sans-serif faces
-_SIZE, _SMALLEST = 25.0, 15.0
 _FILL = 0.9  # share of a room's width that a name may take; small screens enlarge letters a little
+_TRIES = 4  # places tried to each side of the middle
+_CLEARANCE, _AIR = 14.0, 5.0
+
+LETTERS = 25.0
+"""Height of letters in units of the drawing; the style sheet has the same number."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,7 @@ def largest_box(polygon: Sequence[Point]) -> Box:
     xs = sorted({round(x, 6) for x, _ in polygon})
     ys = sorted({round(y, 6) for _, y in polygon})
     inside = [
-        [_contains(polygon, ((x0 + x1) / 2, (y0 + y1) / 2)) for y0, y1 in zip(ys, ys[1:], strict=False)]
-        for x0, x1 in zip(xs, xs[1:], strict=False)
+        [_contains(polygon, ((x0 + x1) / 2, (y0 + y1) / 2)) for y0, y1 in pairwise(ys)] for x0, x1 in pairwise(xs)
     ]
     boxes = (
         Box(xs[i], ys[k], xs[j], ys[m])
@@ -60,26 +65,62 @@ def _contains(polygon: Sequence[Point], point: Point) -> bool:
     return crossings % 2 == 1
 
 
-def draw_label(name: str, note: str, polygon: Sequence[Point], frame: Frame) -> Markup:
-    """A room's name and a note below it, in the room's largest rectangle, turned where that is tall and narrow."""
+def draw_label(
+    name: str, note: str, polygon: Sequence[Point], frame: Frame, crowd: Sequence[Point] = (), size: float = LETTERS
+) -> Markup:
+    """A room's name with a note below it, where it covers least; turned in tall and narrow rooms.
+
+    Args:
+      name: shortened when it does not fit, then the whole name is the tooltip.
+      note: left out when it does not fit.
+      polygon: the room's corners in metres.
+      frame: the drawing.
+      crowd: points of the drawing that had better stay visible.
+      size: height of the letters in units of the drawing; long names get smaller ones.
+    """
     box = largest_box(polygon)
     width, height = (box.right - box.left) * frame.scale * _FILL, (box.top - box.bottom) * frame.scale * _FILL
-    turned = height > 1.5 * width and len(name) * _LETTER * _SIZE > width
-    room = height if turned else width
-    size = max(_SMALLEST, min(_SIZE, room / (max(len(name), 1) * _LETTER)))
-    fitting = max(3, int(room / (size * _LETTER)))
+    turned = height > 1.5 * width and len(name) * _LETTER * size > width
+    along, across = (height, width) if turned else (width, height)
+    fitted = max(0.6 * size, min(size, along / (max(len(name), 1) * _LETTER)))
+    fitting = max(3, int(along / (fitted * _LETTER)))
     shown = name if len(name) <= fitting else name[: fitting - 1] + "…"
-    note_size = max(_SMALLEST, 0.76 * size)
-    fits = len(note) * _LETTER * note_size <= room and (width if turned else height) > 2.2 * size
-    note_shown = note if fits else ""
-    x, y = frame.at(box.middle)
+    note_size = max(0.6 * size, 0.76 * fitted)
+    if len(note) * _LETTER * note_size > along or across < 2.2 * fitted:
+        note = ""
+    length = _LETTER * max(len(shown) * fitted, len(note) * note_size)
+    thickness = (2.1 if note else 1.2) * fitted
+    x, y = _calmest(box, (thickness, length) if turned else (length, thickness), frame, crowd)
     return element(
         "g",
         element("title", name) if shown != name else "",
         # Sizes in em of the group's letters, which the style sheet enlarges on small screens.
-        element("text", shown, y="-0.1em" if note_shown else "0.35em", font_size=f"{size / _SIZE:.2f}em"),
-        element("text", note_shown, class_="room-note", y="1em", font_size=f"{note_size / _SIZE:.2f}em")
-        if note_shown
-        else "",
+        element("text", shown, y="-0.1em" if note else "0.35em", font_size=f"{fitted / LETTERS:.2f}em"),
+        element("text", note, class_="room-note", y="1em", font_size=f"{note_size / LETTERS:.2f}em") if note else "",
         transform=f"translate({x:.1f} {y:.1f})" + (" rotate(-90)" if turned else ""),
     )
+
+
+def _calmest(box: Box, label: tuple[float, float], frame: Frame, crowd: Sequence[Point]) -> Point:
+    """The middle of the label where it covers the fewest points of the crowd, near the box's middle if equal."""
+    (left, top), (right, bottom) = frame.at((box.left, box.top)), frame.at((box.right, box.bottom))
+    middle = (left + right) / 2, (top + bottom) / 2
+    near = [(x, y) for x, y in crowd if left < x < right and top < y < bottom]
+    if not near:
+        return middle
+    # The label keeps clear of the walls.
+    slack_x = max(0.0, (right - left - label[0]) / 2 - _CLEARANCE)
+    slack_y = max(0.0, (bottom - top - label[1]) / 2 - _CLEARANCE)
+    places = [
+        (middle[0] + slack_x * i / _TRIES, middle[1] + slack_y * j / _TRIES)
+        for i in range(-_TRIES, _TRIES + 1)
+        for j in range(-_TRIES, _TRIES + 1)
+    ]
+
+    def cost(place: Point) -> tuple[int, float]:
+        covered = sum(
+            abs(x - place[0]) < label[0] / 2 + _AIR and abs(y - place[1]) < label[1] / 2 + _AIR for x, y in near
+        )
+        return covered, math.dist(place, middle)
+
+    return min(places, key=cost)

@@ -56,7 +56,11 @@ def headline(report: Report) -> str:
     """The run in one sentence: `3 of 4 jobs passed; 1 failed`."""
     if not report.jobs:
         worlds = len(report.worlds)
-        return f"No simulation jobs; {worlds} {'world' if worlds == 1 else 'worlds'}" if worlds else "Nothing was simulated"
+        return (
+            f"No simulation jobs; {worlds} {'world' if worlds == 1 else 'worlds'}"
+            if worlds
+            else "Nothing was simulated"
+        )
     counts = count_outcomes(report.jobs)
     total = len(report.jobs)
     sentence = f"{counts.get(Outcome.PASSED, 0)} of {total} {'job' if total == 1 else 'jobs'} passed"

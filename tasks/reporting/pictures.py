@@ -13,7 +13,9 @@ _BUDGET_BYTES = 6_000_000
 _WIDTHS_PX = (960, 720, 540, 400, 280)
 _QUALITY = 82
 _MOST_PIXELS = 40_000_000
-_FORBIDDEN_ELEMENTS = frozenset({"script", "foreignobject", "iframe", "object", "embed", "image", "audio", "video", "a"})
+_FORBIDDEN_ELEMENTS = frozenset(
+    {"script", "foreignobject", "iframe", "object", "embed", "image", "audio", "video", "a"}
+)
 
 
 class PictureError(RobomakerError):

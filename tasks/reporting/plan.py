@@ -11,12 +11,13 @@ from markupsafe import Markup
 
 from ...schemas.simulation_run import RunResult
 from ...schemas.world import Point, Room, Wall, World
+from . import furniture, trajectory
 from .frame import EXTENT, Frame
-from .furniture import draw_furniture
 from .lettering import draw_label
 from .svg import element, group, points
-from .trajectory import draw_trajectory, finite_path
 
+_GALLERY_LETTERS = 36.0  # plans of the gallery are shown at half the size
+_BAR_LEFT = 30.0
 _BARS_M = (0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
@@ -27,7 +28,10 @@ def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
     walls = [wall for wall in plan.walls if not wall.lintel]
     return element(
         "g",
-        group((draw_furniture(item, frame) for item in sorted(world.furniture, key=_height)), class_="furniture"),
+        group(
+            (furniture.draw_furniture(item, frame) for item in sorted(world.furniture, key=lambda item: item.base_m)),
+            class_="furniture",
+        ),
         group((_line(p.start, p.end, frame) for p in plan.passages if p.kind == "Doorway"), class_="doorways"),
         group((_wall(wall, jambs, frame) for wall in walls), class_="walls"),
         group((_line(window.start, window.end, frame) for window in plan.windows), class_="windows"),
@@ -38,18 +42,23 @@ def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
 def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Markup:
     """A world as an architect would draw it, each room with its area."""
     rooms = world.floorplan.rooms
+    crowd = _furniture_points(world, frame)
     return _plan(
         frame,
         title,
         group((_floor(room, "floor", frame) for room in rooms), class_="floors"),
         element("use", href=f"#{fixtures}"),
-        group((draw_label(r.name, f"{r.area_m2:.1f} m²", r.polygon, frame) for r in rooms), class_="labels"),
+        group(
+            (draw_label(r.name, f"{r.area_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
+            class_="labels",
+        ),
     )
 
 
-def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult | None, title: str) -> Markup:
+def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, title: str) -> Markup:
     """A world with a job's path and collisions; visited rooms are tinted, the others hatched."""
-    visits = {visit.name: visit for visit in result.rooms} if result else {}
+    visits = {visit.name: visit for visit in result.rooms}
+    crowd = _furniture_points(world, frame) + trajectory.covered_points(result, frame)
     floors, labels = [], []
     for room in world.floorplan.rooms:
         visit = visits.get(room.name)
@@ -59,8 +68,8 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult |
         if visit is not None:
             at = "" if visit.first_visit_s is None else f" at {visit.first_visit_s:.0f} s"
             note = f"visited{at}" if visit.visited else "not visited"
-        labels.append(draw_label(room.name, note, room.polygon, frame))
-    lines, marks = draw_trajectory(result, frame) if result else (Markup(), Markup())
+        labels.append(draw_label(room.name, note, room.polygon, frame, crowd))
+    lines, marks = trajectory.draw_trajectory(result, frame)
     return _plan(
         frame,
         title,
@@ -74,11 +83,11 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult |
 
 def draw_bare_path(result: RunResult, title: str) -> Markup | None:
     """A path without its world; None when there is none to draw."""
-    path = finite_path(result)
+    path = trajectory.finite_path(result)
     if not path:
         return None
     frame = Frame.around((x, y) for _, x, y in path)
-    return _plan(frame, title, *draw_trajectory(result, frame))
+    return _plan(frame, title, *trajectory.draw_trajectory(result, frame))
 
 
 def _plan(frame: Frame, title: str, *content: Markup) -> Markup:
@@ -97,10 +106,8 @@ def _plan(frame: Frame, title: str, *content: Markup) -> Markup:
 def _scale_bar(frame: Frame) -> Markup:
     wanted = EXTENT / 6 / frame.scale
     length_m = min(_BARS_M, key=lambda bar: abs(math.log(bar / wanted)))
-    left = frame.left_m
-    x, _ = frame.at((left, 0))
-    x += 0.3 * frame.scale
-    end, y = x + length_m * frame.scale, frame.foot
+    x, y = _BAR_LEFT, frame.foot
+    end = x + length_m * frame.scale
     return element(
         "g",
         element("path", d=f"M{x:.1f} {y - 7:.1f}v14M{x:.1f} {y:.1f}H{end:.1f}m0 -7v14"),
@@ -133,10 +140,9 @@ def _wall(wall: Wall, jambs: set[Point], frame: Frame) -> Markup:
     return element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke_width=thickness)
 
 
+def _furniture_points(world: World, frame: Frame) -> list[Point]:
+    return [point for item in world.furniture for point in furniture.covered_points(item, frame)]
+
+
 def _key(point: Point) -> Point:
     return round(point[0], 3), round(point[1], 3)
-
-
-def _height(item: object) -> float:
-    """Order of drawing: what stands on something comes after it."""
-    return getattr(item, "base_m", 0.0)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from markupsafe import Markup
 
@@ -67,7 +68,7 @@ def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[i
     start, end = path[0][0], path[-1][0]
     span = (end - start) or 1.0
     runs: list[tuple[int, list[Point]]] = []
-    for (t0, x0, y0), (t1, x1, y1) in zip(path, path[1:], strict=False):
+    for (t0, x0, y0), (t1, x1, y1) in pairwise(path):
         shade = min(shades - 1, max(0, int(((t0 + t1) / 2 - start) / span * shades)))
         if not runs or runs[-1][0] != shade:
             runs.append((shade, [(x0, y0)]))
@@ -91,22 +92,33 @@ def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
     lines = element(
         "g",
         element("polyline", points=points(drawn), class_="casing"),
-        *(
-            element("polyline", points=points(frame.at(p) for p in run), class_=f"shade-{shade}")
-            for shade, run in runs
-        ),
+        *(element("polyline", points=points(frame.at(p) for p in run), class_=f"shade-{shade}") for shade, run in runs),
         *_arrows(path, drawn),
         class_="path",
     )
-    marks = group(
-        (_collision_marks(spots, frame), _mark(drawn[-1], "end"), _mark(drawn[0], "start")), class_="marks"
-    )
+    marks = group((_collision_marks(spots, frame), _mark(drawn[-1], "end"), _mark(drawn[0], "start")), class_="marks")
     return lines, marks
+
+
+def covered_points(result: RunResult, frame: Frame) -> list[Point]:
+    """Points of the drawing that path, marks and their words cover."""
+    drawn = [frame.at((x, y)) for _, x, y in finite_path(result)]
+    covered = []
+    for (x0, y0), (x1, y1) in pairwise(drawn):
+        steps = 1 + int(math.dist((x0, y0), (x1, y1)) / 12)
+        covered += [(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps) for i in range(steps)]
+    # Marks and words weigh more than a bit of path, so each counts with several points.
+    ends = [(drawn[0], -20), (drawn[-1], 26)] if drawn else []
+    covered += [(x + dx, y + dy) for (x, y), word in ends for dx in (-24, 0, 24) for dy in (0, word, word)]
+    for spot in cluster(result.collisions):
+        x, y = frame.at((spot.x, spot.y))
+        covered += [(x + dx, y + dy) for dx in (0, 30, 60, 90) for dy in (-9, 9)]
+    return covered
 
 
 def _arrows(path: Sequence[PathPoint], drawn: Sequence[Point]) -> list[Markup]:
     """Small arrow heads at equal distances along the path."""
-    lengths = [math.dist(a, b) for a, b in zip(drawn, drawn[1:], strict=False)]
+    lengths = [math.dist(a, b) for a, b in pairwise(drawn)]
     total = sum(lengths)
     if total < 60:
         return []

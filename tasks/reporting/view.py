@@ -126,7 +126,9 @@ class Page:
 
 def view_report(report: Report) -> Page:
     """Computes the page; reads the worlds' `world.json` from disk and nothing else."""
-    pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(bool(job.poster_png) for job in report.jobs)
+    pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(
+        bool(job.poster_png) for job in report.jobs
+    )
     budget = budget_for_each(pictures)
     worlds = view_worlds(report, budget)
     by_arn = {view.world.arn: view for view in worlds}
@@ -179,19 +181,19 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
 
 
 def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:
-    """The drawing, and what to say where it is missing or incomplete."""
+    """The drawing, and what to say where it is missing."""
+    if job.result is None:
+        return None, "The job left no result.json, so there is nothing to draw."
     if world is not None and world.content is not None and world.frame is not None:
         title = f"Plan of {world.world.label} with the path of {job.label}"
-        note = "" if job.result else "The job left no result, so there is no path to draw."
-        return plan.draw_job_plan(world.content, world.frame, world.fixtures, job.result, title), note
+        return plan.draw_job_plan(world.content, world.frame, world.fixtures, job.result, title), ""
     if world is not None:
         missing = f"No plan of {world.world.label}: {world.note}"
     elif job.world_arn:
         missing = f"The world {job.world_arn} is not part of this report."
     else:
         missing = "This job drove in no generated world."
-    bare = plan.draw_bare_path(job.result, f"Path of {job.label}") if job.result else None
-    return bare, missing
+    return plan.draw_bare_path(job.result, f"Path of {job.label}"), missing
 
 
 def _poster(job: ReportedJob, budget_bytes: int) -> tuple[Picture | None, str]:

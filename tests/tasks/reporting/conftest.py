@@ -3,7 +3,8 @@
 import io
 import math
 from collections.abc import Callable
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedJob, 
 from prefect_robomaker.schemas.simulation_run import Collision, Requirement, RoomVisit, RunResult
 from prefect_robomaker.schemas.world import Floorplan, Furniture, Passage, Room, Wall, Window, Wish, World
 
-START = datetime(2026, 3, 2, 9, 30, tzinfo=timezone.utc)
+START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)
 ROOMS: dict[str, tuple[str, float, float, float, float]] = {
     "Living_Room": ("Living", -3.0, -2.0, 2.0, 3.0),
     "Kitchen": ("Kitchen", 2.0, -2.0, 5.5, 1.0),
@@ -25,7 +26,8 @@ ROOMS: dict[str, tuple[str, float, float, float, float]] = {
 }
 PIECES = [
     ("Sofas", "Living_Room", -0.5, 2.45, -90, 2.2, 0.9), ("CoffeeTables", "Living_Room", -0.5, 1.2, -90, 1.2, 0.6),
-    ("LivingRoomChairs", "Living_Room", -2.3, 1.1, -20, 0.8, 0.8), ("Bookcases", "Living_Room", -2.78, -0.8, 0, 1.6, 0.35),
+    ("LivingRoomChairs", "Living_Room", -2.3, 1.1, -20, 0.8, 0.8),
+    ("Bookcases", "Living_Room", -2.78, -0.8, 0, 1.6, 0.35),
     ("FloorLamps", "Living_Room", 1.6, 2.6, 0, 0.4, 0.4), ("Ovens", "Kitchen", 5.12, 0.5, 180, 0.6, 0.6),
     ("Fridges", "Kitchen", 5.1, -0.3, 180, 0.7, 0.65), ("DishWashers", "Kitchen", 5.12, -1.1, 180, 0.6, 0.6),
     ("Beds", "Bedroom", -1.2, -5.9, 90, 1.8, 2.05), ("Nightstands", "Bedroom", -2.5, -6.7, 90, 0.45, 0.4),
@@ -126,7 +128,7 @@ def build_world(rename: dict[str, str] | None = None) -> World:
 def build_result(verdict: Any, legs: int, hits: int = 0) -> RunResult:
     """A drive over the first `legs` legs of the tour at 0.5 m/s, with `hits` collisions."""
     path, time_s = [], 0.0
-    for (x0, y0), (x1, y1) in zip(TOUR[:legs], TOUR[1:], strict=False):
+    for (x0, y0), (x1, y1) in pairwise(TOUR[: legs + 1]):
         length = math.dist((x0, y0), (x1, y1))
         for step in range(20):
             share = step / 20
@@ -151,7 +153,9 @@ def build_result(verdict: Any, legs: int, hits: int = 0) -> RunResult:
         },
         rooms=[RoomVisit(name=n, visited=first is not None, first_visit_s=first) for n, first in seen.items()],
         collisions=[
-            Collision(time_s=t, duration_s=0.2, x=x, y=y, other="wall" if i % 2 else "Beds-8", max_force_N=12.0 + 31 * (i + 1))
+            Collision(
+                time_s=t, duration_s=0.2, x=x, y=y, other="wall" if i % 2 else "Beds-8", max_force_N=43.0 + 31 * i
+            )
             for i, (t, x, y) in enumerate(spots)
         ],
         path=path[:600],

@@ -1,0 +1,42 @@
+from typing import Any
+
+import pytest
+from prefect_robomaker.tasks.reporting.outcomes import Outcome, count_outcomes, headline, outcome_of
+
+
+@pytest.mark.parametrize(
+    ("status", "verdict", "expected"),
+    [
+        ("Completed", "PASS", Outcome.PASSED),
+        ("Completed", "FAIL", Outcome.FAILED),
+        ("Completed", "NONE", Outcome.UNJUDGED),
+        ("Completed", None, Outcome.UNJUDGED),
+        # A verdict written before the crash is not trusted.
+        ("Failed", "PASS", Outcome.BROKEN),
+        ("Failed", None, Outcome.BROKEN),
+        ("NotCreated", None, Outcome.BROKEN),
+        ("Canceled", "FAIL", Outcome.CANCELED),
+        ("Running", None, Outcome.UNFINISHED),
+    ],
+)
+def test_outcome_follows_status_then_verdict(
+    make_job: Any, make_result: Any, status: str, verdict: str | None, expected: Outcome
+) -> None:
+    result = make_result(verdict, 3) if verdict else None
+    assert outcome_of(make_job("sim-1", None, status=status, result=result)) is expected
+
+
+def test_counts_are_ordered_by_severity(mixed_report: Any) -> None:
+    assert list(count_outcomes(mixed_report.jobs).items()) == [
+        (Outcome.BROKEN, 1),
+        (Outcome.FAILED, 1),
+        (Outcome.CANCELED, 1),
+        (Outcome.PASSED, 2),
+    ]
+
+
+def test_headline_counts_in_words(mixed_report: Any, make_report: Any, make_world: Any, make_job: Any) -> None:
+    assert headline(mixed_report) == "2 of 5 jobs passed; 1 broken, 1 failed, 1 canceled"
+    assert headline(make_report([], [])) == "Nothing was simulated"
+    assert headline(make_report([make_world()], [])) == "No simulation jobs; 1 world"
+    assert headline(make_report([], [make_job("sim-1", None)])) == "0 of 1 job passed; 1 no verdict"

@@ -1,0 +1,280 @@
+import io
+import os
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedStep
+from prefect_robomaker.schemas.world import World
+from prefect_robomaker.tasks.reporting import render_report, write_report
+
+ATTACK = "</pre></title><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"
+_VOID = {"meta", "link", "img", "br", "hr", "input"}
+_STYLE_SHEET = Path(__file__).parents[3] / "tasks" / "reporting" / "report.css"
+
+
+class Document(HTMLParser):
+    """A page as a list of elements, checking that every element is closed where it should be."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(html)
+        self.close()
+        assert not self._open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in _VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not {"style", "script"} & set(self._open):
+            self.text += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+    def values(self, attribute: str) -> list[str]:
+        return [attributes[attribute] or "" for _, attributes in self.elements if attribute in attributes]
+
+
+def _attacked(make_world: Any, make_job: Any, make_result: Any, make_report: Any) -> Report:
+    """A report with an attack in every text that comes from elsewhere."""
+    plain = World.model_validate_json(make_world().world_json.read_bytes())
+    renamed = plain.floorplan.rooms[0].model_copy(update={"name": ATTACK})
+    chair = plain.furniture[0].model_copy(update={"id": ATTACK, "model_type": ATTACK})
+    wish = plain.wishes[0].model_copy(update={"path": ATTACK, "wish": ATTACK, "reason": ATTACK})
+    floorplan = plain.floorplan.model_copy(update={"rooms": [renamed, *plain.floorplan.rooms[1:]]})
+    hostile = plain.model_copy(update={"floorplan": floorplan, "furniture": [chair], "wishes": [wish]})
+    world = make_world(world=hostile).model_copy(update={"arn": ATTACK, "label": ATTACK})
+    result = make_result("FAIL", 9, hits=2)
+    result = result.model_copy(
+        update={
+            "summary": ATTACK,
+            "ended_by": ATTACK,
+            "metrics": {ATTACK: 1.0},
+            "rooms": [result.rooms[0].model_copy(update={"name": ATTACK})],
+            "requirements": [result.requirements[0].model_copy(update={"name": ATTACK, "detail": ATTACK})],
+            "collisions": [result.collisions[0].model_copy(update={"other": ATTACK})],
+        }
+    )
+    file = ReportedFile(name=ATTACK, uri=f"javascript:alert(3)//{ATTACK}", size_bytes=1)
+    job = make_job(
+        ATTACK, ATTACK, result=result, failure_code=ATTACK, failure_reason=ATTACK, log_tail=f"log {ATTACK}",
+        arn=ATTACK, files=[file],
+    )  # fmt: skip
+    step = ReportedStep(name=ATTACK, operation=ATTACK, status=ATTACK, duration_s=1.0, detail=ATTACK)
+    return make_report(
+        [world], [job], name=ATTACK, run_id=ATTACK, command=ATTACK, where=ATTACK, steps=[step],
+        versions={ATTACK: ATTACK},
+    )  # fmt: skip
+
+
+def test_failures_come_before_everything_else(mixed_report: Report) -> None:
+    html = render_report(mixed_report)
+    order = [
+        html.index(f">{text}</h3>")
+        for text in ("sim-fail1", "sim-broken1", "sim-cancel1", "sim-pass1", "generation-1/world-1")
+    ]
+    assert order == sorted(order)
+    assert html.index('id="failures"') < html.index('id="table"') < html.index('id="jobs"') < html.index('id="worlds"')
+
+
+def test_says_what_a_reader_wants_to_know(mixed_report: Report) -> None:
+    text = Document(render_report(mixed_report)).text
+    for expected in (
+        "2 of 5 jobs passed; 1 broken, 1 failed, 1 canceled",
+        "2 of 4; 95\xa0% interval 15 to 85\xa0%",
+        "2026-03-02 09:30:00 UTC",
+        "1 min 23 s",
+        "build-7, outputs in file:///data/out",
+        "robomaker run nightly-flats.yaml",
+        "RobotApplicationCrash",
+        "return goal / distance\nlast log line",
+        "4.2 MB, open in Foxglove",
+        "Visited 4 of 7 rooms in 35 s.",
+        "no free wall is left",
+        "CreateWorldGenerationJob",
+        "3.17.0",
+    ):
+        assert expected in text
+    assert "\x1b" not in text
+
+
+def test_the_table_has_every_job_with_sortable_numbers(mixed_report: Report) -> None:
+    html = render_report(mixed_report)
+    table = html[html.index('<table class="sortable"') :]
+    rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], re.DOTALL)
+    assert len(rows) == 1 + len(mixed_report.jobs)
+    cells = [re.sub(r"<[^>]+>", "", cell).strip() for cell in re.findall(r"<t[hd].*?</t[hd]>", rows[2], re.DOTALL)]
+    assert cells == ["sim-fail1", "failed", "generation-1/world-1", "4/7", "17.7", "35.4", "21.0", "5", "167", "7.4"]
+    assert all(len(re.findall("<t[hd]", row)) == 10 for row in rows)
+    assert 'data-sort="167.0"' in rows[2]
+
+
+def test_the_page_is_well_formed_and_its_references_lead_somewhere(mixed_report: Report) -> None:
+    html = render_report(mixed_report)
+    page = Document(html)
+    ids = page.values("id")
+    assert len(ids) == len(set(ids))
+    targets = [href[1:] for href in page.values("href") if href.startswith("#")]
+    targets += [name for value in page.values("aria-labelledby") for name in value.split()]
+    targets += re.findall(r"url\(#([^)]+)\)", html)
+    assert set(targets) <= set(ids)
+    assert all(image["alt"] for image in page.all("img"))
+    levels = [int(tag[1]) for tag, _ in page.elements if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_the_page_loads_nothing(mixed_report: Report) -> None:
+    html = render_report(mixed_report)
+    page = Document(html)
+    assert not re.search(r"https?://", html)
+    assert all(value.startswith("data:") for value in page.values("src"))
+    assert [link["href"] for link in page.all("link")] == ["data:,"]
+    assert all(tag["href"].startswith(("#", "file:///")) for tag in page.all("a") if tag["href"])
+    policy = page.all("meta")[1]["content"] or ""
+    assert policy.startswith("default-src 'none'; img-src data:; style-src 'sha256-")
+    assert "unsafe" not in policy
+    # The policy forbids these, so they would not work.
+    assert not page.values("style")
+
+
+def test_no_text_becomes_code(make_world: Any, make_job: Any, make_result: Any, make_report: Any) -> None:
+    html = render_report(_attacked(make_world, make_job, make_result, make_report))
+    page = Document(html)
+    assert len(page.all("script")) == 1
+    assert not [name for _, attributes in page.elements for name in attributes if name.startswith("on")]
+    assert not [href for href in page.values("href") if "javascript" in href]
+    assert "<script>alert" not in html
+    assert page.text.count("<script>alert(1)</script>") > 20
+
+
+def test_the_same_report_gives_the_same_page(mixed_report: Report) -> None:
+    assert render_report(mixed_report) == render_report(mixed_report)
+
+
+def test_fifty_worlds_stay_below_ten_megabytes(
+    make_world: Any, make_job: Any, make_result: Any, make_report: Any
+) -> None:
+    buffer = io.BytesIO()
+    # Noise is the worst case for a picture's size.
+    Image.frombytes("RGB", (640, 480), os.urandom(3 * 640 * 480)).save(buffer, "PNG")
+    worlds = [make_world(n, preview=False).model_copy(update={"preview_png": buffer.getvalue()}) for n in range(50)]
+    result = make_result("PASS", 22, hits=10)
+    path = [result.path[index % len(result.path)] for index in range(600)]
+    jobs = [make_job(f"sim-{n}", worlds[n].arn, result=result.model_copy(update={"path": path})) for n in range(50)]
+    assert len(render_report(make_report(worlds, jobs)).encode()) < 10_000_000
+
+
+def test_a_run_without_jobs_and_worlds_is_a_page(make_report: Any) -> None:
+    page = Document(render_report(make_report([], [], state="succeeded", steps=[], versions={}, where="")))
+    assert "Nothing was simulated" in page.text
+    assert "This run started no simulation jobs." in page.text
+    assert not page.all("table")
+
+
+def test_jobs_without_result_or_world_say_so(make_report: Any, make_job: Any, make_result: Any) -> None:
+    jobs = [
+        make_job("sim-1", "arn:gone", result=make_result("PASS", 5)),
+        make_job("sim-2", None, result=make_result("NONE", 5)),
+        make_job("request 3", None, arn=None, status="NotCreated", files=[], duration_s=None),
+    ]
+    page = Document(render_report(make_report([], jobs)))
+    assert "The world arn:gone is not part of this report." in page.text
+    assert "This job drove in no generated world." in page.text
+    assert "The job left no result.json" in page.text
+    assert len([svg for svg in page.all("svg") if "plan" in (svg.get("class") or "").split()]) == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(None, "cannot be read (No such file or directory)"), ("{}", "is not a world"), ("no json", "is not a world")],
+)
+def test_a_world_that_cannot_be_read_shows_its_own_plan(
+    make_world: Any, make_report: Any, make_job: Any, content: str | None, reason: str
+) -> None:
+    world = make_world(preview=False)
+    if content is None:
+        world.world_json.unlink()
+    else:
+        world.world_json.write_text(content)
+    page = Document(render_report(make_report([world], [make_job("sim-1", world.arn)])))
+    assert reason in page.text
+    assert "There is no preview." in page.text
+    assert [image["class"] for image in page.all("img")] == ["given-plan"]
+
+
+def test_a_hostile_plan_and_broken_pictures_are_named_not_shown(
+    make_world: Any, make_report: Any, make_job: Any
+) -> None:
+    world = make_world().model_copy(
+        update={"floorplan_svg": "<svg><script/></svg>", "preview_png": b"GIF89a", "world_json": Path("/nowhere")}
+    )
+    page = Document(render_report(make_report([world], [make_job("sim-1", world.arn, poster_png=b"?")])))
+    assert "Its floorplan.svg is not shown: the drawing contains <script>." in page.text
+    assert "No preview: the picture cannot be read" in page.text
+    assert "Frame of the video: the picture cannot be read" in page.text
+    assert not page.all("img")
+
+
+def test_files_without_a_browser_address_are_named_with_their_folder(make_report: Any, make_job: Any) -> None:
+    file = ReportedFile(name="logs/stdout.log", uri="s3://runs/out/sim-1/logs/stdout.log", size_bytes=812)
+    page = Document(render_report(make_report([], [make_job("sim-1", None, files=[file])])))
+    assert "s3://runs/out/sim-1/" in page.text
+    assert "812 B" in page.text
+    assert not [href for href in page.values("href") if href.startswith("s3:")]
+
+
+def test_a_file_appears_only_when_it_is_whole(mixed_report: Report, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "report.html"
+    assert write_report(mixed_report, path) == path
+    before = path.read_text(encoding="utf-8")
+    assert before == render_report(mixed_report)
+    broken = mixed_report.model_copy(update={"jobs": None})
+    with pytest.raises(TypeError):
+        write_report(broken, path)
+    assert path.read_text(encoding="utf-8") == before
+    assert [file.name for file in path.parent.iterdir()] == ["report.html"]
+
+
+def test_bytes_that_are_no_text_do_not_stop_the_report(make_report: Any, make_job: Any, tmp_path: Path) -> None:
+    job = make_job("sim-1", None, status="Failed", failure_reason="bad byte \udcff here")
+    path = write_report(make_report([], [job]), tmp_path / "report.html")
+    assert "bad byte ? here" in path.read_text(encoding="utf-8")
+
+
+def _luminance(colour: str) -> float:
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_colours_have_enough_contrast(theme: str) -> None:
+    light, dark = _STYLE_SHEET.read_text(encoding="utf-8").split("@media screen and (prefers-color-scheme: dark)")
+    colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})\b", (light if theme == "light" else dark).split("*,")[0]))
+    states = ("passed", "failed", "broken", "canceled", "unfinished", "unjudged")
+    letters = [(ink, ground) for ink in ("text", "muted", "link") for ground in ("page", "card", "sunken")]
+    letters += [(state, f"{state}-soft") for state in states] + [("text", f"{state}-soft") for state in states]
+    letters += [("muted", "ground"), ("muted", "floor-visited"), ("text", "hatch-line")]
+    shapes = [(f"shade-{i}", floor) for i in range(8) for floor in ("floor", "casing")] + [("hit", "floor-visited")]
+    for pairs, wanted in ((letters, 4.5), (shapes, 3.0)):
+        for ink, ground in pairs:
+            high, low = sorted((_luminance(colours[ink]), _luminance(colours[ground])), reverse=True)
+            assert (high + 0.05) / (low + 0.05) >= wanted, f"{theme}: {ink} on {ground}"
