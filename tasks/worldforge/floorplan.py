@@ -1,13 +1,14 @@
 """From a template's wishes to a floor plan: rooms, walls, ways, windows, and the account of the wishes."""
 
-from math import hypot
 from random import Random
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.world import Floorplan, Passage, Point, Room, Wall, Window
 from ...schemas.world_template_body import TemplateFloorplan, WorldTemplateBody
-from .brief import EXTERIOR_WALL, Brief, brief
+from .brief import EXTERIOR_WALL, Brief, brief, length_over_width
 from .connections import Way, connect
 from .floorplan_wishes import judge_wishes
 from .partition import UNITS_PER_M, Corners, Partition, area, extent
@@ -23,6 +24,14 @@ _ORIGIN_CLEARANCE = 20
 _LATTICE = 10
 
 Spot = tuple[int, int]
+
+
+class Spots(NamedTuple):
+    """Places spread over a room, in units, and their distance from its walls' faces; negative outside."""
+
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    clearance: NDArray[np.float64]
 
 
 def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Floorplan:
@@ -45,11 +54,12 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     plan = find_partition(numbers, dice)
     ways = connect(plan, numbers, dice)
     panes = place_windows(plan, numbers, dice)
-    origin = _origin(plan, numbers, ways)
+    spots = [_spots(corners) for corners in plan.rooms]
+    origin = _origin(plan, numbers, ways, spots)
     return Floorplan(
         footprint=_points(((0, 0), (plan.width, 0), (plan.width, plan.height), (0, plan.height)), origin),
         ceiling_height_m=wishes.Ceiling.Height,
-        rooms=[_room(wishes, numbers, number, corners, origin) for number, corners in enumerate(plan.rooms)],
+        rooms=[_room(wishes, plan, number, spots[number], origin) for number in range(len(plan.rooms))],
         walls=[_wall(piece, numbers, origin) for piece in build_walls(plan, ways)],
         passages=[_passage(way, numbers, origin) for way in ways],
         windows=[_window(pane, numbers, origin) for pane in panes],
@@ -57,48 +67,37 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     )
 
 
-def _origin(plan: Partition, numbers: Brief, ways: list[Way]) -> Spot:
+def _origin(plan: Partition, numbers: Brief, ways: list[Way], spots: list[Spots]) -> Spot:
     """A free spot: in the largest living room or hallway if that is wide enough, near its ways in."""
 
     def rank(room: int) -> tuple[int, bool, float]:
-        best = max(clearance for clearance, _ in spots[room])
         public = numbers.types[room] in ("Living", "Hallway")
-        return min(round(best), _ORIGIN_CLEARANCE), public, area(plan.rooms[room])
+        clearance = round(spots[room].clearance.max())
+        return min(clearance, _ORIGIN_CLEARANCE), public, area(plan.rooms[room])
 
-    spots = [_spots(corners) for corners in plan.rooms]
     room = max(range(len(plan.rooms)), key=rank)
-    doors = [_middle(way) for way in ways if room in way.pair]
+    x, y, clearance = spots[room]
+    far = np.zeros(len(x))
+    for u, v in (_middle(way) for way in ways if room in way.pair):
+        far += np.hypot(x - u, y - v)
+    best = np.lexsort((far, -np.minimum(clearance, _ORIGIN_CLEARANCE)))[0]
+    return int(x[best]), int(y[best])
 
-    def merit(candidate: tuple[float, Spot]) -> tuple[float, float]:
-        clearance, (x, y) = candidate
-        return min(clearance, _ORIGIN_CLEARANCE), -sum(hypot(x - u, y - v) for u, v in doors)
 
-    return max(spots[room], key=merit)[1]
-
-
-def _spots(corners: Corners) -> list[tuple[float, Spot]]:
-    """Spots all over a room, each with its distance from the nearest wall's face; negative outside."""
+def _spots(corners: Corners) -> Spots:
+    """A lattice of spots over a room."""
     box = extent(corners)
-    found = []
-    for column in range(1, _LATTICE):
-        for row in range(1, _LATTICE):
-            x = box.x0 + (box.x1 - box.x0) * column // _LATTICE
-            y = box.y0 + (box.y1 - box.y0) * row // _LATTICE
-            found.append((_distance(corners, x, y) - EXTERIOR_WALL / 2, (x, y)))
-    return found
-
-
-def _distance(corners: Corners, x: int, y: int) -> float:
-    """Distance of a point from a room's border; negative if the point is not inside."""
-    nearest, inside = float("inf"), False
-    following = (*corners[1:], corners[0])
-    for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
-        beside = max(min(x0, x1) - x, 0, x - max(x0, x1))
-        above = max(min(y0, y1) - y, 0, y - max(y0, y1))
-        nearest = min(nearest, hypot(beside, above))
-        if x0 == x1 and x < x0 and min(y0, y1) <= y < max(y0, y1):
-            inside = not inside
-    return nearest if inside else -nearest
+    steps = np.arange(1, _LATTICE)
+    columns = box.x0 + (box.x1 - box.x0) * steps // _LATTICE
+    rows = box.y0 + (box.y1 - box.y0) * steps // _LATTICE
+    x, y = np.tile(columns, len(rows)), np.repeat(rows, len(columns))
+    ends = np.array([*corners, corners[0]])
+    starts, ends = ends[:-1], ends[1:]
+    (x0, y0), (x1, y1) = np.minimum(starts, ends).T[..., np.newaxis], np.maximum(starts, ends).T[..., np.newaxis]
+    # Distance to each edge, which is axis-aligned: how far beside its span and how far off its line.
+    nearest = np.hypot(np.maximum(0, np.maximum(x0 - x, x - x1)), np.maximum(0, np.maximum(y0 - y, y - y1))).min(axis=0)
+    inside = ((x0 == x1) & (x < x0) & (y0 <= y) & (y < y1)).sum(axis=0) % 2 == 1
+    return Spots(x, y, np.where(inside, nearest, -nearest) - EXTERIOR_WALL / 2)
 
 
 def _middle(way: Way) -> Spot:
@@ -117,17 +116,17 @@ def _ends(horizontal: bool, at: int, start: int, end: int, origin: Spot) -> tupl
     return first, last
 
 
-def _room(wishes: TemplateFloorplan, numbers: Brief, number: int, corners: Corners, origin: Spot) -> Room:
-    wish = wishes.Rooms[number]
-    goal = max(_spots(corners))[1]
+def _room(wishes: TemplateFloorplan, plan: Partition, number: int, spots: Spots, origin: Spot) -> Room:
+    wish, corners = wishes.Rooms[number], plan.rooms[number]
+    middle = int(spots.clearance.argmax())
     return Room(
         name=wish.Name,
         type=wish.Type,
         polygon=_points(corners, origin),
         area_m2=area(corners) / UNITS_PER_M**2,
         desired_area_m2=wish.DesiredShape.Area,
-        desired_aspect_ratio=numbers.ratios[number],
-        goal=_points((goal,), origin)[0],
+        desired_aspect_ratio=length_over_width(wish.DesiredShape.AspectRatio),
+        goal=_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],
     )
 
 

@@ -1,7 +1,7 @@
 """The search for a good partition: random slicing trees, improved step by step, one of the best chosen."""
 
 from collections.abc import Sequence
-from math import exp, log, sqrt
+from math import exp, inf, log, sqrt
 from random import Random
 
 from ...schemas.errors import WorldGenerationError
@@ -41,9 +41,10 @@ class Judge:
         self.log_footprint = log(brief.footprint_ratio)
         self.affinities = [[affinity(one, other) for other in brief.types] for one in brief.types]
 
-    def cost(self, plan: Partition) -> float:
-        """The whole cost."""
-        return self._shapes(plan) + self._neighbours(plan)
+    def cost(self, plan: Partition, limit: float = inf) -> float:
+        """The whole cost, or some part of it that is above the limit already."""
+        cost = self._shapes(plan)
+        return cost if cost > limit else cost + self._neighbours(plan)
 
     def is_valid(self, plan: Partition) -> bool:
         """Whether every room is wide enough and a way leads to each."""
@@ -168,7 +169,7 @@ def _climb(judge: Judge, dice: Random) -> tuple[Partition, float]:
         else:
             changed = _changed(expression, dice)
         candidate = _cut(brief, changed, changed_ratio)
-        candidate_cost = judge.cost(candidate)
+        candidate_cost = judge.cost(candidate, cost)
         if candidate_cost <= cost:
             expression, ratio, plan, cost = changed, changed_ratio, candidate, candidate_cost
     return plan, cost

@@ -1,0 +1,221 @@
+"""Furniture as architects draw it: outlines seen from above.
+
+Every symbol is SVG in the piece's own frame: metres, the middle of its footprint at (0, 0), its front
+towards +x, so `depth` runs along x and `width` along y. Nothing here depends on the room around it.
+"""
+
+from collections.abc import Callable
+
+Symbol = Callable[[float, float], str]
+"""From (depth, width) in metres to SVG elements."""
+
+
+def number(value: float) -> str:
+    """A coordinate, to the millimetre, without trailing zeros."""
+    return f"{value:.3f}".rstrip("0").rstrip(".").replace("-0", "0") if abs(value) < 5e-4 else f"{round(value, 3):g}"
+
+
+def symbol(model_type: str, depth: float, width: float) -> str:
+    """The SVG of one piece of furniture; a plain outline for types without a symbol of their own."""
+    return _SYMBOLS.get(model_type, _plain)(depth, width)
+
+
+def _box(x: float, y: float, depth: float, width: float, radius: float = 0.0) -> str:
+    """A rectangle around (x, y)."""
+    corner = f' rx="{number(radius)}"' if radius else ""
+    return (
+        f'<rect x="{number(x - depth / 2)}" y="{number(y - width / 2)}" '
+        f'width="{number(depth)}" height="{number(width)}"{corner}/>'
+    )
+
+
+def _line(x0: float, y0: float, x1: float, y1: float) -> str:
+    return f'<line x1="{number(x0)}" y1="{number(y0)}" x2="{number(x1)}" y2="{number(y1)}"/>'
+
+
+def _round(x: float, y: float, along: float, across: float) -> str:
+    """An ellipse around (x, y) with the given half axes."""
+    return f'<ellipse cx="{number(x)}" cy="{number(y)}" rx="{number(along)}" ry="{number(across)}"/>'
+
+
+def _plain(depth: float, width: float) -> str:
+    return _box(0, 0, depth, width)
+
+
+def _table(depth: float, width: float) -> str:
+    return _box(0, 0, depth, width, min(depth, width) * 0.08)
+
+
+def _bed(depth: float, width: float) -> str:
+    pillows = 2 if width > 1.25 else 1
+    each = width / pillows
+    length = min(0.4, depth * 0.2)
+    head = -depth / 2 + 0.08 + length / 2
+    parts = [_box(0, 0, depth, width, 0.04)]
+    for index in range(pillows):
+        across = -width / 2 + each * (index + 0.5)
+        parts.append(_box(head, across, length, each * 0.78, 0.07))
+    fold = head + length / 2 + 0.1
+    parts.append(_line(fold, -width / 2, fold, width / 2))
+    parts.append(_line(fold + 0.18, -width / 2, fold + 0.18, width / 2))
+    return "".join(parts)
+
+
+def _sofa(depth: float, width: float) -> str:
+    back, arm = min(0.22, depth * 0.3), min(0.18, width * 0.16)
+    seats = max(1, round((width - 2 * arm) / 0.7))
+    parts = [_box(0, 0, depth, width, 0.06)]
+    seat = (width - 2 * arm) / seats
+    for index in range(seats):
+        across = -width / 2 + arm + seat * (index + 0.5)
+        parts.append(_box(back / 2, across, depth - back, seat, 0.05))
+    return "".join(parts)
+
+
+def _chair(depth: float, width: float) -> str:
+    back = depth * 0.16
+    rest = -depth / 2 + back / 2
+    return _box(back / 2, 0, depth - back, width, 0.05) + _box(rest, 0, back, width * 0.96, back / 2)
+
+
+def _desk_chair(depth: float, width: float) -> str:
+    return _round(0, 0, depth / 2, width / 2) + _box(-depth * 0.4, 0, depth * 0.14, width * 0.7, depth * 0.06)
+
+
+def _toilet(depth: float, width: float) -> str:
+    tank = depth * 0.28
+    bowl = (depth - tank) / 2
+    seat = tank / 2
+    return (
+        _box(-depth / 2 + tank / 2, 0, tank, width, 0.03)
+        + _round(seat, 0, bowl, width * 0.45)
+        + _round(seat, 0, bowl * 0.68, width * 0.28)
+    )
+
+
+def _bath(depth: float, width: float) -> str:
+    rim = 0.07
+    drain_x, drain_y = (-depth / 2 + 0.25, 0.0) if depth > width else (0.0, -width / 2 + 0.25)
+    radius = min(depth, width) * 0.28
+    return (
+        _box(0, 0, depth, width)
+        + _box(0, 0, depth - 2 * rim, width - 2 * rim, radius)
+        + _round(drain_x, drain_y, 0.035, 0.035)
+    )
+
+
+def _shower(depth: float, width: float) -> str:
+    x, y = depth / 2, width / 2
+    return _box(0, 0, depth, width) + _line(-x, -y, x, y) + _line(-x, y, x, -y) + _round(0, 0, 0.06, 0.06)
+
+
+def _basin(depth: float, width: float) -> str:
+    bowls = 2 if width > 1.4 else 1
+    each = width / bowls
+    across, along = min(0.24, each * 0.36), min(0.17, depth * 0.34)
+    parts = [_box(0, 0, depth, width)]
+    for index in range(bowls):
+        y = -width / 2 + each * (index + 0.5)
+        parts += [_round(depth * 0.05, y, along, across), _round(-depth * 0.38, y, 0.025, 0.025)]
+    return "".join(parts)
+
+
+def _hob(depth: float, width: float) -> str:
+    radius = min(depth, width) * 0.15
+    rings = [
+        _round(x * depth * 0.22, y * width * 0.23, radius * (1.1 if x == y else 0.8), radius * (1.1 if x == y else 0.8))
+        for x in (-1, 1)
+        for y in (-1, 1)
+    ]
+    return _box(0, 0, depth, width) + "".join(rings)
+
+
+def _fridge(depth: float, width: float) -> str:
+    door = depth / 2 - 0.06
+    grip = width * 0.36
+    return _box(0, 0, depth, width) + _line(door, -width / 2, door, width / 2) + _round(depth / 2, grip, 0.025, 0.025)
+
+
+def _washer(depth: float, width: float) -> str:
+    radius = min(depth, width) * 0.32
+    panel = -depth / 2 + depth * 0.14
+    return (
+        _box(0, 0, depth, width) + _line(panel, -width / 2, panel, width / 2) + _round(depth * 0.05, 0, radius, radius)
+    )
+
+
+def _dish_washer(depth: float, width: float) -> str:
+    x, y = depth / 2, width / 2
+    return _box(0, 0, depth, width) + _line(-x, -y, x, 0) + _line(-x, y, x, 0)
+
+
+def _island(depth: float, width: float) -> str:
+    return _box(0, 0, depth, width, 0.03) + _box(0, 0, depth - 0.1, width - 0.1, 0.02)
+
+
+def _cupboard(depth: float, width: float) -> str:
+    """A tall cupboard: cut by the plan's plane, hence the diagonal."""
+    x, y = depth / 2, width / 2
+    return _box(0, 0, depth, width) + _line(-x, -y, x, y)
+
+
+def _corner_cabinet(depth: float, width: float) -> str:
+    x, y = depth / 2, width / 2
+    return _box(0, 0, depth, width) + _line(-x, y, x, -y)
+
+
+def _shelf(depth: float, width: float) -> str:
+    bays = max(2, round(width / 0.4))
+    walls = [-width / 2 + width / bays * index for index in range(1, bays)]
+    back = -depth / 2 + min(0.05, depth * 0.2)
+    lines = [_line(back, y, depth / 2, y) for y in walls]
+    return _box(0, 0, depth, width) + _line(back, -width / 2, back, width / 2) + "".join(lines)
+
+
+def _drawers(depth: float, width: float) -> str:
+    front = depth / 2 - min(0.05, depth * 0.15)
+    return _box(0, 0, depth, width) + _line(front, -width / 2, front, width / 2) + _line(front, 0, depth / 2, 0)
+
+
+def _lamp(depth: float, width: float) -> str:
+    x, y = depth / 2, width / 2
+    return _round(0, 0, x, y) + _line(-x, 0, x, 0) + _line(0, -y, 0, y)
+
+
+def _ottoman(depth: float, width: float) -> str:
+    return _box(0, 0, depth, width, min(depth, width) * 0.2)
+
+
+_SYMBOLS: dict[str, Symbol] = {
+    "BarCabinets": _drawers,
+    "Baths": _bath,
+    "Beds": _bed,
+    "Bookcases": _shelf,
+    "CoffeeTables": _table,
+    "ConsoleTables": _table,
+    "CornerCabinets": _corner_cabinet,
+    "DeskChairs": _desk_chair,
+    "Desks": _table,
+    "DiningChairs": _chair,
+    "DiningTables": _table,
+    "DishWashers": _dish_washer,
+    "Dressers": _drawers,
+    "EndAndSideTables": _table,
+    "FloorLamps": _lamp,
+    "Fridges": _fridge,
+    "KitchenIslandsAndCarts": _island,
+    "LivingRoomChairs": _sofa,
+    "MediaStorage": _drawers,
+    "Nightstands": _drawers,
+    "Ottomans": _ottoman,
+    "Ovens": _hob,
+    "ServingCarts": _island,
+    "Showers": _shower,
+    "SideboardsAndBuffets": _drawers,
+    "Sofas": _sofa,
+    "Storage": _cupboard,
+    "StorageBenches": _ottoman,
+    "Toilets": _toilet,
+    "VanityCounters": _basin,
+    "WashingMachinesAndDryers": _washer,
+}
