@@ -4,7 +4,7 @@ import uuid
 from collections.abc import Mapping
 from typing import Any
 
-from ..schemas.arns import NamedKind, named_arn
+from ..schemas.arns import application_arn
 from ..schemas.errors import InvalidParameterException, ResourceAlreadyExistsException, StorageError
 from ..tasks.catalog import Resource
 from ..tasks.service import Service
@@ -12,7 +12,7 @@ from ..tasks.service import Service
 LATEST = "$LATEST"
 
 
-def create_application(kind: NamedKind, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+def create_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
     """Stores an application and returns the members of the response.
 
     Args:
@@ -30,7 +30,7 @@ def create_application(kind: NamedKind, request: Mapping[str, Any], service: Ser
     if sources := request.get("sources"):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
     settings, now = service.settings, service.clock()
-    arn = str(named_arn(settings.region, settings.account, kind, request["name"], now))
+    arn = application_arn(settings.region, settings.account, kind, request["name"], now)
     resource = service.catalog.create(
         Resource.new(
             arn=arn,
@@ -81,7 +81,7 @@ def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[s
         ) from error
 
 
-def reuse_application(kind: NamedKind, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+def reuse_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
     """The members of the response for an application that exists with the same definition.
 
     Returns:

@@ -16,7 +16,8 @@ from ..schemas.progress import Note, ProgressEvent, ProgressListener, StepEnded,
 from ..schemas.report import RunState
 from ..schemas.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
 from ..schemas.settings import Settings
-from ..schemas.spec import CheckedSpec, load_spec
+from ..schemas.spec import CheckedSpec, resolve_input
+from ..schemas.spec_check import load_spec
 from ..tasks.service import Progress, Service
 from .operation import perform_flow, registry
 
@@ -170,7 +171,7 @@ class PipelineRun:
     def _call(self, name: str) -> dict[str, Any]:
         """Calls a step's operation; jobs are performed to their end."""
         step = self._checked.steps[name]
-        request = self._checked.resolve_input(name, self._outputs)
+        request = resolve_input(step, self._outputs)
         entry = registry()[step.operation]
         output = self._reused(step.operation, step.if_exists, request) or entry.answer(request, self._service)
         if entry.performer is None:

@@ -16,7 +16,7 @@ from ..schemas.simulation_job_batches import (
 )
 from ..schemas.simulation_jobs import SimulationJobRequest
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import perform_once
+from ..tasks.performing import Lease, perform_once
 from ..tasks.service import Progress, Service
 from .operation import flows_of, operation
 from .simulation_jobs import store_job, summary
@@ -27,8 +27,8 @@ _WATCH_S = 0.25
 _END_EVENTS: Mapping[str, str] = {
     "Completed": "complete",
     "Failed": "fail",
-    "TimedOut": "time_out",
-    "Canceled": "cancel",
+    "TimedOut": "timed_out",
+    "Canceled": "canceled",
 }
 # What becomes of a request that the service's own checks refuse for good.
 _FAILURE_CODES: Mapping[str, str] = {
@@ -40,7 +40,7 @@ _FAILURE_CODES: Mapping[str, str] = {
 
 def perform_simulation_job_batch(arn: str, service: Service) -> None:
     """Turns the batch's requests into jobs, runs them, and ends the batch."""
-    perform_once(arn, KIND, service, lambda batch: BatchRun(batch, service).run())
+    perform_once(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
 
 
 @operation("StartSimulationJobBatch", perform=perform_simulation_job_batch, describe="DescribeSimulationJobBatch")
@@ -117,14 +117,15 @@ class BatchRun:
     """One performer's work on one batch.
 
     Args:
-      batch: the batch, whose lease the caller holds.
+      lease: the right to change the batch.
       service: where it is stored.
     """
 
-    def __init__(self, batch: Resource, service: Service) -> None:
+    def __init__(self, lease: Lease, service: Service) -> None:
+        self._lease = lease
         self._service = service
+        self._batch = batch = lease.job
         self._arn = batch.arn
-        self._batch = batch
         policy = batch.document["batchPolicy"]
         self._requests = batch.document["request"]["createSimulationJobRequests"]
         self._concurrency = min(policy["maxConcurrency"], len(self._requests))
@@ -138,7 +139,7 @@ class BatchRun:
         from ..tasks.slots import Slots
 
         if self._batch.status == "Pending":
-            self._service.catalog.transition(self._arn, "start")
+            self._lease.transition("start")
         limit = self._batch.document["batchPolicy"]["maxConcurrency"]
         with self._service.activated(), Slots(f"robomaker-{self._batch.id}", limit) as slots:
             with ThreadPoolTaskRunner(max_workers=self._concurrency) as runner:
@@ -146,11 +147,15 @@ class BatchRun:
                     runner.submit(simulate_request, {"batch": self, "index": index, "slots": slots})
                     for index in range(len(self._requests))
                 ]
-                while waiting := [future for future in futures if not future.state.is_final()]:
-                    self._note_stop()
-                    waiting[0].wait(timeout=_WATCH_S)
-                for future in futures:
-                    future.result()
+                try:
+                    while waiting := [future for future in futures if not future.state.is_final()]:
+                        self._note_stop()
+                        waiting[0].wait(timeout=_WATCH_S)
+                    for future in futures:
+                        future.result()
+                except BaseException:  # Ctrl-C, a worker's termination signal: no job is left running
+                    self._service.catalog.request_cancel(self._arn)
+                    raise
             slots.remove()
         self._settle()
 
@@ -179,7 +184,7 @@ class BatchRun:
         def add(document: dict[str, Any]) -> dict[str, Any]:
             return {**document, "failed": {**document["failed"], str(index): failure}}
 
-        self._service.catalog.update(self._arn, add)
+        self._lease.update(add)
 
     def report(self) -> None:
         """Tells whoever watches how many requests are in which state."""
@@ -192,9 +197,9 @@ class BatchRun:
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""
-        event = {"BatchCanceled": "begin_cancel", "BatchTimedOut": "begin_timeout"}.get(self.why_stop() or "")
+        event = {"BatchCanceled": "cancel", "BatchTimedOut": "time_out"}.get(self.why_stop() or "")
         if event and self._status() in ("Pending", "InProgress", "Completing"):
-            self._service.catalog.transition(self._arn, event)
+            self._lease.transition(event)
 
     def _settle(self) -> None:
         status = self._status()
@@ -206,19 +211,19 @@ class BatchRun:
             self.fail_request(index, code, "the batch ended before a job was made of this request")
         failures = self._service.catalog.get(self._arn).document["failed"].values()
         end = batch_outcome(
-            pending=[],
+            pending=0,
             failed=[failure["failureCode"] for failure in failures],
             created=[job.status for job in jobs.values()],
             timed_out=status == "TimingOut",
             canceled=status == "Canceling",
         )
         if end == "Completed" and status == "InProgress":
-            self._service.catalog.transition(self._arn, "drain")
-        changes = {}
+            self._lease.transition("drain")
+        changes: dict[str, Any] = {}
         if end == "Failed":
             reason = "at least one request could not become a job because of an internal fault"
             changes = {"failureCode": "InternalServiceError", "failureReason": reason}
-        self._service.catalog.transition(self._arn, _END_EVENTS[end], document_changes=changes)
+        self._lease.transition(_END_EVENTS[end], **changes)
         self.report()
 
     def _status(self) -> str:

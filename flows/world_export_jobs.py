@@ -2,7 +2,12 @@
 
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, StorageAccessDeniedError, StorageError
+from ..schemas.errors import (
+    InvalidParameterException,
+    ResourceNotFoundException,
+    StorageAccessDeniedError,
+    StorageError,
+)
 from ..schemas.ids import new_id
 from ..schemas.world_export_jobs import (
     CreateWorldExportJobRequest,
@@ -11,7 +16,7 @@ from ..schemas.world_export_jobs import (
     DescribeWorldExportJobResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import perform_once
+from ..tasks.performing import Lease, perform_once
 from ..tasks.service import Progress, Service
 from .operation import flows_of, operation
 
@@ -20,7 +25,7 @@ KIND = "world-export-job"
 
 def perform_world_export_job(arn: str, service: Service) -> None:
     """Packs the worlds, stores the archive and ends the job."""
-    perform_once(arn, KIND, service, lambda job: _export(job, service))
+    perform_once(arn, KIND, service, lambda lease: _export(lease, service))
 
 
 @operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")
@@ -72,26 +77,25 @@ def _described(job: Resource) -> dict[str, Any]:
     }
 
 
-def _export(job: Resource, service: Service) -> None:
-    if job.status == "Pending":
-        job = service.catalog.transition(job.arn, "start")
-    if service.catalog.cancel_requested(job.arn):
-        service.catalog.transition(job.arn, "begin_cancel")
-        service.catalog.transition(job.arn, "cancel")
-        return
+def _export(lease: Lease, service: Service) -> None:
     from ..tasks.world_export import export_worlds
 
-    total = len(job.document["request"]["worlds"])
+    if lease.job.status == "Pending":
+        lease.transition("start")
+    if service.catalog.cancel_requested(lease.job.arn):
+        lease.transition("cancel")
+        lease.transition("canceled")
+        return
+    total = len(lease.job.document["request"]["worlds"])
     try:
         with service.activated():
-            export_worlds(job)
-    except StorageError as error:
+            export_worlds(lease.job)
+    except (StorageError, ResourceNotFoundException) as error:
         code = "AccessDenied" if isinstance(error, StorageAccessDeniedError) else "ResourceNotFound"
-        changes = {"failureCode": code, "failureReason": str(error)[:1024]}
-        service.catalog.transition(job.arn, "fail", document_changes=changes)
+        lease.transition("fail", failureCode=code, failureReason=str(error)[:1024])
         service.report_progress(Progress({"failed": total}, total))
         return
-    service.catalog.transition(job.arn, "complete")
+    lease.transition("complete")
     service.report_progress(Progress({"exported": total}, total))
 
 

@@ -5,7 +5,7 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from ..schemas.ids import new_id
+from ..schemas.ids import new_id, world_id
 from ..schemas.operations import seed_of
 from ..schemas.world_generation_jobs import (
     CreateWorldGenerationJobRequest,
@@ -14,7 +14,7 @@ from ..schemas.world_generation_jobs import (
     DescribeWorldGenerationJobResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import perform_once
+from ..tasks.performing import Lease, perform_once
 from ..tasks.service import Progress, Service
 from .operation import flows_of, operation
 
@@ -24,7 +24,7 @@ MAX_WORLDS = 50
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
     """Generates the job's worlds that do not exist yet and ends the job."""
-    perform_once(arn, KIND, service, lambda job: _generate(job, service))
+    perform_once(arn, KIND, service, lambda lease: _generate(lease, service))
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
@@ -87,18 +87,16 @@ def _described(job: Resource) -> dict[str, Any]:
     }
 
 
-def _generate(job: Resource, service: Service) -> None:
-    count = job.document["request"]["worldCount"]
+def _generate(lease: Lease, service: Service) -> None:
+    count = lease.job.document["request"]["worldCount"]
     total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
-    if job.status == "Pending":
-        job = service.catalog.transition(job.arn, "start")
+    if lease.job.status == "Pending":
+        lease.transition("start")
     if total > MAX_WORLDS:
         reason = f"worldCount asks for {total} worlds; a job makes 1 to {MAX_WORLDS}"
-        failure = {"failureCode": "AllWorldGenerationFailed", "failureReason": reason}
-        service.catalog.transition(job.arn, "fail", document_changes=failure)
+        lease.transition("fail", failureCode="AllWorldGenerationFailed", failureReason=reason)
         return
-    failures = _generate_missing(job, total, service)
-    _end(job, total, failures, service)
+    _end(lease, total, _generate_missing(lease.job, total, service), service)
 
 
 def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[str, Any]]:
@@ -108,7 +106,7 @@ def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[
     from ..tasks.world_generation import generate_and_store
 
     exist = {world.arn for world in service.catalog.children(job.arn, kind="world")}
-    arns = [job.arn.replace(f"{KIND}/", "world/") + f"/world-{n + 1}" for n in range(total)]
+    arns = [service.arn("world", world_id(job.id, number)) for number in range(1, total + 1)]
     missing = [index for index, arn in enumerate(arns) if arn not in exist]
     workers = max(1, min(len(missing), os.cpu_count() or 1))
     failures: list[dict[str, Any]] = []
@@ -136,20 +134,20 @@ def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[
     return failures
 
 
-def _end(job: Resource, total: int, failures: list[dict[str, Any]], service: Service) -> None:
+def _end(lease: Lease, total: int, failures: list[dict[str, Any]], service: Service) -> None:
     from ..tasks.world_generation import failure_summary
 
-    changes: dict[str, Any] = {"failures": failure_summary(failures)}
-    if service.catalog.cancel_requested(job.arn):
-        service.catalog.transition(job.arn, "begin_cancel", document_changes=changes)
-        service.catalog.transition(job.arn, "cancel")
+    summary = failure_summary(failures)
+    if service.catalog.cancel_requested(lease.job.arn):
+        lease.transition("cancel", failures=summary)
+        lease.transition("canceled")
     elif not failures:
-        service.catalog.transition(job.arn, "complete", document_changes=changes)
+        lease.transition("complete", failures=summary)
     elif len(failures) < total:
-        service.catalog.transition(job.arn, "complete_partly", document_changes=changes)
+        lease.transition("partially_fail", failures=summary)
     else:
-        changes |= {"failureCode": "AllWorldGenerationFailed", "failureReason": failures[0]["reason"][:1024]}
-        service.catalog.transition(job.arn, "fail", document_changes=changes)
+        reason = failures[0]["reason"][:1024]
+        lease.transition("fail", failures=summary, failureCode="AllWorldGenerationFailed", failureReason=reason)
 
 
 def __getattr__(name: str) -> Any:

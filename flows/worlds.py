@@ -20,7 +20,7 @@ def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeW
 @operation("ListWorlds")
 def list_worlds(request: ListWorldsRequest, service: Service) -> ListWorldsResponse:
     """Lists worlds, newest first."""
-    filters = {item.name: item.values for item in request.filters or ()}
+    filters = {item.name or "": item.values or [] for item in request.filters or ()}
     page = service.catalog.list(
         "world",
         filters=filters,

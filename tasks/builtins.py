@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from ..schemas.arns import NamedKind, named_arn
+from ..schemas.arns import application_arn
 from ..schemas.errors import ResourceAlreadyExistsException
 from ..schemas.settings import Settings
 from .catalog import Catalog, Resource
@@ -13,7 +13,7 @@ PACKAGE = "prefect_robomaker.tasks.runtime.applications"
 # When the service they were made for was announced; any fixed time would do, so that their ARNs never change.
 _CREATED_AT = datetime(2018, 11, 26, tzinfo=UTC)
 
-BUILTINS: Mapping[str, tuple[NamedKind, Mapping[str, Any]]] = {
+BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "scout": (
         "robot-application",
         {
@@ -37,7 +37,7 @@ def register_builtins(catalog: Catalog, settings: Settings) -> None:
     for name, (kind, definition) in BUILTINS.items():
         if catalog.find(kind, name) is not None:
             continue
-        arn = str(named_arn(settings.region, settings.account, kind, name, _CREATED_AT))
+        arn = application_arn(settings.region, settings.account, kind, name, _CREATED_AT)
         resource = Resource.new(
             arn=arn,
             kind=kind,

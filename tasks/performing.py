@@ -12,6 +12,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
+from typing import Any
 
 from ..schemas.lifecycles import is_terminal
 from .catalog import Resource
@@ -22,7 +23,39 @@ _RENEW_S = 5.0
 _WAIT_S = 0.5
 
 
-def perform_once(arn: str, kind: str, service: Service, work: Callable[[Resource], None]) -> None:
+class Lease:
+    """The right to change one job, held by one performer.
+
+    Changes made through it fail with `StateConflictError` once another performer has taken over.
+
+    Args:
+      job: the job as it was when the lease was taken.
+      owner: who holds the lease.
+      service: where the job is stored.
+    """
+
+    def __init__(self, job: Resource, owner: str, service: Service) -> None:
+        self.job = job
+        self._owner = owner
+        self._service = service
+
+    def transition(self, event: str, **changes: Any) -> Resource:
+        """Moves the job on and sets members of its document; returns the job, which `job` is from then on."""
+        self.job = self._service.catalog.transition(self.job.arn, event, document_changes=changes, owner=self._owner)
+        return self.job
+
+    def update(self, changes: Callable[[dict[str, Any]], dict[str, Any]]) -> Resource:
+        """Changes the job's document; safe to call from several threads."""
+        self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
+        return self.job
+
+    def refreshed(self) -> Resource:
+        """The job as it is now."""
+        self.job = self._service.catalog.get(self.job.arn)
+        return self.job
+
+
+def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
     """Runs `work` on a job unless it has ended, holding its lease meanwhile.
 
     Args:
@@ -36,8 +69,8 @@ def perform_once(arn: str, kind: str, service: Service, work: Callable[[Resource
     """
     owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
     while True:
-        resource = service.catalog.get(arn, kind=kind)
-        if is_terminal(kind, resource.status):
+        job = service.catalog.get(arn, kind=kind)
+        if is_terminal(job.kind, job.status):
             return
         if service.catalog.claim(arn, owner, LEASE_S):
             break
@@ -46,7 +79,9 @@ def perform_once(arn: str, kind: str, service: Service, work: Callable[[Resource
     renewer = threading.Thread(target=_renew, args=(arn, owner, service, done), daemon=True)
     renewer.start()
     try:
-        work(service.catalog.get(arn, kind=kind))
+        lease = Lease(service.catalog.get(arn, kind=kind), owner, service)
+        if not is_terminal(lease.job.kind, lease.job.status):
+            work(lease)
     finally:
         done.set()
         renewer.join()

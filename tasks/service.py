@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-from ..schemas.arns import Kind, ResourceArn
+from ..schemas.arns import resource_arn
 from ..schemas.settings import Settings
 from .builtins import register_builtins
 from .catalog import Catalog
@@ -69,7 +69,7 @@ class Service:
     @classmethod
     def current(cls) -> "Service":
         """The active service, or the one the environment variables describe."""
-        return _active.get() or _from_environment(Settings.from_environment(os.environ))
+        return _active.get() or _from_environment()
 
     @contextmanager
     def activated(self) -> Iterator["Service"]:
@@ -90,9 +90,9 @@ class Service:
         path.mkdir(parents=True, exist_ok=True)
         return path
 
-    def arn(self, kind: Kind, resource_id: str) -> str:
+    def arn(self, kind: str, resource_id: str) -> str:
         """The ARN of a resource of this service."""
-        return str(ResourceArn(self.settings.region, self.settings.account, kind, resource_id))
+        return resource_arn(self.settings.region, self.settings.account, kind, resource_id)
 
     def new_seed(self) -> int:
         """A seed for a job whose request gives none; it is recorded with the job."""
@@ -103,5 +103,5 @@ _active: ContextVar[Service | None] = ContextVar("robomaker_service", default=No
 
 
 @cache
-def _from_environment(settings: Settings) -> Service:
-    return Service.open(settings)
+def _from_environment() -> Service:
+    return Service.open(Settings.from_environment(os.environ))

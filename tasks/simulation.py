@@ -13,7 +13,7 @@ from prefect.cache_policies import NO_CACHE
 from ..schemas.errors import LaunchError, StorageAccessDeniedError, StorageError
 from ..schemas.simulation_run import RunOutcome, RunPlan
 from .catalog import Resource
-from .performing import perform_once
+from .performing import Lease, perform_once
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
 from .service import Service
@@ -75,7 +75,7 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
       service: where it is stored.
       stop: asked several times a second; see `Stop`.
     """
-    perform_once(arn, KIND, service, lambda job: JobRun(job, service, stop).run())
+    perform_once(arn, KIND, service, lambda lease: JobRun(lease, service, stop).run())
 
 
 @cache
@@ -85,67 +85,64 @@ def launcher() -> Launcher:
 
 
 class JobRun:
-    """One performer's work on one simulation job, whose lease it holds.
+    """One performer's work on one simulation job.
 
     Args:
-      job: the job.
+      lease: the right to change the job.
       service: where it is stored.
       stop: see `Stop`.
     """
 
-    def __init__(self, job: Resource, service: Service, stop: Stop) -> None:
-        self._job = job
+    def __init__(self, lease: Lease, service: Service, stop: Stop) -> None:
+        self._lease = lease
         self._service = service
         self._stop = stop
 
     def run(self) -> None:
         """Runs the job and settles its end; what breaks on the way fails the job."""
-        if self._job.status == "Terminating":
+        if self._lease.job.status == "Terminating":
             # Whoever ran it died while publishing: how it ended is known, its outputs are not whole.
-            self._settle(self._job.document["ending"])
+            self._settle(self._lease.job.document["ending"])
             return
         if reason := self._why_stop():
             self._terminate(_stopped(reason, "the job was stopped before it ran"))
             return
         run_id = self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
-        folder = self._service.folder("jobs", self._job.id, run_id)
+        folder = self._service.folder("jobs", self._lease.job.id, run_id)
         try:
             self._prepare_and_run(run_id, folder)
         except LaunchError as error:
             self._terminate(_failed(error.failure_code, str(error)))
         except Exception as error:  # the job has to end whatever breaks
-            _logger.exception("simulation job %s broke", self._job.arn)
+            _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(_failed("InternalServiceError", f"{type(error).__name__}: {error}"))
         finally:
-            if "outputs" in self._job.document or not any(Path(folder, "output").glob("*")):
+            if "outputs" in self._lease.job.document or not any(Path(folder, "output").glob("*")):
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _why_stop(self) -> str | None:
-        return _CANCELED if self._service.catalog.cancel_requested(self._job.arn) else self._stop()
+        return _CANCELED if self._service.catalog.cancel_requested(self._lease.job.arn) else self._stop()
 
     def _prepare_and_run(self, run_id: str, folder: Path) -> None:
-        if self._job.status == "Pending":
-            self._transition("prepare", runId=run_id)
-        elif self._job.status in ("Running", "RunningFailed"):
-            self._transition("restart", runId=run_id)
-        plan = run_plan(self._job, run_id, folder, self._service)
-        self._transition(
-            "run",
+        self._lease.transition("prepare", runId=run_id)
+        plan = run_plan(self._lease.job, run_id, folder, self._service)
+        self._lease.transition(
+            "start",
             lastStartedAt=self._service.clock().isoformat(),
             networkInterface={
-                "networkInterfaceId": f"eni-{self._job.id.removeprefix('sim-')}",
+                "networkInterfaceId": f"eni-{self._lease.job.id.removeprefix('sim-')}",
                 "privateIpAddress": "127.0.0.1",
             },
         )
         outcome = launcher().run(plan, lambda: "canceled" if self._why_stop() else None)
         ending = _ending(outcome, self._why_stop())
-        self._transition("terminate", ending=ending, **_without_status(ending))
+        self._lease.transition("terminate", ending=ending, **_without_status(ending))
         self._settle(self._published(plan, outcome, ending))
 
     def _published(self, plan: RunPlan, outcome: RunOutcome, ending: dict[str, Any]) -> dict[str, Any]:
         """Publishes the outputs; returns the ending, which is a failure when that does not work."""
-        bucket, prefix = output_place(self._job, plan.run_id, self._service)
-        about = {"job": self._job.arn, "run": plan.run_id, "seed": plan.seed, **ending}
+        bucket, prefix = output_place(self._lease.job, plan.run_id, self._service)
+        about = {"job": self._lease.job.arn, "run": plan.run_id, "seed": plan.seed, **ending}
         try:
             prepare_bucket(self._service, bucket)
             publish(self._service.store, bucket, prefix, plan.output_dir, about=about, created_at=outcome.ended_at)
@@ -159,15 +156,12 @@ class JobRun:
         return {**ending, "outputs": {"bucket": bucket, "prefix": prefix}}
 
     def _terminate(self, ending: dict[str, Any]) -> None:
-        if self._job.status != "Terminating":
-            self._transition("terminate", ending=ending, **_without_status(ending))
+        if self._lease.job.status != "Terminating":
+            self._lease.transition("terminate", ending=ending, **_without_status(ending))
         self._settle(ending)
 
     def _settle(self, ending: dict[str, Any]) -> None:
-        self._transition(_END_EVENTS[ending["status"]], **_without_status(ending))
-
-    def _transition(self, event: str, **changes: Any) -> None:
-        self._job = self._service.catalog.transition(self._job.arn, event, document_changes=changes)
+        self._lease.transition(_END_EVENTS[ending["status"]], **_without_status(ending))
 
 
 def _ending(outcome: RunOutcome, stopped_because: str | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from ..schemas.errors import StorageError, WorldGenerationError
+from ..schemas.ids import world_id
 from .catalog import Resource
 from .service import Service
 from .storage import publish
@@ -89,7 +90,7 @@ def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundl
         Resource.new(
             arn=arn,
             kind="world",
-            id=f"{job.id}/world-{index + 1}",
+            id=world_id(job.id, index + 1),
             name="",
             status="Active",
             parent=job.arn,
