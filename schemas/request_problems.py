@@ -22,6 +22,9 @@ class RequestProblem:
     message: str
     """The value and what would be right."""
 
+    about_key: bool = False
+    """Whether it is the member's name or the mapping's key that is wrong, not the value."""
+
     @property
     def path(self) -> str:
         """The location as people write it: `simulationApplications[0].launchConfig`."""
@@ -57,13 +60,13 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
     if kind == "extra_forbidden":
         members = _members(_model_at(model, location[:-1]))
         hint = nearest(str(location[-1]), members) or f"; known are {', '.join(members)}"
-        return RequestProblem(location, f"is not known{hint}")
+        return RequestProblem(location, f"is not known{hint}", about_key=True)
     if kind == "value_error":
         return RequestProblem(location, str(details.get("ctx", {})["error"]))
-    what = "is"
+    described = f"{_shown(details['input'])}; {_wanted(details)}"
     if location and location[-1] == "[key]":
-        location, what = location[:-1], "the key is"
-    return RequestProblem(location, f"{what} {_shown(details['input'])}; {_wanted(details)}")
+        return RequestProblem(location[:-1], f"the key is {described}", about_key=True)
+    return RequestProblem(location, f"is {described}")
 
 
 def _shown(value: object) -> str:
