@@ -1,0 +1,15 @@
+"""Fixtures for all tests."""
+
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.settings import Settings
+
+pytest_plugins = ["prefect_server"]
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    """Settings of a service of its own: everything below the test's folder."""
+    return Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "home"), "ROBOMAKER_MAX_JOBS": "2"})

@@ -1,0 +1,42 @@
+"""One Prefect server for the whole test run, started when the first test asks for it."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.deployments.local_server import ensure_server, stop_server
+from prefect_robomaker.schemas.settings import Settings
+
+_HOME = "ROBOMAKER_TEST_SERVER_HOME"
+
+
+def server_settings() -> Settings:
+    """Settings whose local server is the one of this test run, whichever worker asks."""
+    return Settings.from_environment({"ROBOMAKER_HOME": os.environ[_HOME]})
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Chooses the server's folder before workers are started, so that all inherit it."""
+    if not hasattr(config, "workerinput"):
+        os.environ[_HOME] = tempfile.mkdtemp(prefix="robomaker-test-")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Stops the server when the last worker is done."""
+    if not hasattr(config, "workerinput"):
+        stop_server(server_settings())
+        shutil.rmtree(Path(os.environ.pop(_HOME)), ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def prefect_server() -> Iterator[str]:
+    """API URL of the test run's own Prefect server; Prefect in this process uses it meanwhile."""
+    from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+    url = ensure_server(server_settings(), {})
+    with temporary_settings({PREFECT_API_URL: url, PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+        yield url
