@@ -76,10 +76,10 @@ def _shown(value: object) -> str:
 
 _WANTED = {
     "string_pattern_mismatch": "it has to match {pattern} as a whole",
-    "string_too_short": "it has to have at least {min_length} characters",
-    "string_too_long": "it may have at most {max_length} characters",
-    "too_short": "it has to have at least {min_length} entries",
-    "too_long": "it may have at most {max_length} entries",
+    "string_too_short": "its length has to be at least {min_length}",
+    "string_too_long": "its length may be at most {max_length}",
+    "too_short": "its length has to be at least {min_length}",
+    "too_long": "its length may be at most {max_length}",
     "greater_than_equal": "it has to be at least {ge}",
     "less_than_equal": "it may be at most {le}",
     "literal_error": "it has to be {expected}",

@@ -1,0 +1,32 @@
+"""The shared helpers of the shapes."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from prefect_robomaker.schemas.common import Filter, GenericString, exactly_one, filter_values, shorten
+from pydantic import TypeAdapter
+
+
+@given(st.text(min_size=1, max_size=50), st.integers(0, 200))
+def test_a_shortened_reason_fits_and_keeps_both_ends(line: str, lines: int) -> None:
+    reason = line * lines
+    short = shorten(reason)
+
+    assert TypeAdapter(GenericString).validate_python(short) == short
+    if len(reason) > 1024:
+        assert len(short) == 1024
+        assert short[:300] == reason[:300]
+        assert short[-600:] == reason[-600:]
+    else:
+        assert short == reason
+
+
+@pytest.mark.parametrize("given_values", [(None, None), (1, 2)])
+def test_exactly_one_refuses_none_and_both(given_values: tuple[int | None, int | None]) -> None:
+    with pytest.raises(ValueError, match="exactly one of a and b has to be given"):
+        exactly_one(("a", "b"), given_values)
+
+
+def test_filters_become_names_and_values() -> None:
+    assert filter_values([Filter(name="status", values=["Active"])]) == {"status": ["Active"]}
+    assert filter_values(None) == {}
