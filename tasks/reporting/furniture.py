@@ -44,15 +44,17 @@ _FRONT_LINE = frozenset({
     "MediaStorage", "Nightstands", "SideboardsAndBuffets", "Storage", "StorageBenches",
 })  # fmt: skip
 _ROUND = frozenset({"FloorLamps"})
+_ROUND_STYLE = "round"  # of tables and ottomans
 
 
 def draw_furniture(item: Furniture, frame: Frame) -> Markup:
     """Draws one piece in its place, turned as it stands, with its id as tooltip."""
     x, y = frame.at((item.x, item.y))
     depth, width = item.depth_m * frame.scale, item.width_m * frame.scale
+    round_top = item.style.split("-")[0] == _ROUND_STYLE
     outline = (
         element("ellipse", rx=depth / 2, ry=width / 2)
-        if item.model_type in _ROUND
+        if round_top or item.model_type in _ROUND
         else element("rect", x=-depth / 2, y=-width / 2, width=depth, height=width, rx=min(4, depth / 4, width / 4))
     )
     turn = math.degrees(item.yaw)
@@ -60,7 +62,7 @@ def draw_furniture(item: Furniture, frame: Frame) -> Markup:
         "g",
         element("title", item.id),
         outline,
-        *_marks(item.model_type, depth, width),
+        *([] if round_top else _marks(item.model_type, depth, width)),
         class_="loose" if item.movable else None,
         # Turning left on the ground is a negative angle in a drawing whose y points down.
         transform=f"translate({x:.1f} {y:.1f})" + (f" rotate({-turn:.0f})" if round(turn) else ""),

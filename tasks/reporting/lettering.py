@@ -11,12 +11,12 @@ from ...schemas.world import Point
 from .frame import Frame
 from .svg import element
 
-_LETTER = 0.56  # mean width of a letter, in letter heights, of common sans-serif faces
+_LETTER = 0.6  # mean width of a letter, in letter heights, of common sans-serif faces
 _FILL = 0.9  # share of a room's width that a name may take; small screens enlarge letters a little
 _TRIES = 4  # places tried to each side of the middle
 _CLEARANCE, _AIR = 14.0, 5.0
 
-LETTERS = 25.0
+LETTERS = 27.0
 """Height of letters in units of the drawing; the style sheet has the same number."""
 
 

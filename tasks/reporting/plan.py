@@ -22,9 +22,8 @@ _BARS_M = (0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
 def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
-    """Furniture, walls, doorways and windows of a world, to be referred to by `identity`."""
+    """Furniture, walls, passages and windows of a world, to be referred to by `identity`."""
     plan = world.floorplan
-    jambs = {_key(point) for passage in plan.passages for point in (passage.start, passage.end)}
     walls = [wall for wall in plan.walls if not wall.lintel]
     return element(
         "g",
@@ -32,8 +31,8 @@ def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
             (furniture.draw_furniture(item, frame) for item in sorted(world.furniture, key=lambda item: item.base_m)),
             class_="furniture",
         ),
-        group((_line(p.start, p.end, frame) for p in plan.passages if p.kind == "Doorway"), class_="doorways"),
-        group((_wall(wall, jambs, frame) for wall in walls), class_="walls"),
+        group((_line(way.start, way.end, frame) for way in plan.passages), class_="passages"),
+        group((_wall(wall, frame) for wall in walls), class_="walls"),
         group((_line(window.start, window.end, frame) for window in plan.windows), class_="windows"),
         id=identity,
     )
@@ -96,7 +95,7 @@ def _plan(frame: Frame, title: str, *content: Markup) -> Markup:
         element("title", title),
         *content,
         _scale_bar(frame),
-        class_="plan tall" if frame.height > 1.25 * frame.width else "plan",
+        class_="plan",
         viewBox=frame.view_box,
         role="img",
         aria_label=title,
@@ -125,24 +124,11 @@ def _line(start: Point, end: Point, frame: Frame) -> Markup:
     return element("line", x1=x1, y1=y1, x2=x2, y2=y2)
 
 
-def _wall(wall: Wall, jambs: set[Point], frame: Frame) -> Markup:
-    """A wall reaches half its thickness beyond its ends, to close corners, but not into a passage."""
+def _wall(wall: Wall, frame: Frame) -> Markup:
+    """A wall is the box from its start to its end; at corners, one of the two reaches around."""
     (x1, y1), (x2, y2) = frame.at(wall.start), frame.at(wall.end)
-    length = math.hypot(x2 - x1, y2 - y1)
-    if not length:
-        return Markup()
-    thickness = wall.thickness_m * frame.scale
-    ux, uy = (x2 - x1) / length * thickness / 2, (y2 - y1) / length * thickness / 2
-    if _key(wall.start) not in jambs:
-        x1, y1 = x1 - ux, y1 - uy
-    if _key(wall.end) not in jambs:
-        x2, y2 = x2 + ux, y2 + uy
-    return element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke_width=thickness)
+    return element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke_width=wall.thickness_m * frame.scale)
 
 
 def _furniture_points(world: World, frame: Frame) -> list[Point]:
     return [point for item in world.furniture for point in furniture.covered_points(item, frame)]
-
-
-def _key(point: Point) -> Point:
-    return round(point[0], 3), round(point[1], 3)

@@ -12,7 +12,9 @@ _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
 def duration(seconds: float) -> str:
-    """`0.4 s`, `12.3 s`, `2 min 5 s`, `1 h 3 min`."""
+    """`20 ms`, `12.3 s`, `2 min 5 s`, `1 h 3 min`."""
+    if seconds < 0.0995:
+        return f"{seconds * 1000:.0f} ms"
     if seconds < 59.95:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

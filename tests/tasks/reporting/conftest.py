@@ -64,8 +64,8 @@ def _cut(start: float, end: float, gaps: list[tuple[float, float]]) -> list[tupl
 def _walls() -> list[Wall]:
     """Walls of the flat: (fixed coordinate, from, to, horizontal, exterior)."""
     lines = [
-        (3.0, -3.0, 5.5, True, True), (-7.0, -3.0, 5.5, True, True), (-3.0, -7.0, 3.0, False, True),
-        (5.5, -7.0, 3.0, False, True), (-2.0, -3.0, 5.5, True, False), (-3.3, -3.0, 5.5, True, False),
+        (3.0, -3.1, 5.6, True, True), (-7.0, -3.1, 5.6, True, True), (-3.0, -6.9, 2.9, False, True),
+        (5.5, -6.9, 2.9, False, True), (-2.0, -3.0, 5.5, True, False), (-3.3, -3.0, 5.5, True, False),
         (2.0, -2.0, 3.0, False, False), (1.0, 2.0, 5.5, True, False), (1.0, -7.0, -3.3, False, False),
         (3.4, -7.0, -3.3, False, False),
     ]  # fmt: skip

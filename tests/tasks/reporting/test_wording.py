@@ -4,7 +4,15 @@ from prefect_robomaker.tasks.reporting import wording
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0, "0.0 s"), (12.34, "12.3 s"), (59.97, "1 min"), (125, "2 min 5 s"), (3599.7, "1 h"), (3780, "1 h 3 min")],
+    [
+        (0.02, "20 ms"),
+        (0.0996, "0.1 s"),
+        (12.34, "12.3 s"),
+        (59.97, "1 min"),
+        (125, "2 min 5 s"),
+        (3599.7, "1 h"),
+        (3780, "1 h 3 min"),
+    ],
 )
 def test_duration(seconds: float, text: str) -> None:
     assert wording.duration(seconds) == text
