@@ -132,7 +132,7 @@ def test_commands_may_have_several_lines() -> None:
         (
             "CreateSimulationJob",
             app(launchConfig={"environmentVariables": {"E": ""}}),
-            "variables.E: is ''; its length has to be at least 1",
+            "Variables.E: is ''; its length has to be at least 1",
         ),
         ("CreateSimulationJob", app(launchConfig="run"), "launchConfig: is 'run'; it has to be a mapping"),
         ("CreateSimulationJob", app(launchConfig={"command": "run"}), "command: is 'run'; it has to be a list"),
