@@ -21,7 +21,7 @@ OPENING_WIDTH = 20
 
 MIN_SIDES_M: dict[RoomType, float] = {
     "Bathroom": 1.8,
-    "Bedroom": 2.4,
+    "Bedroom": 2.2,
     "Closet": 1.2,
     "Dining": 2.2,
     "Hallway": 1.3,

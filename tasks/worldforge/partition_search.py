@@ -12,14 +12,21 @@ MAX_CLIMBS = 40
 """Hill climbs before giving up; the first few nearly always succeed."""
 
 _CLIMBS = 4
-_STEPS_PER_ROOM = 10
+_PATIENT_CLIMBS = 12
+"""Climbs as long as no partition has a place for every requested connection."""
+
+_STEPS_PER_SQUARE = 3
+"""Steps of a climb over the square of the number of rooms."""
+
+_LEAST_STEPS = 12
 _TOLERANCE = log(1.15)
 """Deviation of a ratio above which the wish counts as missed, in cost only slightly stricter than in the report."""
 
 _MISSED_WISH = 0.3
+_OUTLIER = 1.5
 _MISSED_CONNECTION = 2.5
-_NOT_CONNECTED = 6.0
-_TOO_NARROW = 3.0
+_NOT_CONNECTED = 9.0
+_TOO_NARROW = 9.0
 _DARK = 0.6
 _STRANGE_NEIGHBOURS = 0.8
 _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
@@ -27,6 +34,8 @@ _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
 _BENT = 0.4
 _BENT_HALLWAY = 0.1
 _CHOICE_TEMPERATURE = 0.25
+_TEMPERATURE = 1.0
+_RATIO_SHARE = 0.1
 
 _PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
@@ -51,6 +60,10 @@ class Judge:
         wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
         return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
 
+    def missed_connections(self, plan: Partition) -> int:
+        """How many of the requested connections the partition has no place for."""
+        return self._ways(plan)[1]
+
     def _shapes(self, plan: Partition) -> float:
         off = abs(log(plan.width / plan.height) - self.log_footprint)
         cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_WISH if off > _TOLERANCE else 0.0))
@@ -66,7 +79,7 @@ class Judge:
             if kind == "Hallway" and off > 0:
                 off /= 2  # a hallway that is longer than wished is still a good hallway
             off = abs(off)
-            cost += off + off * off / 2 + (_MISSED_WISH if off > _TOLERANCE else 0.0)
+            cost += off + _OUTLIER * off * off + (_MISSED_WISH if off > _TOLERANCE else 0.0)
             if len(corners) > 4:
                 cost += _BENT_HALLWAY if kind == "Hallway" else _BENT
             if kind in HABITABLE and box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
@@ -138,12 +151,14 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
     """
     judge = Judge(brief)
     found: dict[Partition, float] = {}
+    complete = False
     for climb in range(MAX_CLIMBS):
-        if climb >= _CLIMBS and found:
+        if found and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
             break
         plan, cost = _climb(judge, dice)
         if judge.is_valid(plan):
             found[plan] = cost
+            complete = complete or not judge.missed_connections(plan)
     if not found:
         raise WorldGenerationError(
             f"no partition of {sum(brief.areas_m2):g} m2 into {len(brief.areas_m2)} rooms where every room is wide "
@@ -155,24 +170,29 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
 
 
 def _climb(judge: Judge, dice: Random) -> tuple[Partition, float]:
-    """Improves one random slicing tree by small changes."""
+    """Improves one random slicing tree by small changes; steps back are taken less and less."""
     brief = judge.brief
     ratios = _footprint_ratios(brief)
     expression = _random_tree(dice.sample(range(len(brief.areas_m2)), len(brief.areas_m2)), dice)
     ratio = brief.footprint_ratio
     plan = _cut(brief, expression, ratio)
     cost = judge.cost(plan)
-    for _ in range(_STEPS_PER_ROOM * len(brief.areas_m2)):
+    best, least = plan, cost
+    steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * len(brief.areas_m2) ** 2)
+    for step in range(steps):
         changed, changed_ratio = expression, ratio
-        if len(expression) == 1 or dice.random() < 0.15:
-            changed_ratio = brief.footprint_ratio if dice.random() < 0.3 else dice.choice(ratios)
+        if len(expression) == 1 or dice.random() < _RATIO_SHARE:
+            changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
         else:
             changed = _changed(expression, dice)
         candidate = _cut(brief, changed, changed_ratio)
-        candidate_cost = judge.cost(candidate, cost)
-        if candidate_cost <= cost:
-            expression, ratio, plan, cost = changed, changed_ratio, candidate, candidate_cost
-    return plan, cost
+        limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
+        candidate_cost = judge.cost(candidate, limit)
+        if candidate_cost <= limit:
+            expression, ratio, cost = changed, changed_ratio, candidate_cost
+            if cost < least:
+                best, least = candidate, cost
+    return best, least
 
 
 def _footprint_ratios(brief: Brief) -> list[float]:

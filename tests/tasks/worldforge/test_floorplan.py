@@ -1,0 +1,369 @@
+"""Floor plans: what holds for every template, and what a few particular ones become."""
+
+import json
+from collections import Counter
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from prefect_robomaker.schemas.errors import WorldGenerationError
+from prefect_robomaker.schemas.world import ROOM_TYPES, Floorplan, Point
+from prefect_robomaker.schemas.world_template_body import WorldTemplateBody, parse_template_body
+from prefect_robomaker.tasks.worldforge import partition_search
+from prefect_robomaker.tasks.worldforge.brief import MIN_SIDES_M
+from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
+
+UNIT = 0.05
+
+
+def room(name: str, kind: str, area: float = 20, ratio: tuple[float, float] = (1, 1)) -> dict[str, Any]:
+    shape = {"Area": area, "AspectRatio": {"x": ratio[0], "y": ratio[1]}}
+    return {"Type": kind, "Name": name, "DesiredShape": shape}
+
+
+def template(
+    rooms: list[dict[str, Any]],
+    connections: list[tuple[str, str, str]] | None = None,
+    footprint: tuple[float, float] = (1, 1),
+    height: float = 3.0,
+) -> WorldTemplateBody:
+    floorplan = {
+        "Footprint": {"DesiredAspectRatio": {"x": footprint[0], "y": footprint[1]}},
+        "Ceiling": {"Height": height},
+        "Rooms": rooms,
+        "DesiredConnections": [
+            {"Location": [one, other], "ConnectionType": kind} for one, other, kind in connections or []
+        ],
+    }
+    return parse_template_body(json.dumps({"Buildings": [{"Floors": [{"Floorplan": floorplan}]}]}))
+
+
+FLAT = template(
+    [
+        room("Living", "Living", 26, (3, 2)),
+        room("Kitchen", "Kitchen", 12),
+        room("Bedroom", "Bedroom", 16),
+        room("Bath", "Bathroom", 10),
+    ],
+    [("Living", "Kitchen", "Opening"), ("Living", "Bedroom", "Doorway"), ("Bedroom", "Bath", "Doorway")],
+    (4, 3),
+)
+
+sides = st.floats(1, 4)
+
+
+@st.composite
+def templates(draw: st.DrawFn) -> WorldTemplateBody:
+    """Any body that the parser accepts."""
+    count = draw(st.integers(1, 6))
+    rooms = [
+        room(str(index), draw(st.sampled_from(ROOM_TYPES)), draw(st.floats(10, 300)), (draw(sides), draw(sides)))
+        for index in range(count)
+    ]
+    connections: list[tuple[str, str, str]] = []
+    degrees: Counter[str] = Counter()
+    kinds: dict[frozenset[str], str] = {}
+    for _ in range(draw(st.integers(0, 12)) if count > 1 else 0):
+        one, other = draw(st.lists(st.integers(0, count - 1).map(str), min_size=2, max_size=2, unique=True))
+        pair = frozenset((one, other))
+        kind = draw(st.sampled_from(["Doorway", "Opening"]))
+        if max(degrees[one], degrees[other]) < 4 and (pair not in kinds or kind == kinds[pair] == "Doorway"):
+            connections.append((one, other, kind))
+            degrees.update(pair)
+            kinds[pair] = kind
+    return template(rooms, connections, (draw(sides), draw(sides)), draw(st.floats(2.4, 4.0)))
+
+
+seeds = st.integers(0, 2**32 - 1)
+properties = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def generate(body: WorldTemplateBody, seed: int = 0) -> Floorplan:
+    return generate_floorplan(body, np.random.default_rng(seed))
+
+
+class Raster:
+    """A plan on cells of 5 cm, drawn with plain loops that share nothing with the generator."""
+
+    def __init__(self, plan: Floorplan) -> None:
+        self.plan = plan
+        self.west = min(x for x, _ in plan.footprint) - 0.5
+        self.south = min(y for _, y in plan.footprint) - 0.5
+        columns = round((max(x for x, _ in plan.footprint) + 0.5 - self.west) / UNIT)
+        rows = round((max(y for _, y in plan.footprint) + 0.5 - self.south) / UNIT)
+        self.shape = (rows, columns)
+
+    def box(self, x0: float, y0: float, x1: float, y1: float) -> tuple[slice, slice]:
+        columns = [(x - self.west) / UNIT for x in (x0, x1)]
+        rows = [(y - self.south) / UNIT for y in (y0, y1)]
+        for value in (*columns, *rows):
+            assert value == pytest.approx(round(value), abs=1e-6), "a face off the 5 cm lattice"
+        return slice(round(rows[0]), round(rows[1])), slice(round(columns[0]), round(columns[1]))
+
+    def band(self, start: Point, end: Point, thickness: float) -> tuple[slice, slice]:
+        """The rectangle along an axis-aligned line; nothing is added at the ends."""
+        (x0, y0), (x1, y1) = start, end
+        half = thickness / 2
+        return self.box(x0, y0 - half, x1, y1 + half) if y0 == y1 else self.box(x0 - half, y0, x1 + half, y1)
+
+    def wall_count(self) -> np.ndarray:
+        count = np.zeros(self.shape, int)
+        for wall in self.plan.walls:
+            if not wall.lintel:
+                count[self.band(wall.start, wall.end, wall.thickness_m)] += 1
+        return count
+
+    def rooms(self) -> np.ndarray:
+        """How many rooms each cell belongs to."""
+        return sum((self.room(index) for index in range(len(self.plan.rooms))), np.zeros(self.shape, int))
+
+    def room(self, index: int) -> np.ndarray:
+        """1 inside a room, by the sum of signed strips under its horizontal edges."""
+        cells = np.zeros(self.shape, int)
+        polygon = self.plan.rooms[index].polygon
+        bottom = min(y for _, y in polygon)
+        for (x0, y0), (x1, y1) in pairwise([*polygon, polygon[0]]):
+            if y0 == y1 and y0 != bottom:
+                cells[self.box(min(x0, x1), bottom, max(x0, x1), y0)] += 1 if x1 < x0 else -1
+        return cells
+
+
+@properties
+@given(templates(), seeds)
+def test_rooms_tile_the_footprint(body: WorldTemplateBody, seed: int) -> None:
+    plan = generate(body, seed)
+    raster = Raster(plan)
+    (west, south), _, (east, north), _ = plan.footprint
+    expected = np.zeros(raster.shape, int)
+    expected[raster.box(west, south, east, north)] = 1
+    assert (raster.rooms() == expected).all()
+    for index, item in enumerate(plan.rooms):
+        assert raster.room(index).sum() * UNIT**2 == pytest.approx(item.area_m2)
+    assert [item.name for item in plan.rooms] == [item.Name for item in body.floorplan.Rooms]
+
+
+@properties
+@given(templates(), seeds)
+def test_walls_meet_without_overlap_and_without_gap(body: WorldTemplateBody, seed: int) -> None:
+    plan = generate(body, seed)
+    raster = Raster(plan)
+    expected = np.zeros(raster.shape, bool)
+    for item in plan.rooms:
+        for start, end in pairwise([*item.polygon, item.polygon[0]]):
+            low, high = sorted((start, end))
+            expected[raster.band(low, high, 0.1)] = True
+            for x, y in (start, end):
+                expected[raster.box(x - UNIT, y - UNIT, x + UNIT, y + UNIT)] = True
+    (west, south), _, (east, north), _ = plan.footprint
+    outer = np.zeros(raster.shape, bool)
+    outer[raster.box(west - 0.1, south - 0.1, east + 0.1, north + 0.1)] = True
+    outer[raster.box(west + 0.1, south + 0.1, east - 0.1, north - 0.1)] = False
+    expected |= outer
+    for passage in plan.passages:
+        expected[raster.band(passage.start, passage.end, 0.1)] = False
+    assert (raster.wall_count() == expected).all()
+
+
+@properties
+@given(templates(), seeds)
+def test_every_room_is_connected_wide_enough_and_the_origin_is_clear(body: WorldTemplateBody, seed: int) -> None:
+    plan = generate(body, seed)
+    reached = {plan.rooms[0].name}
+    for _ in plan.rooms:
+        reached |= {name for passage in plan.passages if reached & {*passage.rooms} for name in passage.rooms}
+    assert reached == {item.name for item in plan.rooms}
+    raster = Raster(plan)
+    for index, item in enumerate(plan.rooms):
+        assert narrowest(raster.room(index)) * UNIT >= MIN_SIDES_M[item.type] - 1e-9
+    rows, columns = np.nonzero(raster.wall_count())
+    x, y = raster.west + (columns + 0.5) * UNIT, raster.south + (rows + 0.5) * UNIT
+    assert np.hypot(x, y).min() > 0.5
+    column, row = round(-raster.west / UNIT), round(-raster.south / UNIT)
+    assert raster.rooms()[row, column] == 1
+
+
+def narrowest(cells: np.ndarray) -> int:
+    """The shortest run of ones in any row or column: no part of the room is narrower."""
+    shortest = min(cells.shape)
+    for lines in (cells, cells.T):
+        for line in lines[lines.any(axis=1)]:
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], line, [0]])))
+            shortest = min(shortest, int((edges[1::2] - edges[::2]).min()))
+    return shortest
+
+
+@properties
+@given(templates(), seeds)
+def test_doorways_keep_their_width_and_their_distance_from_corners(body: WorldTemplateBody, seed: int) -> None:
+    plan = generate(body, seed)
+    raster = Raster(plan)
+    walls = raster.wall_count() > 0
+    lintels = [wall for wall in plan.walls if wall.lintel]
+    doorways = [passage for passage in plan.passages if passage.kind == "Doorway"]
+    assert len(lintels) == len(doorways)
+    for doorway in doorways:
+        assert doorway.width_m == 0.9
+        assert (doorway.start, doorway.end) in [(wall.start, wall.end) for wall in lintels]
+        rows, columns = raster.band(doorway.start, doorway.end, 0.1)
+        horizontal = doorway.start[1] == doorway.end[1]
+        along = columns if horizontal else rows
+        for piece in (slice(along.start - 6, along.start), slice(along.stop, along.stop + 6)):
+            beside = (rows, piece) if horizontal else (piece, columns)
+            assert walls[beside].all(), "less than 0.3 m of wall beside a doorway"
+    for passage in plan.passages:
+        assert not walls[raster.band(passage.start, passage.end, 0.1)].any()
+        assert passage.width_m >= 0.9
+
+
+@properties
+@given(templates(), seeds)
+def test_wishes_are_accounted_for_one_by_one_and_truly(body: WorldTemplateBody, seed: int) -> None:
+    plan = generate(body, seed)
+    outcomes = {wish.path.removeprefix("Buildings[0].Floors[0].Floorplan."): wish for wish in plan.wishes}
+    rooms, connections = body.floorplan.Rooms, body.floorplan.DesiredConnections
+    assert len(plan.wishes) == len(outcomes) == 2 + 2 * len(rooms) + len(connections)
+    for wish in plan.wishes:
+        assert bool(wish.reason) == (wish.outcome != "satisfied")
+    for index, item in enumerate(plan.rooms):
+        off = abs(item.area_m2 / item.desired_area_m2 - 1)
+        assert (outcomes[f"Rooms[{index}].DesiredShape.Area"].outcome == "satisfied") == (off <= 0.1)
+    granted = Counter((frozenset(p.rooms), p.kind) for p in plan.passages if p.requested)
+    claimed = Counter(
+        (frozenset(connection.Location), connection.ConnectionType)
+        for index, connection in enumerate(connections)
+        if outcomes[f"DesiredConnections[{index}]"].outcome == "satisfied"
+    )
+    assert granted == claimed
+
+
+@properties
+@given(templates(), seeds)
+def test_windows_lie_on_outer_walls_of_rooms_that_want_light(body: WorldTemplateBody, seed: int) -> None:
+    plan = generate(body, seed)
+    types = {item.name: item.type for item in plan.rooms}
+    outer = [wall for wall in plan.walls if wall.exterior]
+    for window in plan.windows:
+        assert types[window.room] in {"Bedroom", "Dining", "Kitchen", "Living"}
+        assert any(
+            wall.rooms == [window.room] and covers((wall.start, wall.end), window.start, window.end) for wall in outer
+        )
+
+
+def covers(line: tuple[Point, Point], start: Point, end: Point) -> bool:
+    (x0, y0), (x1, y1) = line
+    return all(min(x0, x1) <= x <= max(x0, x1) and min(y0, y1) <= y <= max(y0, y1) for x, y in (start, end))
+
+
+def test_the_same_generator_state_gives_the_same_bytes() -> None:
+    assert generate(FLAT, 7).model_dump_json() == generate(FLAT, 7).model_dump_json()
+
+
+def test_other_seeds_give_really_other_plans() -> None:
+    plans = [generate(FLAT, seed) for seed in range(30)]
+    dimensions = {tuple(sorted(item.area_m2 for item in plan.rooms)) + tuple(map(shape, plan.rooms)) for plan in plans}
+    assert len(dimensions) >= 4, "the rooms' shapes hardly vary"
+    assert len({plan.model_dump_json() for plan in plans}) == 30
+
+
+def shape(item: Any) -> tuple[float, float]:
+    xs, ys = zip(*item.polygon, strict=True)
+    return round(max(xs) - min(xs), 2), round(max(ys) - min(ys), 2)
+
+
+def test_a_reasonable_flat_gets_its_areas_its_connections_and_its_footprint() -> None:
+    for seed in range(20):
+        plan = generate(FLAT, seed)
+        missed = [wish.wish for wish in plan.wishes if wish.outcome != "satisfied" and "aspect ratio" not in wish.wish]
+        assert missed == []
+        for item in plan.rooms:
+            width, height = shape(item)
+            assert max(width, height) / min(width, height) < 3.3
+
+
+def test_one_room_takes_its_own_shape_and_says_that_the_footprint_contradicts() -> None:
+    plan = generate(template([room("Hall", "Living", 32, (2, 1))]))
+    assert sorted(shape(plan.rooms[0])) == [4.0, 8.0]
+    assert [wish.outcome for wish in plan.wishes if "footprint" in wish.wish] == ["contradictory"]
+    assert plan.passages == []
+
+
+def test_a_small_closet_in_a_hall_becomes_a_corner_and_not_a_sliver() -> None:
+    plan = generate(template([room("Hall", "Living", 300), room("Closet", "Closet", 10)]))
+    assert len(plan.rooms[0].polygon) == 6
+    assert shape(plan.rooms[1]) == (pytest.approx(3.15, abs=0.11), pytest.approx(3.15, abs=0.11))
+
+
+def test_several_doorways_join_one_pair_when_asked_for() -> None:
+    body = template([room("A", "Living", 60), room("B", "Dining", 60)], [("A", "B", "Doorway")] * 4)
+    plan = generate(body)
+    assert [passage.kind for passage in plan.passages] == ["Doorway"] * 4
+    assert all(wish.outcome == "satisfied" for wish in plan.wishes if "Doorway" in wish.wish)
+
+
+def test_doorways_that_do_not_fit_are_reported_with_numbers() -> None:
+    body = template([room("A", "Closet", 10, (4, 1)), room("B", "Closet", 10, (4, 1))], [("A", "B", "Doorway")] * 4)
+    outcomes: Counter[str] = Counter()
+    for seed in range(10):
+        plan = generate(body, seed)
+        wishes = [wish for wish in plan.wishes if "Doorway" in wish.wish]
+        outcomes.update(wish.outcome for wish in wishes)
+        assert all("m has no room" in wish.reason for wish in wishes if wish.outcome == "missed")
+        assert sum(wish.outcome == "satisfied" for wish in wishes) == len(plan.passages)
+    assert outcomes["satisfied"]
+
+
+def test_four_rooms_that_should_all_touch_each_other_are_a_contradiction() -> None:
+    names = ["A", "B", "C", "D"]
+    pairs = [(one, other, "Doorway") for index, one in enumerate(names) for other in names[index + 1 :]]
+    plan = generate(template([room(name, "Living", 20) for name in names], pairs))
+    refused = [wish for wish in plan.wishes if wish.outcome == "contradictory" and "Doorway" in wish.wish]
+    assert refused
+    assert "A, B, C, D cannot all touch" in refused[0].reason
+
+
+def test_a_room_too_small_for_its_aspect_ratio_says_so() -> None:
+    plan = generate(template([room("Strip", "Bedroom", 10, (4, 1)), room("Hall", "Living", 40)]))
+    reason = next(wish.reason for wish in plan.wishes if wish.wish.startswith("Strip with aspect"))
+    assert reason == "at 10 m2 it would be 1.58 m wide, and this type is at least 2.2 m"
+
+
+def test_an_opening_takes_the_wall_away_from_corner_to_corner() -> None:
+    plan = generate(template([room("A", "Living", 20), room("B", "Dining", 20)], [("A", "B", "Opening")]))
+    (opening,) = plan.passages
+    assert opening.kind == "Opening"
+    assert opening.width_m == pytest.approx(
+        min(shape(plan.rooms[0])[i] for i in (0, 1) if opening.start[i] != opening.end[i]) - 0.2
+    )
+    assert not any(not wall.exterior for wall in plan.walls)
+
+
+def test_baths_and_closets_are_not_passed_through_when_nobody_asks_for_it() -> None:
+    body = template(
+        [
+            room("Hallway", "Hallway", 14, (3, 1)),
+            room("Living", "Living", 28),
+            room("Bedroom", "Bedroom", 16),
+            room("Bath", "Bathroom", 10),
+            room("Closet", "Closet", 10),
+        ],
+        footprint=(4, 3),
+    )
+    through = 0
+    for seed in range(20):
+        degrees = Counter(name for passage in generate(body, seed).passages for name in passage.rooms)
+        through += (degrees["Bath"] > 1) + (degrees["Closet"] > 1)
+    assert through <= 2
+
+
+def test_the_ceiling_is_as_wished() -> None:
+    plan = generate(template([room("A", "Living")], height=2.75))
+    assert plan.ceiling_height_m == 2.75
+
+
+def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(partition_search, "MAX_CLIMBS", 0)
+    with pytest.raises(WorldGenerationError, match="no partition of 64 m2 into 4 rooms"):
+        generate(FLAT)
