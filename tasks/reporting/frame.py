@@ -44,9 +44,11 @@ class Frame:
         """The frame that shows all points with a margin.
 
         Raises:
-          ValueError: there are no points.
+          ValueError: there are no points, or some are not finite.
         """
         xs, ys = zip(*points, strict=True)
+        if not all(map(math.isfinite, (*xs, *ys))):
+            raise ValueError("some coordinates are not finite")
         left, right = min(xs) - _MARGIN_M, max(xs) + _MARGIN_M
         bottom, top = min(ys) - _MARGIN_M, max(ys) + _MARGIN_M
         scale = EXTENT / max(right - left, top - bottom)

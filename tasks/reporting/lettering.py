@@ -13,6 +13,7 @@ from .svg import element
 
 _LETTER = 0.6  # mean width of a letter, in letter heights, of common sans-serif faces
 _FILL = 0.9  # share of a room's width that a name may take; small screens enlarge letters a little
+_MOST_COORDINATES = 256
 _TRIES = 4  # places tried to each side of the middle
 _CLEARANCE, _AIR = 14.0, 5.0
 
@@ -38,10 +39,14 @@ class Box:
 def largest_box(polygon: Sequence[Point]) -> Box:
     """The largest rectangle inside an axis-aligned polygon whose sides lie on the corners' coordinates.
 
-    Rooms have few corners, so trying all pairs of coordinates is quick.
+    Rooms have few corners, so trying all pairs of coordinates is quick; for a polygon of very many
+    corners the box around it has to do.
     """
     xs = sorted({round(x, 6) for x, _ in polygon})
     ys = sorted({round(y, 6) for _, y in polygon})
+    whole = Box(xs[0], ys[0], xs[-1], ys[-1])
+    if len(xs) * len(ys) > _MOST_COORDINATES:
+        return whole
     inside = [
         [_contains(polygon, ((x0 + x1) / 2, (y0 + y1) / 2)) for y0, y1 in pairwise(ys)] for x0, x1 in pairwise(xs)
     ]
@@ -53,7 +58,6 @@ def largest_box(polygon: Sequence[Point]) -> Box:
         for m in range(k + 1, len(ys))
         if all(all(column[k:m]) for column in inside[i:j])
     )
-    whole = Box(xs[0], ys[0], xs[-1], ys[-1])
     return max(boxes, key=lambda box: (box.right - box.left) * (box.top - box.bottom), default=whole)
 
 

@@ -81,6 +81,10 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        duration=wording.duration, number=wording.number, plain=wording.plain, compact=wording.compact
+        duration=wording.duration,
+        number=wording.number,
+        plain=wording.plain,
+        compact=wording.compact,
+        moment=wording.moment,
     )
     return environment

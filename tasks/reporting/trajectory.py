@@ -18,6 +18,7 @@ SHADES = 8
 _ARROWS = 9
 _CLUSTER_M = 0.3
 _MOST_LABELS = 6
+_FARTHEST_M = 10_000.0
 
 PathPoint = tuple[float, float, float]
 
@@ -44,7 +45,7 @@ class CollisionSpot:
 def cluster(collisions: Sequence[Collision], radius_m: float = _CLUSTER_M) -> list[CollisionSpot]:
     """Gathers collisions within `radius_m` of the hardest one around, hardest spot first."""
     left = sorted(
-        (c for c in collisions if all(map(math.isfinite, (c.x, c.y, c.max_force_N)))),
+        (c for c in collisions if _drawable(c.x, c.y) and math.isfinite(c.max_force_N)),
         key=lambda c: (-c.max_force_N, c.time_s),
     )
     spots = []
@@ -57,8 +58,12 @@ def cluster(collisions: Sequence[Collision], radius_m: float = _CLUSTER_M) -> li
 
 
 def finite_path(result: RunResult) -> list[PathPoint]:
-    """The path without points that cannot be drawn (a diverged simulation leaves NaN)."""
-    return [point for point in result.path if all(map(math.isfinite, point))]
+    """The path without points that cannot be drawn: a diverged simulation leaves NaN and absurd distances."""
+    return [(t, x, y) for t, x, y in result.path if _drawable(x, y) and math.isfinite(t)]
+
+
+def _drawable(x: float, y: float) -> bool:
+    return abs(x) < _FARTHEST_M and abs(y) < _FARTHEST_M
 
 
 def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[int, list[Point]]]:
@@ -105,7 +110,7 @@ def covered_points(result: RunResult, frame: Frame) -> list[Point]:
     drawn = [frame.at((x, y)) for _, x, y in finite_path(result)]
     covered = []
     for (x0, y0), (x1, y1) in pairwise(drawn):
-        steps = 1 + int(math.dist((x0, y0), (x1, y1)) / 12)
+        steps = 1 + int(min(math.dist((x0, y0), (x1, y1)) / 12, 100))
         covered += [(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps) for i in range(steps)]
     # Marks and words weigh more than a bit of path, so each counts with several points.
     ends = [(drawn[0], -20), (drawn[-1], 26)] if drawn else []

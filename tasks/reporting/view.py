@@ -239,13 +239,12 @@ def _measures(numbers: Numbers) -> list[Measure]:
 def _other_metrics(result: RunResult | None) -> list[Measure]:
     if result is None:
         return []
-    others = [(name, value) for name, value in result.metrics.items() if name not in _KNOWN_METRICS]
-    return [Measure(*_swap(wording.name_and_unit(name), wording.compact(value))) for name, value in sorted(others)]
-
-
-def _swap(name_and_unit: tuple[str, str], value: str) -> tuple[str, str, str]:
-    name, unit = name_and_unit
-    return name, value, unit
+    measures = []
+    for metric, value in sorted(result.metrics.items()):
+        if metric not in _KNOWN_METRICS:
+            name, unit = wording.name_and_unit(metric)
+            measures.append(Measure(name, wording.compact(value), unit))
+    return measures
 
 
 def _view_file(file: ReportedFile) -> FileView:

@@ -2,6 +2,7 @@
 
 import math
 import re
+from datetime import UTC, datetime
 
 _UNITS = {
     "m": "m", "s": "s", "N": "N", "m2": "m²", "rad": "rad", "deg": "°", "mps": "m/s", "m_s": "m/s", "Hz": "Hz",
@@ -22,6 +23,12 @@ def duration(seconds: float) -> str:
         return f"{minutes} min {rest} s" if rest else f"{minutes} min"
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if minutes else f"{hours} h"
+
+
+def moment(time: datetime) -> str:
+    """`2026-03-02 09:30:00 UTC`; a time without zone is taken to be UTC already."""
+    in_utc = time.astimezone(UTC) if time.tzinfo else time
+    return f"{in_utc:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def size(count: int) -> str:

@@ -93,8 +93,10 @@ def _read(world: ReportedWorld) -> tuple[World | None, str]:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the document"
         return None, f"{world.world_json} is not a world: {place}: {first['msg']}."
-    if not content.floorplan.rooms:
-        return None, f"{world.world_json} has no rooms."
+    try:
+        Frame.of_world(content)
+    except ValueError as error:
+        return None, f"{world.world_json} cannot be drawn: {error}."
     return content, ""
 
 

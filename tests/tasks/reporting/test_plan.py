@@ -4,7 +4,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from prefect_robomaker.schemas.simulation_run import Collision
 from prefect_robomaker.schemas.world import MODEL_TYPES, Furniture, World
@@ -34,6 +34,7 @@ def _collision(x: float, y: float, force: float, time_s: float = 1.0) -> Collisi
     return Collision(time_s=time_s, duration_s=0.1, x=x, y=y, other="wall", max_force_N=force)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(_COORDINATE, _COORDINATE), min_size=1, max_size=20))
 def test_a_frame_shows_every_point_with_north_up(points: list[tuple[float, float]]) -> None:
     frame = Frame.around(points)
@@ -94,13 +95,14 @@ def test_a_diverged_path_is_drawn_as_far_as_it_goes(world: World, make_result: A
     result = make_result("FAIL", 3)
     broken = result.model_copy(
         update={
-            "path": [*result.path, (9.0, math.nan, 0.0), (10.0, math.inf, 1.0)],
+            "path": [*result.path, (9.0, math.nan, 0.0), (10.0, math.inf, 1.0), (10.5, 1e300, 0.0), (11.0, 9e3, 0.0)],
             "collisions": [_collision(math.nan, 0, 5)],
         }
     )
     drawing = plan.draw_job_plan(world, Frame.of_world(world), "w", broken, "t")
     assert "nan" not in drawing
     assert "inf" not in drawing
+    assert "000000000" not in drawing
     assert plan.draw_bare_path(broken.model_copy(update={"path": [(0.0, math.nan, 0.0)]}), "t") is None
 
 
@@ -135,12 +137,14 @@ def test_collisions_close_together_become_one_mark_hardest_first() -> None:
     assert spots[1].text == "wall: 5.0 N at 1.0 s\nwall: 7.0 N at 3.0 s"
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(_COORDINATE, _COORDINATE, st.floats(0, 500)), max_size=40))
 def test_clustering_loses_no_collision(places: list[tuple[float, float, float]]) -> None:
     collisions = [_collision(x, y, force) for x, y, force in places]
     assert sum(len(spot.collisions) for spot in cluster(collisions)) == len(collisions)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 500), _COORDINATE, _COORDINATE), min_size=2, max_size=60))
 def test_shaded_runs_join_up_to_the_whole_path(path: list[tuple[float, float, float]]) -> None:
     path.sort()
@@ -155,6 +159,12 @@ def test_shaded_runs_join_up_to_the_whole_path(path: list[tuple[float, float, fl
 def test_the_largest_box_of_a_corner_room_lies_inside_it() -> None:
     corner = [(0.0, 0.0), (5.0, 0.0), (5.0, 2.0), (2.0, 2.0), (2.0, 6.0), (0.0, 6.0)]
     assert largest_box(corner) == Box(0, 0, 2, 6)
+
+
+def test_a_polygon_of_very_many_corners_is_not_searched() -> None:
+    circle = [(math.cos(i / 100), math.sin(i / 100)) for i in range(628)]
+    box = largest_box(circle)
+    assert (box.left, box.right) == pytest.approx((-1, 1), abs=1e-3)
 
 
 def test_labels_are_shortened_turned_and_moved_to_fit() -> None:

@@ -204,7 +204,12 @@ def test_jobs_without_result_or_world_say_so(make_report: Any, make_job: Any, ma
 
 @pytest.mark.parametrize(
     ("content", "reason"),
-    [(None, "cannot be read (No such file or directory)"), ("{}", "is not a world"), ("no json", "is not a world")],
+    [
+        (None, "cannot be read (No such file or directory)"),
+        ("{}", "is not a world: generator_version: Field required"),
+        ("no json", "is not a world: the document: Invalid JSON"),
+        ("infinite", "cannot be drawn: some coordinates are not finite"),
+    ],
 )
 def test_a_world_that_cannot_be_read_shows_its_own_plan(
     make_world: Any, make_report: Any, make_job: Any, content: str | None, reason: str
@@ -213,7 +218,8 @@ def test_a_world_that_cannot_be_read_shows_its_own_plan(
     if content is None:
         world.world_json.unlink()
     else:
-        world.world_json.write_text(content)
+        infinite = world.world_json.read_text().replace("[5.5,3.0]", "[Infinity,3.0]")
+        world.world_json.write_text(infinite if content == "infinite" else content)
     page = Document(render_report(make_report([world], [make_job("sim-1", world.arn)])))
     assert reason in page.text
     assert "There is no preview." in page.text

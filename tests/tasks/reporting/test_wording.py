@@ -1,3 +1,5 @@
+from datetime import datetime, timedelta, timezone
+
 import pytest
 from prefect_robomaker.tasks.reporting import wording
 
@@ -49,3 +51,8 @@ def test_numbers_that_are_none_show_a_dash() -> None:
 def test_logs_lose_terminal_codes_and_keep_their_lines() -> None:
     log = "\x1b[1;31mError\x1b[0m: x\r\n\x1b]8;;http://a\x07link\x1b]8;;\x07\x00\n\tindented\n"
     assert wording.plain(log) == "Error: x\nlink\n\tindented"
+
+
+def test_moments_are_told_in_utc() -> None:
+    there = datetime(2026, 3, 2, 11, 30, tzinfo=timezone(timedelta(hours=2)))
+    assert wording.moment(there) == wording.moment(datetime(2026, 3, 2, 9, 30)) == "2026-03-02 09:30:00 UTC"
