@@ -122,6 +122,10 @@ class WorldChecks(Model):
     origin_clear: bool = Field(description="Whether the cylinder of 1 m diameter at the origin is free.")
     max_penetration_m: float = Field(description="Deepest contact at time 0.")
     geoms: int = Field(description="Geoms in the compiled model.")
+    unreachable_goals: list[str] = Field(default=[], description="Rooms whose goal the disc does not reach.")
+    narrowest_passage_m: float | None = Field(
+        default=None, description="Clear width of the narrowest passage; absent in a plan without passages."
+    )
     settled_share: float | None = Field(
         default=None,
         description="Share of free bodies that moved less than 1 cm in the settle; absent if not run.",
@@ -147,6 +151,9 @@ class World(Model):
     generator_version: str = Field(description="Version of the generator; same version and seeds, same bytes.")
     floorplan_seed: int = Field(description="Seed of the floor plan.")
     interior_seed: int = Field(description="Seed of the interior.")
+    interior_attempt: int = Field(
+        default=0, description="Interiors that were made from the seed before and rejected by the checks."
+    )
     floorplan: Floorplan = Field(description="The plan, with this world's materials in its rooms.")
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
     wishes: list[Wish] = Field(description="What became of the wishes about the interior.")

@@ -1,0 +1,77 @@
+"""From a template body and two seeds to a checked world.
+
+The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
+"""
+
+import numpy as np
+
+from ...schemas.errors import WorldGenerationError
+from ...schemas.world import World
+from ...schemas.world_template_body import WorldTemplateBody
+from .checks import SETTLE_S, check_world, violations
+from .floorplan import generate_floorplan
+from .interior import furnish
+from .mjcf import world_mjcf
+from .occupancy import occupancy_grid
+
+GENERATOR_VERSION = "1.0.0"
+"""Changes whenever the same seeds give other worlds."""
+
+MAX_ATTEMPTS = 8
+"""Interiors tried on one floor plan before giving up."""
+
+
+def seeds_for(job_seed: int, floorplan_index: int, interior_index: int) -> tuple[int, int]:
+    """Seeds of one world of a generation job; interiors of one floor plan share its seed.
+
+    Args:
+      job_seed: the job's seed, not negative.
+      floorplan_index: which floor plan, from 0.
+      interior_index: which interior of it, from 0.
+
+    Returns:
+      Floor plan seed and interior seed, each below 2**32.
+    """
+    floorplan = np.random.SeedSequence(job_seed, spawn_key=(floorplan_index,))
+    interior = np.random.SeedSequence(job_seed, spawn_key=(floorplan_index, interior_index))
+    return int(floorplan.generate_state(1)[0]), int(interior.generate_state(1)[0])
+
+
+def generate_world(body: WorldTemplateBody, floorplan_seed: int, interior_seed: int, *, settle: bool = True) -> World:
+    """Makes one world and checks it.
+
+    An interior that breaks a guarantee is made again from the next sub-seed; the floor plan stays,
+    since other worlds share it.
+
+    Args:
+      body: the wishes.
+      floorplan_seed: equal seeds give equal walls and passages.
+      interior_seed: seed of materials and furniture.
+      settle: whether physics runs for two seconds to see that loose objects stay.
+
+    Raises:
+      WorldGenerationError: no attempt passed the checks; the message says what the last one broke.
+    """
+    plan = generate_floorplan(body, np.random.default_rng(floorplan_seed))
+    problems: list[str] = []
+    for attempt in range(MAX_ATTEMPTS):
+        sub_seed = np.random.SeedSequence(interior_seed, spawn_key=(attempt,))
+        furniture, wishes, rooms = furnish(body, plan, np.random.default_rng(sub_seed))
+        world = World(
+            generator_version=GENERATOR_VERSION,
+            floorplan_seed=floorplan_seed,
+            interior_seed=interior_seed,
+            interior_attempt=attempt,
+            floorplan=plan.model_copy(update={"rooms": rooms}),
+            furniture=furniture,
+            wishes=wishes,
+        )
+        grid = occupancy_grid(world.floorplan, furniture)
+        checks = check_world(world, world_mjcf(world), grid, settle_s=SETTLE_S if settle else None)
+        problems = violations(checks)
+        if not problems:
+            return world.model_copy(update={"checks": checks})
+    raise WorldGenerationError(
+        f"no valid interior in {MAX_ATTEMPTS} attempts (floor plan seed {floorplan_seed}, "
+        f"interior seed {interior_seed}); the last one: {'; '.join(problems)}"
+    )

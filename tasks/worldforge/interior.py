@@ -1,0 +1,93 @@
+"""The interior of a floor plan: materials, furniture, loose objects, and the account of the wishes."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...schemas.world import Floorplan, Furniture, Room, Wish
+from ...schemas.world_template_body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
+from .arrangement import usual_types
+from .loose_objects import MOST_LOOSE, scatter
+from .room_furnishing import RoomFurnishing
+from .surfaces import choose_surfaces
+from .targets import choose_sets, why_unused
+
+_PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
+
+
+def furnish(
+    body: WorldTemplateBody, floorplan: Floorplan, rng: np.random.Generator
+) -> tuple[list[Furniture], list[Wish], list[Room]]:
+    """Furnishes a floor plan; the same arguments and generator state give the same interior.
+
+    Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
+
+    Args:
+      body: the wishes.
+      floorplan: the plan, which is left as it is.
+      rng: the source of chance.
+
+    Returns:
+      Furniture and loose objects; what became of each wish; the rooms with materials and goals.
+    """
+    rooms, wishes = choose_surfaces(body, floorplan.rooms, rng)
+    arrangements = body.interior.Furniture.FurnitureArrangements
+    chosen = choose_sets(arrangements, rooms)
+    names: Counter[str] = Counter()
+
+    def new_id(kind: str) -> str:
+        names[kind] += 1
+        return f"{kind}_{names[kind]}"
+
+    furniture: list[Furniture] = []
+    done: dict[str, RoomFurnishing] = {}
+    loose = 0
+    for room in rooms:
+        index = chosen.get(room.name)
+        arrangement = None if index is None else arrangements[index]
+        work = RoomFurnishing.begin(room, floorplan, _density(arrangement), rng, new_id)
+        kinds = _kinds(arrangement, room)
+        work.furnish(kinds)
+        things = scatter(work, MOST_LOOSE - loose) if kinds else []
+        loose += len(things)
+        furniture += [*work.items, *things]
+        done[room.name] = work
+    for index in range(len(arrangements)):
+        wishes += _wishes(arrangements, index, chosen, done)
+    return furniture, wishes, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
+
+
+def _density(arrangement: FurnitureArrangement | None):
+    return "Moderate" if arrangement is None else arrangement.DesiredSpatialDensity
+
+
+def _kinds(arrangement: FurnitureArrangement | None, room: Room) -> Sequence[str]:
+    if arrangement is None or arrangement.SampleSet is None:
+        return usual_types(room.type, _density(arrangement))
+    return arrangement.SampleSet.ModelTypes
+
+
+def _wishes(
+    arrangements: Sequence[FurnitureArrangement], index: int, chosen: dict[str, int], done: dict[str, RoomFurnishing]
+) -> list[Wish]:
+    """One wish per listed kind: satisfied when every room of the arrangement has it."""
+    arrangement = arrangements[index]
+    if arrangement.SampleSet is None:
+        return []
+    rooms = [work for name, work in done.items() if chosen.get(name) == index]
+    wishes: list[Wish] = []
+    for number, kind in enumerate(arrangement.SampleSet.ModelTypes):
+        if rooms:
+            reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
+        else:
+            reason = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
+        wishes.append(
+            Wish(
+                path=f"{_PATH}[{index}].SampleSet.ModelTypes[{number}]",
+                wish=f"{kind} in {arrangement.Name}",
+                outcome="missed" if reason else "satisfied",
+                reason=reason,
+            )
+        )
+    return wishes

@@ -1,0 +1,180 @@
+"""Primitive parts that furniture is made of, in the furniture's own frame.
+
+The frame lies on the floor in the middle of the footprint: x points to the front, y to the left, z
+up. A part that collides is drawn as well; everything else is there for the eye only, so that a
+piece with drawers and cushions costs physics no more than a crate.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Color = tuple[float, float, float, float]
+Span = tuple[float, float]
+Vector = tuple[float, float, float]
+Shape = Literal["box", "cylinder", "ellipsoid"]
+Axis = Literal["x", "y", "z"]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One primitive."""
+
+    name: str
+    """Unique in its piece of furniture."""
+    shape: Shape
+    """A cylinder's ends are round; `axis` says where they point."""
+    center: Vector
+    """Middle, metres."""
+    size: Vector
+    """Full extents along x, y and z, metres."""
+    color: Color
+    """Red, green, blue and opacity, 0 to 1."""
+    solid: bool
+    """Whether it collides."""
+    axis: Axis = "z"
+    """Direction of a cylinder; other shapes have none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """One look of one kind of furniture: its form and size, and three colours."""
+
+    form: str
+    """What the builder makes of it, `round`, `three-seat`."""
+    width_m: float
+    """Across the facing direction."""
+    depth_m: float
+    """Along the facing direction."""
+    height_m: float
+    """Upwards."""
+    colors: str
+    """Name of the colour scheme."""
+    main: Color
+    """Body, frame, legs."""
+    accent: Color
+    """Tops, fronts, metal."""
+    soft: Color
+    """Cushions, covers, screens."""
+
+    @property
+    def name(self) -> str:
+        """Form and colours, unique among the styles of one kind."""
+        return f"{self.form} {self.colors}"
+
+    @property
+    def half_depth_m(self) -> float:
+        """Where the front is."""
+        return self.depth_m / 2
+
+    @property
+    def half_width_m(self) -> float:
+        """Where the left side is."""
+        return self.width_m / 2
+
+
+def rgb(text: str, opacity: float = 1.0) -> Color:
+    """Turns `d2b48c` into a colour."""
+    red, green, blue = (round(int(text[at : at + 2], 16) / 255, 3) for at in (0, 2, 4))
+    return red, green, blue, opacity
+
+
+WHITE = rgb("f4f2ed")
+CERAMIC = rgb("fafafa")
+STEEL = rgb("c3c8cc")
+CHROME = rgb("9aa3aa")
+DARK_STEEL = rgb("4a4f55")
+BLACK = rgb("25282c")
+GLASS = rgb("b9d7e2", 0.4)
+MIRROR = rgb("cfe0e8")
+SCREEN = rgb("1b2230")
+
+_SCHEMES: dict[str, tuple[Color, Color, Color]] = {
+    "oak": (rgb("c89f6d"), rgb("dcb888"), rgb("5f7f92")),
+    "walnut": (rgb("7a5436"), rgb("94683f"), rgb("c9b79a")),
+    "white": (rgb("eceae4"), rgb("faf9f6"), rgb("8fa89b")),
+    "grey": (rgb("8d9196"), rgb("a9adb1"), rgb("6f7f8f")),
+    "sage": (rgb("8ea58c"), rgb("d9c9a8"), rgb("a8bfa6")),
+    "navy": (rgb("3b4d66"), rgb("d0b078"), rgb("465f83")),
+    "terracotta": (rgb("a65f43"), rgb("e2c6a5"), rgb("c47b5a")),
+    "mustard": (rgb("6b4a2f"), rgb("b98a54"), rgb("d3a545")),
+    "steel": (STEEL, rgb("d9dde0"), DARK_STEEL),
+    "black": (rgb("34373b"), rgb("4d5156"), rgb("22262b")),
+    "ceramic": (CERAMIC, rgb("eef0f1"), rgb("cfdde2")),
+}
+
+
+def styles(form: str, size: tuple[float, float, float], *schemes: str) -> tuple[Style, ...]:
+    """One style per colour scheme; `size` is width, depth, height in metres."""
+    return tuple(Style(form, *size, scheme, *_SCHEMES[scheme]) for scheme in schemes)
+
+
+def box(name: str, x: Span, y: Span, z: Span, color: Color, *, solid: bool = False) -> Part:
+    """A box between two bounds on each axis."""
+    center = ((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, (z[0] + z[1]) / 2)
+    return Part(name, "box", center, (x[1] - x[0], y[1] - y[0], z[1] - z[0]), color, solid)
+
+
+def upright(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *, solid: bool = False) -> Part:
+    """A standing cylinder."""
+    center = (at[0], at[1], (z[0] + z[1]) / 2)
+    return Part(name, "cylinder", center, (diameter, diameter, z[1] - z[0]), color, solid)
+
+
+def lying(name: str, center: Vector, diameter: float, length: float, axis: Axis, color: Color) -> Part:
+    """A lying cylinder, for the eye only: handles, round doors."""
+    size = (length, diameter, diameter) if axis == "x" else (diameter, length, diameter)
+    return Part(name, "cylinder", center, size, color, False, axis)
+
+
+def rounded(name: str, center: Vector, size: Vector, color: Color, *, solid: bool = False) -> Part:
+    """An ellipsoid."""
+    return Part(name, "ellipsoid", center, size, color, solid)
+
+
+def legs(style: Style, z: Span, thickness: float, color: Color, *, inset: float = 0.03) -> list[Part]:
+    """Four solid square legs under the corners."""
+    x, y = style.half_depth_m - inset - thickness, style.half_width_m - inset - thickness
+    spots = {"front-left": (x, y), "front-right": (x, -y - thickness)}
+    spots |= {"back-left": (-x - thickness, y), "back-right": (-x - thickness, -y - thickness)}
+    return [
+        box(f"leg-{name}", (at, at + thickness), (side, side + thickness), z, color, solid=True)
+        for name, (at, side) in spots.items()
+    ]
+
+
+def fronts(
+    style: Style, columns: int, rows: int, z: Span, color: Color, handle: Color, *, gap: float = 0.015
+) -> list[Part]:
+    """Doors or drawers with handles, in columns and rows on the front; they fill the last 2 cm of the depth."""
+    parts: list[Part] = []
+    width = (style.width_m - gap) / columns
+    height = (z[1] - z[0]) / rows
+    front = style.half_depth_m
+    for column in range(columns):
+        left = -style.half_width_m + gap + column * width
+        for row in range(rows):
+            bottom = z[0] + row * height
+            name = f"{column + 1}-{row + 1}"
+            span, up = (left, left + width - gap), (bottom, bottom + height - gap)
+            parts.append(box(f"front-{name}", (front - 0.03, front - 0.012), span, up, color))
+            center = ((front - 0.006), (span[0] + span[1]) / 2, bottom + (0.5 if rows > 1 else 0.62) * height)
+            parts.append(lying(f"handle-{name}", center, 0.012, min(0.14, width / 2), "y", handle))
+    return parts
+
+
+def carcass(style: Style, z: Span, color: Color) -> Part:
+    """The solid body behind `fronts`."""
+    return box(
+        "body",
+        (-style.half_depth_m, style.half_depth_m - 0.022),
+        (-style.half_width_m, style.half_width_m),
+        z,
+        color,
+        solid=True,
+    )
+
+
+def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:
+    """A board over the whole footprint."""
+    x, y = style.half_depth_m - inset, style.half_width_m - inset
+    return box(name, (-x, x), (-y, y), z, color, solid=solid)

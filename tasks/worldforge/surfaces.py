@@ -1,0 +1,91 @@
+"""Chooses the materials of floors and walls, and tells what became of the template's wishes for them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...schemas.world import Room, RoomType, Wish
+from ...schemas.world_template_body import INTERIOR_PATH, FloorMaterialSet, WallMaterialSet, WorldTemplateBody
+from .materials import USUAL_FLOORS, USUAL_WALLS
+from .targets import choose_sets, why_unused
+
+MaterialSets = Sequence[FloorMaterialSet] | Sequence[WallMaterialSet]
+
+
+def choose_surfaces(
+    body: WorldTemplateBody, rooms: Sequence[Room], rng: np.random.Generator
+) -> tuple[list[Room], list[Wish]]:
+    """Gives every room a floor and a wall material.
+
+    Args:
+      body: the wishes.
+      rooms: the plan's rooms.
+      rng: the source of chance.
+
+    Returns:
+      The rooms with their materials, and what became of each listed material.
+    """
+    floors, floor_wishes = _choose("Flooring", body.interior.Flooring.MaterialSets, USUAL_FLOORS, rooms, rng)
+    walls, wall_wishes = _choose("Walls", body.interior.Walls.MaterialSets, USUAL_WALLS, rooms, rng)
+    finished = [
+        room.model_copy(update={"floor_material": floors[room.name], "wall_material": walls[room.name]})
+        for room in rooms
+    ]
+    return finished, floor_wishes + wall_wishes
+
+
+def _choose(
+    part: str,
+    sets: MaterialSets,
+    usual: dict[RoomType, tuple[str, ...]],
+    rooms: Sequence[Room],
+    rng: np.random.Generator,
+) -> tuple[dict[str, str], list[Wish]]:
+    chosen = choose_sets(sets, rooms)
+    materials: dict[str, str] = {}
+    for index, one_set in enumerate(sets):
+        if one_set.SampleSet is None:
+            continue
+        mine = [room.name for room in rooms if chosen.get(room.name) == index]
+        # Dealt out in turn, so that as many of the listed materials as there are rooms really appear.
+        dealt = [str(material) for material in rng.permutation(list(dict.fromkeys(one_set.SampleSet.MaterialTypes)))]
+        materials |= {name: dealt[number % len(dealt)] for number, name in enumerate(mine)}
+    for room in rooms:
+        if room.name not in materials:
+            materials[room.name] = str(rng.choice(usual[room.type]))
+    wishes = [wish for index in range(len(sets)) for wish in _wishes(part, sets, index, chosen, materials, rooms)]
+    return materials, wishes
+
+
+def _wishes(
+    part: str,
+    sets: MaterialSets,
+    index: int,
+    chosen: dict[str, int],
+    materials: dict[str, str],
+    rooms: Sequence[Room],
+) -> list[Wish]:
+    one_set = sets[index]
+    if one_set.SampleSet is None:
+        return []
+    mine = [room.name for room in rooms if chosen.get(room.name) == index]
+    present = {materials[name] for name in mine}
+    wishes: list[Wish] = []
+    for number, material in enumerate(one_set.SampleSet.MaterialTypes):
+        missed = material not in present
+        reason = ""
+        if missed:
+            reason = (
+                f"{len(one_set.SampleSet.MaterialTypes)} materials for {len(mine)} rooms"
+                if mine
+                else why_unused(one_set, sets, chosen, rooms)
+            )
+        wishes.append(
+            Wish(
+                path=f"{INTERIOR_PATH}.{part}.MaterialSets[{index}].SampleSet.MaterialTypes[{number}]",
+                wish=f"{material} in {one_set.Name}",
+                outcome="missed" if missed else "satisfied",
+                reason=reason,
+            )
+        )
+    return wishes
