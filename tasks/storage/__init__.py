@@ -1,1 +1,18 @@
 """Object stores: a directory or an S3 endpoint, one layout."""
+
+from .archives import ArchiveLimits, pack_tar_gz, unpack
+from .base import ObjectInfo, ObjectStore
+from .opening import open_store
+from .publication import fetch, publish, read_manifest
+
+__all__ = [
+    "ArchiveLimits",
+    "ObjectInfo",
+    "ObjectStore",
+    "fetch",
+    "open_store",
+    "pack_tar_gz",
+    "publish",
+    "read_manifest",
+    "unpack",
+]

@@ -1,0 +1,155 @@
+"""Reading .tar, .tar.gz and .zip members, refusing every kind that is neither file nor folder.
+
+The container is told by its content, not its name. Nothing here writes; whether a member's name and
+size are acceptable is decided by who unpacks.
+"""
+
+import gzip
+import io
+import lzma
+import stat
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from ...schemas.errors import BundleError
+
+BROKEN_ARCHIVE = (tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError)
+"""What the standard library raises for damaged archives (and `OSError`, for some of them)."""
+
+_LARGEST_HEADER_BYTES = 1 << 20
+_LONGEST_PADDING_BYTES = 1 << 20
+_ENCRYPTED = 0x1
+_UNIX = 3
+
+
+@dataclass(frozen=True)
+class Member:
+    """One file or folder of an archive."""
+
+    name: str
+    """As the archive has it."""
+    is_folder: bool
+    executable: bool
+    open: Callable[[], AbstractContextManager[IO[bytes]]]
+    """Opens the content; to be read before the next member is asked for."""
+
+
+def members(archive: Path) -> Iterator[Member]:
+    """Reads an archive's members in their order.
+
+    Raises:
+      BundleError: it is no archive, or has a member that is neither file nor folder.
+      OSError: it cannot be read.
+    """
+    with archive.open("rb") as file:
+        beginning = file.read(262)
+        file.seek(0)
+        if beginning.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+            yield from _zip_members(file)
+        elif beginning.startswith(b"\x1f\x8b"):
+            with gzip.GzipFile(fileobj=file) as unzipped:
+                yield from _tar_members(unzipped)
+        elif beginning[257:] == b"ustar":
+            yield from _tar_members(file)
+        else:
+            raise BundleError("this is no .tar, .tar.gz or .zip archive")
+
+
+def _zip_members(file: IO[bytes]) -> Iterator[Member]:
+    with zipfile.ZipFile(file) as container:
+        for info in container.infolist():
+            mode = info.external_attr >> 16 if info.create_system == _UNIX else 0
+            if "\0" in info.orig_filename:
+                raise BundleError(f"member {info.orig_filename!r}: NUL in its name")
+            if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
+                raise BundleError(f"member {info.filename!r}: {_kind(mode)} is not allowed, only files and folders are")
+            if info.flag_bits & _ENCRYPTED:
+                raise BundleError(f"member {info.filename!r}: encrypted members cannot be read")
+            yield Member(
+                name=info.filename,
+                is_folder=info.is_dir(),
+                executable=bool(mode & stat.S_IXUSR),
+                open=lambda info=info: container.open(info),
+            )
+
+
+def _kind(mode: int) -> str:
+    return "a symbolic link" if stat.S_ISLNK(mode) else "a device, pipe or socket"
+
+
+def _tar_members(file: IO[bytes] | gzip.GzipFile) -> Iterator[Member]:
+    forward = _Forward(file)
+    with tarfile.open(fileobj=forward, mode="r:") as container:
+        for info in container:
+            if not (info.isreg() or info.isdir()) or info.issparse():
+                raise BundleError(f"member {info.name!r}: {_tar_kind(info)} is not allowed, only files and folders are")
+            yield Member(
+                name=info.name,
+                is_folder=info.isdir(),
+                executable=bool(info.mode & stat.S_IXUSR),
+                open=lambda info=info: _content(container, info),
+            )
+    forward.check_end()
+
+
+def _tar_kind(info: tarfile.TarInfo) -> str:
+    if info.issym():
+        return "a symbolic link"
+    if info.islnk():
+        return "a hard link"
+    return "a sparse file" if info.issparse() else "a device, pipe or unknown kind"
+
+
+def _content(container: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
+    content = container.extractfile(info)
+    if content is None:
+        raise BundleError(f"member {info.name!r} has no content")
+    return content
+
+
+class _Forward(io.RawIOBase):
+    """A file that tarfile cannot be tricked with: it only moves forward, and no header is large.
+
+    Crafted archives state negative sizes, which send tarfile back to where it was, for ever; and
+    headers of gigabytes, which it reads into memory at once. And where a header is damaged or missing,
+    tarfile takes it for the end.
+    """
+
+    def __init__(self, file: IO[bytes] | gzip.GzipFile) -> None:
+        self._file = file
+        self._position = 0
+        self._latest = b""
+
+    def read(self, size: int = -1) -> bytes:
+        if not 0 <= size <= _LARGEST_HEADER_BYTES:
+            raise BundleError(f"the archive is damaged: a header of {size} bytes")
+        self._latest = self._file.read(size)
+        self._position += len(self._latest)
+        return self._latest
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        if whence != io.SEEK_SET or offset < self._position:
+            raise BundleError("the archive is damaged: a member before its predecessor's end")
+        self._position = self._file.seek(offset)
+        return self._position
+
+    def tell(self) -> int:
+        return self._position
+
+    def check_end(self) -> None:
+        """Checks that what tarfile took for the end is the end.
+
+        Raises:
+          BundleError: it is not.
+        """
+        if len(self._latest) < tarfile.BLOCKSIZE or any(self._latest):
+            raise BundleError("the archive is damaged: a header is broken or missing, or the archive is cut off")
+        # Reading on makes gzip compare its checksum; behind the end mark there is at most padding.
+        if len(self._file.read(_LONGEST_PADDING_BYTES + 1)) > _LONGEST_PADDING_BYTES:
+            raise BundleError("the archive is damaged: it goes on behind its end mark")

@@ -1,0 +1,199 @@
+"""Unpacking archives that may have been made to do harm, and packing folders reproducibly.
+
+`tarfile`'s own filters are not relied on: several releases of Python have known ways around them.
+Members are written here, one by one, into a fresh folder in which no symbolic link ever exists.
+"""
+
+import gzip
+import os
+import shutil
+import tarfile
+import tempfile
+import unicodedata
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+from uuid import uuid4
+
+from ...schemas.errors import BundleError
+from .archive_members import BROKEN_ARCHIVE, Member, members
+from .failures import os_failures
+from .folders import open_regular, regular_files
+
+_CHUNK_BYTES = 1 << 20
+_MAX_COMPONENT_BYTES = 255
+
+
+@dataclass(frozen=True)
+class ArchiveLimits:
+    """What an archive may hold; what is really unpacked counts, not what headers claim."""
+
+    total_bytes: int = 20 << 30
+    """All files together."""
+    file_bytes: int = 10 << 30
+    """Each file."""
+    entries: int = 100_000
+    """Files and folders."""
+    depth: int = 32
+    """Components of a path."""
+
+
+def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:
+    """Unpacks a .tar, .tar.gz or .zip archive; what it is is told by its content.
+
+    Files become readable by all and executable where the archive says so; owners, times and special
+    modes are dropped.
+
+    Args:
+      archive: the archive.
+      folder: where to; it must be absent or empty, and appears only when everything is unpacked.
+      limits: what it may hold.
+
+    Raises:
+      BundleError: it is no archive, is damaged or too large, or has a member that is neither file nor
+        folder or would land elsewhere; the message names the member. Nothing is left behind.
+      StorageError: the disk is full, or the folder cannot be written.
+    """
+    with os_failures(f"unpack {archive.name} into {folder}"):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        unpacked = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            unpacked.chmod(0o755)
+            extraction = _Extraction(unpacked, limits or ArchiveLimits())
+            try:
+                for member in members(archive):
+                    extraction.add(member)
+            except BROKEN_ARCHIVE as error:
+                raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
+            except gzip.BadGzipFile as error:
+                raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
+            unpacked.rename(folder)
+        finally:
+            shutil.rmtree(unpacked, ignore_errors=True)
+
+
+def pack_tar_gz(folder: Path, path: Path) -> None:
+    """Packs a folder's files into a .tar.gz whose bytes depend on their names, contents and executable bits only.
+
+    Args:
+      folder: what to pack; empty folders are left out.
+      path: the archive; it appears when it is whole.
+
+    Raises:
+      StorageError: a file is a symbolic link or the like, or cannot be read; the disk is full.
+    """
+    files = regular_files(folder)
+    temporary = path.with_name(f".{uuid4().hex}.part")
+    with os_failures(f"pack {folder} into {path}"):
+        try:
+            with (
+                temporary.open("xb") as target,
+                gzip.GzipFile(filename="", mode="wb", fileobj=target, mtime=0, compresslevel=6) as zipped,
+                tarfile.open(fileobj=zipped, mode="w", format=tarfile.PAX_FORMAT) as container,
+            ):
+                for file in files:
+                    with open_regular(file.path) as content:
+                        found = os.fstat(content.fileno())
+                        info = tarfile.TarInfo(file.name)
+                        info.size = found.st_size
+                        info.mode = 0o755 if found.st_mode & 0o100 else 0o644
+                        container.addfile(info, content)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@dataclass
+class _Extraction:
+    """Members unpacked so far, and the names they took."""
+
+    top: Path
+    limits: ArchiveLimits
+    entries: int = 0
+    size: int = 0
+    last: str = ""
+    taken: dict[str, tuple[str, bool]] = field(default_factory=dict)
+    """Path and whether it is a folder, by the path as file systems compare that ignore case and composition."""
+
+    def progress(self) -> str:
+        return f" after member {self.last!r}" if self.last else ""
+
+    def add(self, member: Member) -> None:
+        """Writes one member.
+
+        Raises:
+          BundleError: it is not acceptable.
+        """
+        self.entries += 1
+        if self.entries > self.limits.entries:
+            raise BundleError(f"member {member.name!r}: more than {self.limits.entries} files and folders")
+        parts = self._parts(member)
+        for end in range(1, len(parts)):
+            self._take(member, "/".join(parts[:end]), is_folder=True)
+        if parts:
+            name = "/".join(parts)
+            self._take(member, name, is_folder=member.is_folder)
+            if not member.is_folder:
+                self._write(member, self.top / name)
+        self.last = member.name
+
+    def _parts(self, member: Member) -> list[str]:
+        """The components of a member's path below the top; none for the top itself."""
+        path = member.name
+        while path.startswith("./"):
+            path = path[2:]
+        if member.is_folder:
+            path = path.rstrip("/") if path != "." else ""
+        parts = path.split("/") if path else []
+        if problem := self._problem(path, parts, member):
+            raise BundleError(f"member {member.name!r}: {problem}")
+        return parts
+
+    def _problem(self, path: str, parts: list[str], member: Member) -> str:
+        """What is wrong with a path; empty when nothing is."""
+        if member.name.startswith("/"):
+            return "an absolute path"
+        if "\\" in path or "\0" in path:
+            return "a backslash or NUL in its name"
+        if any(part in ("", ".", "..") for part in parts) or not (parts or member.is_folder):
+            return "a path with an empty, '.' or '..' component"
+        if len(parts) > self.limits.depth:
+            return f"a path of more than {self.limits.depth} components"
+        try:
+            too_long = any(len(part.encode()) > _MAX_COMPONENT_BYTES for part in parts)
+        except UnicodeEncodeError:
+            return "a name that is not UTF-8"
+        return f"a component of more than {_MAX_COMPONENT_BYTES} bytes" if too_long else ""
+
+    def _take(self, member: Member, name: str, *, is_folder: bool) -> None:
+        """Takes a name; folders may be named again, everything else only once."""
+        folded = unicodedata.normalize("NFC", name).casefold()
+        other, other_is_folder = self.taken.setdefault(folded, (name, is_folder))
+        if other != name:
+            raise BundleError(f"member {member.name!r}: differs from {other!r} only in case or composition of letters")
+        if other_is_folder != is_folder:
+            raise BundleError(f"member {member.name!r}: {name!r} is both a file and a folder")
+        path = self.top / name
+        if is_folder:
+            path.mkdir(mode=0o755, exist_ok=True)
+        elif path.exists():
+            raise BundleError(f"member {member.name!r}: it is in the archive more than once")
+
+    def _write(self, member: Member, path: Path) -> None:
+        mode = 0o755 if member.executable else 0o644
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+        with os.fdopen(descriptor, "wb") as target, member.open() as content:
+            self._copy(member, content, target)
+
+    def _copy(self, member: Member, content: IO[bytes], target: IO[bytes]) -> None:
+        size = 0
+        while chunk := content.read(_CHUNK_BYTES):
+            size += len(chunk)
+            self.size += len(chunk)
+            if size > self.limits.file_bytes:
+                raise BundleError(f"member {member.name!r}: more than {self.limits.file_bytes} bytes")
+            if self.size > self.limits.total_bytes:
+                raise BundleError(
+                    f"member {member.name!r}: with it the archive has more than {self.limits.total_bytes} bytes"
+                )
+            target.write(chunk)

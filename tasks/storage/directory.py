@@ -1,0 +1,275 @@
+"""Objects as files of a directory: needs no server, survives crashes, can be looked into with any tool.
+
+`<root>/<bucket>/<key>` is the object; `<root>/.incoming` holds what is being written. A write goes to
+`.incoming`, reaches the disk, and only then gets its name, by one step that either happens or does
+not. A key cannot be both an object and the folder of other objects (`a` and `a/b`).
+"""
+
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+from uuid import uuid4
+
+from ...schemas.errors import (
+    BucketNotFoundError,
+    ObjectExistsError,
+    ObjectNotFoundError,
+    StorageError,
+)
+from .base import ObjectInfo
+from .etags import etag_of, keep_etag
+from .failures import os_failures
+from .folders import open_regular
+from .naming import check_bucket, check_key, check_prefix
+from .parallel import run_all
+
+_CHUNK_BYTES = 1 << 20
+_ABANDONED_AFTER_S = 86_400.0
+_RACES = 20
+
+
+class DirectoryStore:
+    """An `ObjectStore` in a directory.
+
+    Args:
+      root: the directory; it is created with the first bucket.
+      clock: seconds since the epoch.
+    """
+
+    def __init__(self, root: Path, *, clock: Callable[[], float] = time.time) -> None:
+        self._clock = clock
+        self._root = root.absolute()
+        self._incoming = self._root / ".incoming"  # no bucket's name starts with a dot
+
+    def ensure_bucket(self, bucket: str) -> None:
+        """Creates the bucket unless it exists."""
+        check_bucket(bucket)
+        with os_failures(f"create the bucket {bucket} in {self._root}"):
+            for folder in (self._incoming, self._root / bucket):
+                folder.mkdir(parents=True, exist_ok=True)
+            _sync(self._root)
+            self._remove_abandoned()
+
+    def put_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """Stores a file's content.
+
+        Raises:
+          StorageError: also when the file is written to while it is being stored.
+        """
+        with os_failures(f"store {path} as {bucket}/{key}"), path.open("rb") as source:
+            before = os.fstat(source.fileno())
+            with self._written(bucket, key, source) as (temporary, info):
+                after = os.fstat(source.fileno())
+                if (info.size_bytes, after.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
+                    raise StorageError(f"cannot store {path} as {bucket}/{key}: it was written to meanwhile")
+                self._name(temporary, bucket, key, create_only=False)
+            return info
+
+    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+        """Stores many files, several at a time; raises the first error after all have ended."""
+        return run_all(lambda item: self.put_file(bucket, *item), files.items())
+
+    def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
+        """Stores bytes.
+
+        Raises:
+          ObjectExistsError: `create_only` and something is there.
+        """
+        with (
+            os_failures(f"store {bucket}/{key}"),
+            self._written(bucket, key, BytesIO(data)) as (temporary, info),
+        ):
+            self._name(temporary, bucket, key, create_only=create_only)
+            return info
+
+    def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """Copies an object into a file, which appears only when it is whole."""
+        temporary = path.with_name(f".{uuid4().hex}.part")
+        with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):
+            try:
+                with temporary.open("xb") as target:
+                    for chunk in _chunks(source):
+                        target.write(chunk)
+                temporary.replace(path)
+            finally:
+                temporary.unlink(missing_ok=True)
+            return info
+
+    def get_bytes(self, bucket: str, key: str) -> bytes:
+        """Reads an object's content."""
+        with self._opened(bucket, key) as (source, _), os_failures(f"read {bucket}/{key}"):
+            return source.read()
+
+    def head(self, bucket: str, key: str) -> ObjectInfo:
+        """Says what is known of an object."""
+        with self._opened(bucket, key) as (_, info):
+            return info
+
+    def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
+        """Lists objects whose keys start with `prefix`, in key order."""
+        check_prefix(prefix)
+        folder = self._bucket_path(bucket)
+        with os_failures(f"list {bucket}/{prefix}"):
+            for key in _keys(folder, prefix):
+                with suppress(ObjectNotFoundError):  # deleted since its name was read
+                    yield self.head(bucket, key)
+
+    def delete(self, bucket: str, key: str) -> None:
+        """Removes an object, and the folders that become empty; succeeds when there is none."""
+        path = self._path(bucket, key)
+        bucket_path = self._bucket_path(bucket)
+        with os_failures(f"delete {bucket}/{key}"):
+            with suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
+                path.unlink()
+            for folder in path.parents:
+                if folder == bucket_path or not _remove_empty(folder):
+                    break
+
+    def uri(self, bucket: str, key: str) -> str:
+        """The object's `file:///…` URI."""
+        return self._path(bucket, key).as_uri()
+
+    def local_path(self, bucket: str, key: str) -> Path | None:
+        """The object's own file, to be read only."""
+        return self._path(bucket, key)
+
+    def _path(self, bucket: str, key: str) -> Path:
+        check_bucket(bucket)
+        check_key(key)
+        return self._root / bucket / key
+
+    def _bucket_path(self, bucket: str) -> Path:
+        check_bucket(bucket)
+        folder = self._root / bucket
+        if not folder.is_dir():
+            raise BucketNotFoundError(f"there is no bucket {bucket!r} in {self._root}")
+        return folder
+
+    def _not_found(self, bucket: str, key: str) -> StorageError:
+        self._bucket_path(bucket)
+        return ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} of {self._root}")
+
+    @contextmanager
+    def _opened(self, bucket: str, key: str) -> Iterator[tuple[BinaryIO, ObjectInfo]]:
+        """Opens an object; what is read is one version of it, whatever takes its name meanwhile."""
+        path = self._path(bucket, key)
+        with os_failures(f"read {bucket}/{key}"):
+            try:
+                source = open_regular(path)
+            except FileNotFoundError:
+                raise self._not_found(bucket, key) from None
+            with source:
+                size = os.fstat(source.fileno()).st_size
+                yield source, ObjectInfo(bucket, key, size, etag_of(source.fileno()))
+
+    @contextmanager
+    def _written(self, bucket: str, key: str, source: BinaryIO) -> Iterator[tuple[Path, ObjectInfo]]:
+        """Writes a source into a temporary file that is on the disk when the block begins and gone when it ends."""
+        check_key(key)
+        self._bucket_path(bucket)
+        self._incoming.mkdir(exist_ok=True)
+        temporary = self._incoming / f"{os.getpid()}-{uuid4().hex}"
+        digest = hashlib.md5(usedforsecurity=False)
+        size = 0
+        try:
+            with temporary.open("xb") as target:
+                for chunk in _chunks(source):
+                    target.write(chunk)
+                    digest.update(chunk)
+                    size += len(chunk)
+                target.flush()
+                keep_etag(target.fileno(), digest.hexdigest())
+                os.fsync(target.fileno())
+            yield temporary, ObjectInfo(bucket, key, size, digest.hexdigest())
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def _name(self, temporary: Path, bucket: str, key: str, *, create_only: bool) -> None:
+        """Gives a written file its name in one step."""
+        path = self._root / bucket / key
+        for _ in range(_RACES):
+            try:
+                _make_folders(path.parent, self._root / bucket)
+                if create_only:
+                    path.hardlink_to(temporary)  # unlike renaming, fails where something is
+                else:
+                    temporary.replace(path)
+            except FileNotFoundError:
+                continue  # a delete has just removed a folder that had become empty
+            except (FileExistsError, IsADirectoryError, NotADirectoryError) as error:
+                if create_only and path.is_file():
+                    raise ObjectExistsError(f"{bucket}/{key} exists already in {self._root}") from error
+                raise StorageError(
+                    f"cannot store {bucket}/{key}: in a directory a key cannot be both an object and the folder of "
+                    f"others, and {error.filename2 or error.filename} is there"
+                ) from error
+            _sync(path.parent)
+            return
+        raise StorageError(f"cannot store {bucket}/{key}: its folder was removed {_RACES} times meanwhile")
+
+    def _remove_abandoned(self) -> None:
+        """Removes what crashed writers left a day ago or earlier."""
+        with os.scandir(self._incoming) as entries:
+            for entry in entries:
+                with suppress(FileNotFoundError):
+                    if self._clock() - entry.stat(follow_symlinks=False).st_mtime > _ABANDONED_AFTER_S:
+                        os.unlink(entry.path)  # noqa: PTH108 - entries of scandir have strings
+
+
+def _chunks(source: BinaryIO) -> Iterator[bytes]:
+    while chunk := source.read(_CHUNK_BYTES):
+        yield chunk
+
+
+def _keys(folder: Path, prefix: str) -> Iterator[str]:
+    """Keys of all regular files below a folder that start with the prefix, in the order of their UTF-8 bytes."""
+    start, _, beginning = prefix.rpartition("/")
+    start = f"{start}/" if start else ""
+    try:
+        with os.scandir(folder / start) as entries:
+            # A folder sorts as its keys do: with a slash after its name.
+            names = [
+                f"{entry.name}/" if entry.is_dir(follow_symlinks=False) else entry.name
+                for entry in entries
+                if entry.name.startswith(beginning) and not entry.is_symlink()
+            ]
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    for name in sorted(names, key=os.fsencode):
+        if name.endswith("/"):
+            yield from _keys(folder, start + name)
+        else:
+            yield start + name
+
+
+def _make_folders(folder: Path, top: Path) -> None:
+    """Creates the missing folders between `top` and `folder`, and makes their names durable."""
+    missing = []
+    while folder != top and not folder.is_dir():
+        missing.append(folder)
+        folder = folder.parent
+    for new in reversed(missing):
+        new.mkdir(exist_ok=True)
+        _sync(new.parent)
+
+
+def _remove_empty(folder: Path) -> bool:
+    try:
+        folder.rmdir()
+    except OSError:
+        return False
+    return True
+
+
+def _sync(folder: Path) -> None:
+    """Makes the names in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,35 @@
+"""Errors of the operating system as errors of the object store."""
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ...schemas.errors import StorageAccessDeniedError, StorageError, StorageFullError
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_DENIED = {errno.EACCES, errno.EPERM, errno.EROFS}
+
+
+@contextmanager
+def os_failures(doing: str) -> Iterator[None]:
+    """Turns every `OSError` inside the block into the `StorageError` that fits.
+
+    Args:
+      doing: what is being done, in words that follow "cannot".
+    """
+    try:
+        yield
+    except OSError as error:
+        raise from_os_error(error, doing) from error
+
+
+def from_os_error(error: OSError, doing: str) -> StorageError:
+    """The error to raise; its message says what could not be done and why."""
+    why = error.strerror or str(error)
+    where = f" ({error.filename})" if error.filename else ""
+    kind = StorageError
+    if error.errno in _FULL:
+        kind = StorageFullError
+    elif error.errno in _DENIED:
+        kind = StorageAccessDeniedError
+    return kind(f"cannot {doing}: {why}{where}")

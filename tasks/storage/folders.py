@@ -1,0 +1,77 @@
+"""The files of a folder that others may have filled: regular files only, symbolic links never followed."""
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BufferedReader
+from pathlib import Path
+
+from ...schemas.errors import StorageError
+from .failures import os_failures
+
+# Nothing there, a file where a folder should be, a symbolic link, a socket.
+_NO_REGULAR_FILE = {errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO}
+
+
+@dataclass(frozen=True)
+class FolderFile:
+    """A regular file of a folder."""
+
+    name: str
+    """Path below the folder, with `/` between components."""
+    path: Path
+    """Where it is."""
+
+
+def regular_files(folder: Path) -> list[FolderFile]:
+    """All files below a folder, ordered by name.
+
+    Raises:
+      StorageError: the folder is none or cannot be read, or holds something that is neither a regular
+        file nor a folder: a symbolic link could name any file of this machine.
+    """
+    with os_failures(f"read the folder {folder}"):
+        return sorted(_walk(folder, ""), key=lambda file: os.fsencode(file.name))
+
+
+def _walk(folder: Path, prefix: str) -> Iterator[FolderFile]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            name = prefix + entry.name
+            if entry.is_dir(follow_symlinks=False):
+                yield from _walk(Path(entry.path), f"{name}/")
+            elif entry.is_file(follow_symlinks=False):
+                yield FolderFile(name, Path(entry.path))
+            else:
+                kind = "a symbolic link" if entry.is_symlink() else "neither a regular file nor a folder"
+                raise StorageError(f"{entry.path} is {kind}; only regular files and folders can be stored")
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Opens a regular file for reading, and nothing else that may stand in its place.
+
+    Raises:
+      FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
+        are not followed, read or waited for.
+      OSError: it cannot be opened.
+    """
+    try:
+        # Without O_NONBLOCK, opening a FIFO would wait for a writer.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno in _NO_REGULAR_FILE:
+            raise FileNotFoundError(errno.ENOENT, "no regular file", str(path)) from None
+        raise
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise FileNotFoundError(errno.ENOENT, "no regular file", str(path))
+    return os.fdopen(descriptor, "rb")
+
+
+def version_of(path: Path) -> tuple[int, int, int]:
+    """What changes when a file is written to or replaced: inode, size, modification time in nanoseconds."""
+    with os_failures(f"read {path}"):
+        now = path.lstat()
+    return now.st_ino, now.st_size, now.st_mtime_ns

@@ -1,0 +1,82 @@
+"""From settings to an object store."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from ...schemas.errors import ConfigurationError
+from ...schemas.settings import Settings
+from .base import ObjectStore
+from .directory import DirectoryStore
+
+if TYPE_CHECKING:
+    from boto3 import Session
+
+
+def open_store(settings: Settings, environ: Mapping[str, str]) -> ObjectStore:
+    """Opens the object store that the settings name; nothing is read or written yet.
+
+    A folder becomes a `DirectoryStore`, `http://…` or `https://…` an `S3Store` on that endpoint, and
+    `aws` an `S3Store` on AWS. Credentials are looked for as every AWS tool does: `AWS_ACCESS_KEY_ID`
+    and `AWS_SECRET_ACCESS_KEY` (and `AWS_SESSION_TOKEN`), `AWS_PROFILE`, the shared configuration
+    files, the machine's role.
+
+    Args:
+      settings: `object_store` and `region` are used.
+      environ: environment variables, usually `os.environ`.
+
+    Raises:
+      ConfigurationError: the settings or the credentials cannot be used.
+    """
+    place = settings.object_store
+    if place == "aws":
+        return _s3(None, settings.region, environ)
+    if "://" in place:
+        return _s3(_endpoint(place), settings.region, environ)
+    return DirectoryStore(Path(place).expanduser())
+
+
+def _endpoint(url: str) -> str:
+    """Checks the URL; its text is not repeated where it holds a password."""
+    parts = urlsplit(url)
+    if parts.username or parts.password:
+        raise ConfigurationError(
+            "ROBOMAKER_OBJECT_STORE holds credentials; put them into AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+        )
+    try:
+        usable = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:  # the port is no number
+        usable = False
+    if not usable or parts.query or parts.fragment or parts.path not in ("", "/"):
+        raise ConfigurationError(
+            f"ROBOMAKER_OBJECT_STORE is {url!r}; it has to be a folder, an S3 endpoint such as "
+            "http://127.0.0.1:8333 without path or query, or aws"
+        )
+    return url.rstrip("/")
+
+
+def _s3(endpoint_url: str | None, region: str, environ: Mapping[str, str]) -> ObjectStore:
+    from botocore.exceptions import BotoCoreError  # only who uses S3 waits for its import
+
+    from .s3 import S3Store
+
+    try:
+        return S3Store(endpoint_url, region, _session(environ))
+    except (BotoCoreError, ValueError) as error:
+        raise ConfigurationError(f"the object store {endpoint_url or 'aws'} cannot be used: {error}") from error
+
+
+def _session(environ: Mapping[str, str]) -> "Session":
+    from boto3 import Session
+
+    key, secret = environ.get("AWS_ACCESS_KEY_ID"), environ.get("AWS_SECRET_ACCESS_KEY")
+    if bool(key) != bool(secret):
+        given, missing = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")[:: 1 if key else -1]
+        raise ConfigurationError(f"{given} is set but {missing} is not")
+    return Session(
+        aws_access_key_id=key or None,
+        aws_secret_access_key=secret or None,
+        aws_session_token=environ.get("AWS_SESSION_TOKEN") or None if key else None,
+        profile_name=environ.get("AWS_PROFILE") or None,
+    )

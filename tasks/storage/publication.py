@@ -1,0 +1,150 @@
+"""Publishing a folder as a whole: all files first, then the manifest that names them.
+
+Whatever interrupts a publication leaves no manifest, and what no manifest names does not count. Use a
+prefix of its own for every attempt: two publications under one prefix write over each other's files,
+and only one of them gets the manifest.
+"""
+
+import hashlib
+import shutil
+import tempfile
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+
+from pydantic import JsonValue, ValidationError
+
+from ...schemas.errors import ChecksumMismatchError, ObjectExistsError, ObjectNotFoundError, StorageError
+from ...schemas.manifest import Manifest, ManifestFile
+from .base import ObjectStore
+from .failures import os_failures
+from .folders import FolderFile, open_regular, regular_files, version_of
+from .naming import check_key, join_key
+from .parallel import run_all
+
+MANIFEST_NAME = "manifest.json"
+
+
+def publish(
+    store: ObjectStore, bucket: str, prefix: str, folder: Path, *, about: Mapping[str, JsonValue], created_at: datetime
+) -> Manifest:
+    """Stores all files of a folder, and last the manifest that makes them count.
+
+    Publishing the same content with the same `about` again succeeds and returns the manifest that is
+    there, so an interrupted or repeated step can simply be run again.
+
+    Args:
+      store: where to.
+      bucket: where to; it has to exist.
+      prefix: the files' keys start with it, then a slash; may be empty.
+      folder: what to publish; nobody may write to it any more.
+      about: what the files belong to, for the manifest.
+      created_at: the time of publication, with its time zone, for the manifest.
+
+    Raises:
+      ObjectExistsError: something else is published under this prefix.
+      StorageError: a file cannot be read or stored, is a symbolic link, or changed meanwhile.
+    """
+    files = regular_files(folder)
+    keys = {file.name: join_key(prefix, file.name) for file in files}
+    for key in keys.values():
+        check_key(key)
+    if MANIFEST_NAME in keys:
+        raise StorageError(f"{folder / MANIFEST_NAME} is in the way: the manifest gets this name")
+    versions = [version_of(file.path) for file in files]
+    manifest = Manifest(created_at=created_at, about=dict(about), files=run_all(_described, files))
+    if (there := _published(store, bucket, prefix)) is not None:
+        return _same(there, manifest, bucket, prefix)
+    store.put_files(bucket, {keys[file.name]: file.path for file in files})
+    for file, version in zip(files, versions, strict=True):
+        if version_of(file.path) != version:
+            raise StorageError(f"{file.path} changed while it was being published")
+    return _conclude(store, bucket, prefix, manifest)
+
+
+def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
+    """Reads what is published under a prefix.
+
+    Raises:
+      ObjectNotFoundError: nothing is.
+      StorageError: it cannot be read, or is no manifest.
+    """
+    key = join_key(prefix, MANIFEST_NAME)
+    try:
+        return Manifest.model_validate_json(store.get_bytes(bucket, key))
+    except ValidationError as error:
+        raise StorageError(f"{store.uri(bucket, key)} is no manifest: {error}") from error
+
+
+def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify: bool = True) -> Manifest:
+    """Fetches what is published under a prefix: the files that the manifest names, and nothing else.
+
+    Args:
+      store: where from.
+      bucket: where from.
+      prefix: where from.
+      folder: where to; it must be absent or empty, and appears only when all files are there.
+      verify: whether the content's SHA-256 is compared; the sizes always are.
+
+    Raises:
+      ChecksumMismatchError: a file is not what was published.
+      StorageError: the folder is not empty, or something cannot be fetched.
+    """
+    manifest = read_manifest(store, bucket, prefix)
+    with os_failures(f"fetch into {folder}"):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        arriving = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            arriving.chmod(0o755)
+            for file in manifest.files:
+                (arriving / file.path).parent.mkdir(parents=True, exist_ok=True)
+
+            def arrive(file: ManifestFile) -> None:
+                path = arriving / file.path
+                store.get_file(bucket, join_key(prefix, file.path), path)
+                _verify(path, file, store.uri(bucket, join_key(prefix, file.path)), verify=verify)
+
+            run_all(arrive, manifest.files)
+            arriving.rename(folder)
+        finally:
+            shutil.rmtree(arriving, ignore_errors=True)
+    return manifest
+
+
+def _described(file: FolderFile) -> ManifestFile:
+    with os_failures(f"read {file.path}"), open_regular(file.path) as content:
+        digest = hashlib.file_digest(content, "sha256").hexdigest()
+        return ManifestFile(path=file.name, size_bytes=content.tell(), sha256=digest)
+
+
+def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
+    try:
+        return read_manifest(store, bucket, prefix)
+    except ObjectNotFoundError:
+        return None
+
+
+def _same(there: Manifest, ours: Manifest, bucket: str, prefix: str) -> Manifest:
+    """The manifest that is there, if it says the same; the times may differ, of a repeated step they do."""
+    if (there.files, there.about) != (ours.files, ours.about):
+        raise ObjectExistsError(f"something else is already published under {bucket}/{prefix}")
+    return there
+
+
+def _conclude(store: ObjectStore, bucket: str, prefix: str, manifest: Manifest) -> Manifest:
+    data = f"{manifest.model_dump_json(indent=2)}\n".encode()
+    try:
+        store.put_bytes(bucket, join_key(prefix, MANIFEST_NAME), data, create_only=True)
+    except ObjectExistsError:
+        # Somebody was quicker, or we were, and the answer was lost.
+        return _same(read_manifest(store, bucket, prefix), manifest, bucket, prefix)
+    return manifest
+
+
+def _verify(path: Path, file: ManifestFile, uri: str, *, verify: bool) -> None:
+    with open_regular(path) as content:
+        size = path.stat().st_size
+        if size != file.size_bytes:
+            raise ChecksumMismatchError(f"{uri} has {size} bytes; {file.size_bytes} were published")
+        if verify and hashlib.file_digest(content, "sha256").hexdigest() != file.sha256:
+            raise ChecksumMismatchError(f"{uri} does not have the SHA-256 it was published with, {file.sha256}")

@@ -1,0 +1,276 @@
+"""Objects on an S3 endpoint: AWS, SeaweedFS, MinIO, versitygw or any other that speaks S3.
+
+Uploads carry their CRC32, which the server checks before it keeps anything; large ones go in parts
+and are looked at again afterwards, size and CRC32 of the whole. One client and one set of transfer
+threads serve the whole process.
+"""
+
+import base64
+import zlib
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+from uuid import uuid4
+
+import boto3
+from boto3.s3.transfer import TransferConfig, create_transfer_manager
+from botocore.config import Config
+from botocore.exceptions import ClientError
+from s3transfer.subscribers import BaseSubscriber
+
+from ...schemas.errors import BucketNotFoundError, ChecksumMismatchError, ObjectNotFoundError
+from .base import ObjectInfo
+from .naming import check_bucket, check_key, check_prefix
+from .parallel import WORKERS, run_all
+from .s3_failures import s3_failures
+
+_PART_BYTES = 16 << 20
+_MAX_PARTS = 10_000
+_CHUNK_BYTES = 1 << 20
+_CONFLICTS = 5
+
+
+class S3Store:
+    """An `ObjectStore` on an S3 endpoint.
+
+    Args:
+      endpoint_url: the endpoint; None for AWS.
+      region: the region to sign for.
+      session: where credentials come from; by default boto3's usual chain.
+      attempts: how often a request is tried in all. The waits between ten attempts add up to about
+        13 seconds on average, which outlasts a server's restart.
+    """
+
+    def __init__(
+        self, endpoint_url: str | None, region: str, session: boto3.Session | None = None, *, attempts: int = 10
+    ) -> None:
+        config = Config(
+            retries={"mode": "standard", "total_max_attempts": attempts},
+            connect_timeout=5,
+            read_timeout=60,
+            max_pool_connections=4 * WORKERS,
+            tcp_keepalive=True,
+            # Only AWS has a host name for every bucket.
+            s3={"addressing_style": "path"} if endpoint_url else {},
+        )
+        self._client: Any = (session or boto3.Session()).client(
+            "s3", region_name=region, endpoint_url=endpoint_url, config=config
+        )
+        self._region = region
+        self._endpoint = endpoint_url or f"AWS S3 ({region})"
+        transfers = TransferConfig(
+            multipart_threshold=_PART_BYTES,
+            multipart_chunksize=_PART_BYTES,
+            max_concurrency=WORKERS,
+            # The other one, chosen by itself where awscrt is installed, ignores the endpoint and writes to AWS.
+            preferred_transfer_client="classic",
+        )
+        self._transfers = create_transfer_manager(self._client, transfers)
+
+    def ensure_bucket(self, bucket: str) -> None:
+        """Creates the bucket unless it exists.
+
+        Raises:
+          StorageAccessDeniedError: the credentials may not even ask; the bucket may exist all the same.
+        """
+        check_bucket(bucket)
+        with self._failures(f"look for the bucket {bucket}"):
+            if self._bucket_exists(bucket):
+                return
+        where = {} if self._region == "us-east-1" else {"LocationConstraint": self._region}
+        with self._failures(f"create the bucket {bucket}"):
+            try:
+                self._client.create_bucket(Bucket=bucket, **({"CreateBucketConfiguration": where} if where else {}))
+            except ClientError as error:
+                if _code(error) != "BucketAlreadyOwnedByYou":  # somebody was quicker
+                    raise
+
+    def put_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """Stores a file's content.
+
+        Raises:
+          ChecksumMismatchError: the file was written to meanwhile, or the server has other bytes.
+        """
+        _check(bucket, key)
+        with self._failures(f"store {path} as {bucket}/{key}"):
+            if path.stat().st_size < _PART_BYTES:
+                return self._put(bucket, key, path.read_bytes(), create_only=False)
+            return self._put_large(bucket, key, path)
+
+    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+        """Stores many files, several at a time; raises the first error after all have ended."""
+        return run_all(lambda item: self.put_file(bucket, *item), files.items())
+
+    def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
+        """Stores bytes.
+
+        Raises:
+          ObjectExistsError: `create_only` and something is there; after a broken connection it can
+            be what this very call has written.
+        """
+        _check(bucket, key)
+        with self._failures(f"store {bucket}/{key}"):
+            return self._put(bucket, key, data, create_only=create_only)
+
+    def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """Fetches an object into a file, which appears only when it is whole and its checksum is right."""
+        temporary = path.with_name(f".{uuid4().hex}.part")
+        _check(bucket, key)
+        with self._failures(f"fetch {bucket}/{key} into {path}"):
+            try:
+                answer = self._download(bucket, key, str(temporary))
+                with temporary.open("rb") as file:
+                    _compare(answer, *_measure(file), f"{bucket}/{key} as fetched from {self._endpoint}")
+                temporary.replace(path)
+            finally:
+                temporary.unlink(missing_ok=True)
+        return _info(bucket, key, answer)
+
+    def get_bytes(self, bucket: str, key: str) -> bytes:
+        """Fetches an object's content."""
+        _check(bucket, key)
+        buffer = BytesIO()
+        with self._failures(f"fetch {bucket}/{key}"):
+            answer = self._download(bucket, key, buffer)
+        data = buffer.getvalue()
+        _compare(answer, len(data), _base64(zlib.crc32(data)), f"{bucket}/{key} as fetched from {self._endpoint}")
+        return data
+
+    def head(self, bucket: str, key: str) -> ObjectInfo:
+        """Says what is known of an object."""
+        _check(bucket, key)
+        with self._failures(f"read {bucket}/{key}"):
+            return _info(bucket, key, self._head(bucket, key))
+
+    def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
+        """Lists objects whose keys start with `prefix`, in key order.
+
+        The empty objects that S3 consoles make for folders (their keys end in `/`) are left out.
+        """
+        check_bucket(bucket)
+        check_prefix(prefix)
+        with self._failures(f"list {bucket}/{prefix}"):
+            pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=bucket, Prefix=prefix)
+            for page in pages:
+                for entry in page.get("Contents", ()):
+                    if not entry["Key"].endswith("/"):
+                        yield ObjectInfo(bucket, entry["Key"], entry["Size"], entry["ETag"].strip('"'))
+
+    def delete(self, bucket: str, key: str) -> None:
+        """Removes an object; succeeds when there is none."""
+        _check(bucket, key)
+        with self._failures(f"delete {bucket}/{key}"):
+            self._client.delete_object(Bucket=bucket, Key=key)
+
+    def uri(self, bucket: str, key: str) -> str:
+        """The object's `s3://…` URI."""
+        return f"s3://{bucket}/{key}"
+
+    def local_path(self, bucket: str, key: str) -> Path | None:  # noqa: ARG002 - the protocol's signature
+        """None: the objects are not files of this machine."""
+        return None
+
+    def _failures(self, doing: str) -> AbstractContextManager[None]:
+        return s3_failures(doing, self._endpoint)
+
+    def _bucket_exists(self, bucket: str) -> bool:
+        try:
+            self._client.head_bucket(Bucket=bucket)
+        except ClientError as error:
+            if _code(error) in ("404", "NoSuchBucket", "NotFound"):
+                return False
+            raise
+        return True
+
+    def _put(self, bucket: str, key: str, data: bytes, *, create_only: bool) -> ObjectInfo:
+        condition = {"IfNoneMatch": "*"} if create_only else {}
+        crc = _base64(zlib.crc32(data))
+        for last in [False] * _CONFLICTS + [True]:
+            try:
+                answer = self._client.put_object(Bucket=bucket, Key=key, Body=data, ChecksumCRC32=crc, **condition)
+            except ClientError as error:
+                # Two conditional writes met: S3 asks to try again, and then one of them finds the other's object.
+                if _code(error) != "ConditionalRequestConflict" or last:
+                    raise
+            else:
+                return ObjectInfo(bucket, key, len(data), answer["ETag"].strip('"'))
+        raise AssertionError("the last attempt returns or raises")
+
+    def _put_large(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        with path.open("rb") as file:
+            size, crc = _measure(file)
+        try:
+            self._transfers.upload(str(path), bucket, key, extra_args={"ChecksumCRC32": crc}).result()
+        except ClientError as error:
+            # When the answer to the last request is lost, repeating it finds the upload gone because it is complete.
+            if _code(error) != "NoSuchUpload":
+                raise
+        answer = self._head(bucket, key)
+        _compare(answer, size, crc, f"{bucket}/{key} as stored at {self._endpoint}")
+        return _info(bucket, key, answer)
+
+    def _head(self, bucket: str, key: str) -> dict[str, Any]:
+        try:
+            return self._client.head_object(Bucket=bucket, Key=key, ChecksumMode="ENABLED")
+        except ClientError as error:
+            if _code(error) != "404":
+                raise
+            # The answer has no body that would tell a missing bucket from a missing object.
+            if not self._bucket_exists(bucket):
+                raise BucketNotFoundError(f"there is no bucket {bucket!r} at {self._endpoint}") from error
+            raise ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} at {self._endpoint}") from error
+
+    def _download(self, bucket: str, key: str, target: str | BinaryIO) -> dict[str, Any]:
+        """Downloads one version of an object; large ones in parts at once, broken connections are taken up again."""
+        answer = self._head(bucket, key)
+        self._transfers.download(bucket, key, target, subscribers=[_Known(answer)]).result()
+        return answer
+
+
+class _Known(BaseSubscriber):
+    """Tells a transfer what is known of the object, so that it need not ask again."""
+
+    def __init__(self, answer: dict[str, Any]) -> None:
+        self._answer = answer
+
+    def on_queued(self, future: Any, **kwargs: Any) -> None:  # noqa: ARG002 - s3transfer's signature
+        future.meta.provide_transfer_size(self._answer["ContentLength"])
+        future.meta.provide_object_etag(self._answer["ETag"])
+
+
+def _check(bucket: str, key: str) -> None:
+    check_bucket(bucket)
+    check_key(key)
+
+
+def _info(bucket: str, key: str, answer: dict[str, Any]) -> ObjectInfo:
+    return ObjectInfo(bucket, key, answer["ContentLength"], answer["ETag"].strip('"'))
+
+
+def _measure(file: BinaryIO) -> tuple[int, str]:
+    """Size and CRC32 of what is left to read."""
+    size = crc = 0
+    while chunk := file.read(_CHUNK_BYTES):
+        size += len(chunk)
+        crc = zlib.crc32(chunk, crc)
+    return size, _base64(crc)
+
+
+def _compare(answer: dict[str, Any], size: int, crc: str, what: str) -> None:
+    """Compares a HEAD answer with what it should say; not every object has a CRC32 of the whole."""
+    stored = answer.get("ChecksumCRC32") if answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT" else None
+    if answer["ContentLength"] != size:
+        raise ChecksumMismatchError(f"{what}: {answer['ContentLength']} bytes there, {size} here")
+    if stored and stored != crc:
+        raise ChecksumMismatchError(f"{what}: CRC32 {stored} there, {crc} here")
+
+
+def _base64(crc: int) -> str:
+    """A CRC32 as S3 writes it."""
+    return base64.b64encode(crc.to_bytes(4, "big")).decode()
+
+
+def _code(error: ClientError) -> str:
+    return error.response.get("Error", {}).get("Code", "")

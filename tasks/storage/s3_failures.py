@@ -1,0 +1,99 @@
+"""Errors of S3 clients as errors of the object store."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from boto3.exceptions import Boto3Error
+from botocore.exceptions import (
+    BotoCoreError,
+    ChecksumError,
+    ClientError,
+    CredentialRetrievalError,
+    FlexibleChecksumError,
+    NoAuthTokenError,
+    NoCredentialsError,
+    PartialCredentialsError,
+    SSOError,
+    TokenRetrievalError,
+)
+from s3transfer.exceptions import RetriesExceededError
+
+from ...schemas.errors import (
+    BucketNotFoundError,
+    ChecksumMismatchError,
+    ObjectExistsError,
+    ObjectNotFoundError,
+    StorageAccessDeniedError,
+    StorageError,
+    StorageFullError,
+)
+from .failures import from_os_error
+
+_BY_CODE: dict[str, type[StorageError]] = {
+    "NoSuchBucket": BucketNotFoundError,
+    "NoSuchKey": ObjectNotFoundError,
+    "404": ObjectNotFoundError,  # a HEAD answer has no body, so its status is all there is
+    "NotFound": ObjectNotFoundError,
+    "PreconditionFailed": ObjectExistsError,
+    "412": ObjectExistsError,
+    "BadDigest": ChecksumMismatchError,
+    "InvalidDigest": ChecksumMismatchError,
+    "XAmzContentChecksumMismatch": ChecksumMismatchError,
+    "XAmzContentSHA256Mismatch": ChecksumMismatchError,
+    "InsufficientStorage": StorageFullError,
+    "XMinioStorageFull": StorageFullError,
+    "QuotaExceeded": StorageFullError,
+    "XMinioAdminBucketQuotaExceeded": StorageFullError,
+}
+_BY_STATUS: dict[int, type[StorageError]] = {
+    401: StorageAccessDeniedError,
+    403: StorageAccessDeniedError,
+    507: StorageFullError,
+}
+_NO_CREDENTIALS = (
+    NoCredentialsError,
+    PartialCredentialsError,
+    CredentialRetrievalError,
+    NoAuthTokenError,
+    TokenRetrievalError,
+    SSOError,
+)
+
+
+@contextmanager
+def s3_failures(doing: str, endpoint: str) -> Iterator[None]:
+    """Turns what boto3 and the operating system raise inside the block into the `StorageError` that fits.
+
+    Args:
+      doing: what is being done, in words that follow "cannot".
+      endpoint: where; every message names it, as a wrong endpoint has the strangest symptoms.
+    """
+    try:
+        yield
+    except (ClientError, BotoCoreError, Boto3Error, RetriesExceededError) as error:
+        raise from_client_error(error, f"cannot {doing} at {endpoint}") from error
+    except OSError as error:
+        raise from_os_error(error, doing) from error
+
+
+def from_client_error(error: Exception, beginning: str) -> StorageError:
+    """The error to raise for an error of boto3; its message starts with `beginning`."""
+    if isinstance(error, ClientError):
+        return _from_answer(error, beginning)
+    if isinstance(error, RetriesExceededError):
+        return StorageError(f"{beginning}: the connection broke again and again: {error.last_exception}")
+    if isinstance(error, _NO_CREDENTIALS):
+        return StorageAccessDeniedError(
+            f"{beginning}: {error}; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
+        )
+    if isinstance(error, ChecksumError | FlexibleChecksumError):
+        return ChecksumMismatchError(f"{beginning}: {error}")
+    return StorageError(f"{beginning}: {error}")
+
+
+def _from_answer(error: ClientError, beginning: str) -> StorageError:
+    code = error.response.get("Error", {}).get("Code", "")
+    message = error.response.get("Error", {}).get("Message", "") or "the server gives no reason"
+    status = error.response.get("ResponseMetadata", {}).get("HTTPStatusCode", 0)
+    kind = _BY_CODE.get(code) or _BY_STATUS.get(status) or StorageError
+    return kind(f"{beginning}: {code}: {message}")
