@@ -129,8 +129,8 @@ class TFMessage(NamedTuple):
     )
 
 
-_NO_COVARIANCE = (0.0,) * 36
-_NO_COVARIANCE_3X3 = (0.0,) * 9
+NO_COVARIANCE = (0.0,) * 36
+NO_COVARIANCE_3X3 = (0.0,) * 9
 
 
 class Odometry(NamedTuple):
@@ -140,8 +140,8 @@ class Odometry(NamedTuple):
     child_frame_id: str
     pose: Pose
     twist: Twist
-    pose_covariance: Sequence[float] = _NO_COVARIANCE
-    twist_covariance: Sequence[float] = _NO_COVARIANCE
+    pose_covariance: Sequence[float] = NO_COVARIANCE
+    twist_covariance: Sequence[float] = NO_COVARIANCE
 
     ROS_TYPE = "nav_msgs/msg/Odometry"
     DEFINITION = _definition(
@@ -161,7 +161,7 @@ class Odometry(NamedTuple):
     )
 
 
-_NO_INTENSITIES: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
+NO_INTENSITIES: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
 
 
 class LaserScan(NamedTuple):
@@ -176,7 +176,7 @@ class LaserScan(NamedTuple):
     range_min: float
     range_max: float
     ranges: NDArray[np.float32]
-    intensities: NDArray[np.float32] = _NO_INTENSITIES
+    intensities: NDArray[np.float32] = NO_INTENSITIES
 
     ROS_TYPE = "sensor_msgs/msg/LaserScan"
     DEFINITION = _definition(
@@ -219,9 +219,9 @@ class Imu(NamedTuple):
     orientation: Quaternion
     angular_velocity: Vector3
     linear_acceleration: Vector3
-    orientation_covariance: Sequence[float] = _NO_COVARIANCE_3X3
-    angular_velocity_covariance: Sequence[float] = _NO_COVARIANCE_3X3
-    linear_acceleration_covariance: Sequence[float] = _NO_COVARIANCE_3X3
+    orientation_covariance: Sequence[float] = NO_COVARIANCE_3X3
+    angular_velocity_covariance: Sequence[float] = NO_COVARIANCE_3X3
+    linear_acceleration_covariance: Sequence[float] = NO_COVARIANCE_3X3
 
     ROS_TYPE = "sensor_msgs/msg/Imu"
     DEFINITION = _definition(

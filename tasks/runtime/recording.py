@@ -1,0 +1,161 @@
+"""Recordings: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+
+from mcap.writer import CompressionType, Writer
+
+from . import messages as ros
+from .cdr import encode
+
+_CHUNK_BYTES = 256 * 1024
+"""Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""
+_FLUSH_INTERVAL_S = 2.0
+"""Wall-clock time after which a chunk is finished even when it is not full."""
+_NANOSECONDS = 1_000_000_000
+
+
+class RecordingError(OSError):
+    """The recording cannot be written, for example because the disk is full."""
+
+
+class NullRecorder:
+    """Records nothing."""
+
+    enabled: bool = False
+
+    def write(self, topic: str, message: ros.Message, time_s: float) -> None:
+        """Does nothing."""
+
+    def close(self) -> None:
+        """Does nothing."""
+
+
+class McapRecorder:
+    """Writes messages to an MCAP file: profile `ros2`, CDR, zstd chunks.
+
+    Memory stays bounded however long the run, and every finished chunk is on its way to the disk at
+    once, at the latest after two seconds, so that the file of a killed process can be read up to its
+    last chunk. One thread may use it.
+    """
+
+    enabled: bool = True
+
+    def __init__(self, path: Path) -> None:
+        """Opens the file.
+
+        Args:
+            path: The file to write; one that exists is replaced.
+
+        Raises:
+            RecordingError: The file cannot be opened.
+        """
+        self._channels: dict[str, tuple[int, type]] = {}
+        self._schemas: dict[type, int] = {}
+        self._path = path
+        with self._explained():
+            self._stream = _Unbuffered(path)
+            self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)  # pyright: ignore[reportArgumentType]
+            self._writer.start(profile="ros2", library="prefect-robomaker")
+        self._closed = False
+        self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
+
+    def write(self, topic: str, message: ros.Message, time_s: float) -> None:
+        """Records a message.
+
+        Args:
+            topic: ROS topic, `/odom`.
+            message: The message; all messages of a topic have one type.
+            time_s: Simulated time, which is the log time in the file.
+
+        Raises:
+            RecordingError: The file cannot be written.
+            TypeError: The object is no message, or the topic carries another type.
+        """
+        kind = type(message)
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._add_channel(topic, kind)
+        elif channel[1] is not kind:
+            raise TypeError(f"topic {topic} carries {channel[1].__name__}, so {kind.__name__} cannot be written to it")
+        data = encode(message)
+        time_ns = round(time_s * _NANOSECONDS)
+        try:
+            self._writer.add_message(channel[0], time_ns, data, time_ns)
+            now = time.monotonic()
+            if now >= self._flush_at:
+                self._writer.flush()
+                self._flush_at = now + _FLUSH_INTERVAL_S
+        except OSError as error:
+            raise self._explanation(error) from error
+
+    def close(self) -> None:
+        """Writes what is pending and the index, then closes the file; a second call does nothing.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            with self._explained():
+                self._writer.finish()
+        finally:
+            self._stream.close()
+
+    def __enter__(self) -> "McapRecorder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _add_channel(self, topic: str, kind: type[ros.Message]) -> tuple[int, type]:
+        if not hasattr(kind, "ROS_TYPE"):
+            raise TypeError(f"{kind.__name__} is not a message that can be recorded on a topic ({topic})")
+        with self._explained():
+            if kind not in self._schemas:
+                definition = kind.DEFINITION.encode()
+                self._schemas[kind] = self._writer.register_schema(kind.ROS_TYPE, "ros2msg", definition)
+            return self._writer.register_channel(topic, "cdr", self._schemas[kind]), kind
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise self._explanation(error) from error
+
+    def _explanation(self, error: OSError) -> RecordingError:
+        return RecordingError(error.errno, f"the recording cannot be written: {error.strerror}", str(self._path))
+
+
+class _Unbuffered:
+    """A binary output stream without a buffer of its own, so that a finished chunk leaves the process."""
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        self._position = 0
+
+    def write(self, data: bytes) -> int:
+        view = memoryview(data)
+        while view:
+            written = os.write(self._descriptor, view)
+            self._position += written
+            view = view[written:]
+        return len(data)
+
+    def tell(self) -> int:
+        return self._position
+
+    def flush(self) -> None:
+        pass
+
+    def close(self) -> None:
+        os.close(self._descriptor)
