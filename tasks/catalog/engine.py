@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, make_url, select, text
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from ...schemas.errors import ConfigurationError
 from .tables import metadata, schema_version
@@ -35,7 +35,7 @@ def open_engine(url: str) -> Engine:
     try:
         with writing(engine).begin() as connection:
             _migrate(connection)
-    except OperationalError as error:
+    except DBAPIError as error:
         raise ConfigurationError(f"the catalog {engine.url!r} cannot be opened: {error.orig}") from error
     _reopen_after_fork(engine)
     return engine
