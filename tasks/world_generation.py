@@ -12,10 +12,12 @@ from prefect.cache_policies import NO_CACHE
 
 from ..schemas.errors import StorageError, WorldGenerationError
 from ..schemas.ids import world_id
+from ..schemas.world_template_body import parse_template_body
 from .catalog import Resource
 from .service import Service
 from .storage import publish
-from .worldforge import generate_world, seeds_for, write_bundle
+from .worldforge.bundle import write_bundle
+from .worldforge.generator import generate_world, seeds_for
 
 WORLDS_PREFIX = "worlds"
 
@@ -29,8 +31,6 @@ def build_bundle(template_body: str, floorplan_seed: int, interior_seed: int, fo
     Raises:
       WorldGenerationError: no valid world came out of the allowed attempts.
     """
-    from ..schemas.world_template_body import parse_template_body
-
     world = generate_world(parse_template_body(template_body), floorplan_seed, interior_seed)
     return write_bundle(world, Path(folder))
 
@@ -55,7 +55,7 @@ def generate_and_store(job: Resource, index: int, world_arn: str, workers: Execu
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             folder = Path(scratch, "bundle")
-            content = workers.submit(build_bundle, document["templateBody"], *seeds, str(folder)).result()
+            content = workers.submit(build_bundle, document["templateBody"], seeds[0], seeds[1], str(folder)).result()
             prefix = f"{WORLDS_PREFIX}/{content}"
             publish_bundle(service, prefix, folder, service.clock())
     except WorldGenerationError as error:
