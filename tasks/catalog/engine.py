@@ -36,7 +36,11 @@ def open_engine(url: str) -> Engine:
         with writing(engine).begin() as connection:
             _migrate(connection)
     except DBAPIError as error:
+        engine.dispose()
         raise ConfigurationError(f"the catalog {engine.url!r} cannot be opened: {error.orig}") from error
+    except ConfigurationError:
+        engine.dispose()
+        raise
     _reopen_after_fork(engine)
     return engine
 
