@@ -5,10 +5,11 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from small_flat import BODY
+
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service import Service
-from small_flat import BODY
 
 
 @pytest.fixture

@@ -4,6 +4,8 @@ from datetime import datetime
 from typing import Any
 
 import pytest
+from small_flat import BODY
+
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.errors import (
     IdempotentParameterMismatchException,
@@ -12,7 +14,6 @@ from prefect_robomaker.schemas.errors import (
 )
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
-from small_flat import BODY
 
 
 def test_a_template_is_described_and_its_body_returned_unchanged(service: Service) -> None:

@@ -1,0 +1,91 @@
+import inspect
+import subprocess
+import sys
+from datetime import datetime
+
+import pytest
+
+from prefect_robomaker.flows import operation
+from prefect_robomaker.flows.operation import call, operation_flow, perform_flow, registry
+from prefect_robomaker.schemas.errors import InvalidParameterException
+from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.tasks.service import Service
+
+
+def test_every_operation_is_registered() -> None:
+    assert set(registry()) == set(OPERATIONS)
+
+
+@pytest.mark.parametrize("name", sorted(OPERATIONS))
+def test_every_operation_is_a_flow_of_its_name_with_the_members_as_parameters(name: str) -> None:
+    flow = operation_flow(name)
+
+    assert flow.name == name
+    parameters = inspect.signature(flow.fn).parameters
+    assert set(parameters) == set(OPERATIONS[name].request.model_fields)
+    required = {member for member, field in OPERATIONS[name].request.model_fields.items() if field.is_required()}
+    assert set(flow.parameters.required) == required
+    module = __import__(registry()[name].module, fromlist=[name])
+    assert getattr(module, name) is flow
+
+
+def test_job_operations_have_a_flow_that_performs_a_stored_job() -> None:
+    jobs = {name for name, entry in registry().items() if entry.performer}
+
+    assert {perform_flow(name).name for name in jobs} == {
+        "PerformSimulationJob",
+        "PerformSimulationJobBatch",
+        "PerformWorldExportJob",
+        "PerformWorldGenerationJob",
+    }
+
+
+def test_a_module_offers_no_flow_of_another_module() -> None:
+    from prefect_robomaker.flows import worlds
+
+    with pytest.raises(AttributeError, match="CreateWorldTemplate"):
+        _ = worlds.CreateWorldTemplate
+
+
+def test_a_flow_run_answers_like_a_direct_call(service: Service, prefect_server: str) -> None:
+    with service.activated():
+        made = operation_flow("CreateWorldTemplate")(name="default", templateBody="{}")
+
+    assert isinstance(made["createdAt"], datetime)
+    assert call("DescribeWorldTemplate", {"template": made["arn"]}, service)["name"] == "default"
+
+
+def test_a_refused_request_fails_the_flow_run_with_the_services_error(service: Service, prefect_server: str) -> None:
+    with service.activated(), pytest.raises(InvalidParameterException, match="templateBody"):
+        operation_flow("CreateWorldTemplate")(name="neither body nor location")
+
+
+def test_an_unknown_operation_is_refused_with_the_nearest_name(service: Service) -> None:
+    with pytest.raises(InvalidParameterException, match="ListWorlds"):
+        call("ListWorld", {}, service)
+
+
+def test_an_unknown_member_is_refused_with_the_nearest_name(service: Service) -> None:
+    with pytest.raises(InvalidParameterException, match="maxResults"):
+        call("ListWorlds", {"maxResult": 3}, service)
+
+
+def test_a_quick_operation_has_nothing_to_perform(service: Service) -> None:
+    with pytest.raises(InvalidParameterException, match="ListWorlds"):
+        registry()["ListWorlds"].perform("arn:aws:robomaker:us-east-1:000000000000:world/x", service)
+
+
+def test_importing_the_registry_does_not_import_prefect_or_mujoco() -> None:
+    code = (
+        "import sys; from prefect_robomaker.flows.operation import registry; registry(); "
+        "print([m for m in ('prefect', 'mujoco', 'dm_control') if m in sys.modules])"
+    )
+
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert run.stdout.strip() == "[]"
+
+
+def test_decorating_a_quick_operation_with_a_performer_is_a_mistake() -> None:
+    with pytest.raises(ValueError, match="DescribeWorld"):
+        operation.operation("DescribeWorld", perform=lambda arn, service: None)(lambda request, service: request)

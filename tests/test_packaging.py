@@ -1,0 +1,63 @@
+import ast
+import tomllib
+from pathlib import Path
+
+import yaml
+
+from prefect_robomaker.flows.operation import registry
+
+ROOT = Path(__file__).parent.parent
+TOP = ("schemas", "tasks", "flows", "deployments")
+
+
+def test_every_package_folder_is_declared() -> None:
+    declared = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
+
+    found = {
+        "prefect_robomaker." + ".".join(path.parent.relative_to(ROOT).parts)
+        for top in TOP
+        for path in (ROOT / top).rglob("__init__.py")
+        if "specs" not in path.parts
+    }
+
+    assert declared == found
+
+
+def test_no_source_file_is_longer_than_500_lines() -> None:
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for top in (*TOP, "tests")
+        for path in (ROOT / top).rglob("*.py")
+        if (lines := len(path.read_text().splitlines())) > 500
+    }
+
+    assert long == {}
+
+
+def test_every_pydantic_field_has_a_description() -> None:
+    """`Field(...)` without `description=` anywhere in the schemas."""
+    missing = [
+        f"{path.name}:{node.lineno}"
+        for path in (ROOT / "schemas").glob("*.py")
+        for statement in ast.walk(ast.parse(path.read_text()))
+        if isinstance(statement, ast.AnnAssign) and isinstance(statement.value, ast.Call)
+        for node in [statement.value]
+        if getattr(node.func, "id", "") == "Field" and not any(k.arg == "description" for k in node.keywords)
+    ]
+
+    assert missing == []
+
+
+def test_prefect_yaml_deploys_every_flow_and_the_specifications_it_names_exist() -> None:
+    declared = yaml.safe_load((ROOT / "deployments" / "prefect.yaml").read_text())["deployments"]
+    entrypoints = {deployment["entrypoint"] for deployment in declared}
+
+    expected = {"prefect_robomaker.flows.pipelines:RunPipeline"}
+    for name, entry in registry().items():
+        expected.add(f"{entry.module}:{name}")
+        if entry.performer:
+            expected.add(f"{entry.module}:{entry.perform_name}")
+    assert entrypoints == expected
+    for deployment in declared:
+        if spec := deployment.get("parameters", {}).get("spec"):
+            assert (ROOT / spec).is_file()
