@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})
+"""States, in lower case, whose parts are done with."""
+
 
 @dataclass(frozen=True)
 class StepStarted:
@@ -22,7 +25,7 @@ class StepProgress:
 
     step: str
     counts: Mapping[str, int]
-    """How many parts are in each state, by the state's name: `{"Completed": 3, "Running": 2}`."""
+    """How many parts are in each state, by the state's name: `{"completed": 3, "running": 2}`."""
 
     total: int
     """How many parts there are in all; parts that `counts` leaves out wait."""

@@ -18,7 +18,7 @@ makes one from text. What a step gives to later ones is its operation's response
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, ValidationError
@@ -29,11 +29,23 @@ from .errors import Place, Problem, SpecError
 from .operations import OPERATIONS
 from .references import ReferenceMistake, parse_template
 from .request_problems import RequestProblem, problems_of
-from .spec_text import ListNode, Location, MappingNode, Node, child, key_place, path_text, plain, value_place
+from .spec_text import (
+    ListNode,
+    Location,
+    MappingNode,
+    Node,
+    ScalarNode,
+    child,
+    key_place,
+    path_text,
+    plain,
+    value_place,
+)
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]
-SpecName = Annotated[str, text(1, 100, r"[a-zA-Z0-9][a-zA-Z0-9_\-]*")]
+_SPEC_NAME = r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}"
+SpecName = Annotated[str, text(1, 100, _SPEC_NAME)]
 IfExists = Literal["fail", "reuse"]
 
 FOR_EACH = "forEach"
@@ -180,9 +192,38 @@ def is_step_name(name: str) -> bool:
     return re.fullmatch(_NAME, name) is not None
 
 
+def is_spec_name(name: str) -> bool:
+    """Whether a specification may have this name."""
+    return re.fullmatch(_SPEC_NAME, name) is not None
+
+
 def variable_of(construct: MappingNode) -> str:
     """Name of a `forEach` construct's variable."""
     return str(plain(construct.entries["as"])) if "as" in construct.entries else DEFAULT_VARIABLE
+
+
+def with_seed(spec: CheckedSpec, seed: int) -> CheckedSpec:
+    """The specification with another seed wherever its operations take one, in requests of a batch too."""
+    steps = {name: replace(step, input=_seeded(step, seed)) for name, step in spec.steps.items()}
+    return replace(spec, steps=steps)
+
+
+def _seeded(step: CheckedStep, seed: int) -> Node:
+    value = ScalarNode(step.place, seed, str(seed))
+    if "seed" in OPERATIONS[step.operation].request.model_fields:
+        return _with_entry(step.input, "seed", value)
+    requests = child(step.input, "createSimulationJobRequests")
+    if construct := requests and for_each_of(requests):
+        seeded: Node = _with_entry(construct, "value", _with_entry(construct.entries["value"], "seed", value))
+    elif isinstance(requests, ListNode):
+        seeded = ListNode(requests.place, tuple(_with_entry(item, "seed", value) for item in requests.items))
+    else:
+        return step.input
+    return _with_entry(step.input, "createSimulationJobRequests", seeded)
+
+
+def _with_entry(node: Node, key: str, value: Node) -> Node:
+    return replace(node, entries={**node.entries, key: value}) if isinstance(node, MappingNode) else node
 
 
 def as_written(node: Node, location: Location) -> Location:

@@ -24,6 +24,7 @@ from .reference_kinds import (
     Kind,
     ListOf,
     MapOf,
+    Scalar,
     Structure,
     fits,
     kind_of,
@@ -121,7 +122,8 @@ class InputCheck:
             return parse_template(node.value).value({}) if "$${{" in node.value else node.value
         wanted = kind_of(annotation)
         if not fits(kind, wanted):
-            self._report(location, f"{node.value} is {_described(kind)}; it has to be {_described(wanted)}")
+            hint = "; to_string(…) makes text of it" if wanted == TEXT and isinstance(kind, Scalar) else ""
+            self._report(location, f"{node.value} is {_described(kind)}; it has to be {_described(wanted)}{hint}")
         return _Placeholder(annotation)
 
     def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
@@ -240,7 +242,7 @@ def _within(location: Location, outer: Location) -> bool:
 
 
 def _described(kind: Kind) -> str:
-    return f"a list of {kind.item}" if isinstance(kind, ListOf) and isinstance(kind.item, type(TEXT)) else str(kind)
+    return f"a list of {kind.item}" if isinstance(kind, ListOf) and isinstance(kind.item, Scalar) else str(kind)
 
 
 def _inner(annotation: Any, step: str | int) -> Any:

@@ -1,0 +1,24 @@
+"""Opening the report."""
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def wanted(choice: bool | None, environ: Mapping[str, str] | None = None) -> bool:
+    """Whether to open a browser: as the user chose, otherwise only for a person at a desktop's terminal."""
+    if choice is not None:
+        return choice
+    environ = os.environ if environ is None else environ
+    desktop = bool(environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY"))
+    remote = "SSH_CONNECTION" in environ or bool(environ.get("CI"))
+    return desktop and not remote and sys.stdout.isatty() and sys.stderr.isatty()
+
+
+def open_file(path: Path) -> None:
+    """Shows a file in the browser; says so when there is none."""
+    import webbrowser
+
+    if not webbrowser.open(path.resolve().as_uri()):
+        sys.stderr.write(f"No browser could be started; open {path} yourself.\n")

@@ -1,0 +1,83 @@
+"""The entry point of the `robomaker` command: arguments in, exit code out."""
+
+import argparse
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+from .parser import build_parser
+
+INTERRUPTED = 130
+BROKE = 3
+# What a shell says of a program whose reader went away.
+PIPE_CLOSED = 141
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line.
+
+    Args:
+      arguments: words after the program's name; absent: those the program was started with.
+
+    Returns:
+      The exit code. Wrong usage ends the program with 2 at once.
+    """
+    parser = build_parser()
+    chosen = parser.parse_args(arguments)
+    if chosen.version:
+        return _print_version()
+    if chosen.command is None:
+        parser.print_help(sys.stderr)
+        return 2
+    return _execute(chosen)
+
+
+def _execute(chosen: argparse.Namespace) -> int:
+    try:
+        command = importlib.import_module(f".{chosen.command}", __package__)
+        code: int = command.execute(chosen)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        sys.stderr.write("\nrobomaker: interrupted\n")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Python would complain when it flushes standard output at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    except Exception as error:
+        return _report(error, debug=chosen.debug or bool(os.environ.get("ROBOMAKER_DEBUG")))
+    return code
+
+
+def _report(error: Exception, *, debug: bool) -> int:
+    """Says what went wrong; answers the exit code."""
+    from ...schemas.errors import RobomakerError, ServiceError, SpecError
+
+    if debug:
+        traceback.print_exception(error)
+    if isinstance(error, SpecError):
+        from .problems import print_problems
+
+        print_problems(error.problems)
+    elif isinstance(error, ServiceError):
+        sys.stderr.write(f"robomaker: {error.code}: {error}\n")
+    elif isinstance(error, RobomakerError):
+        sys.stderr.write(f"robomaker: {error}\n")
+    else:
+        sys.stderr.write(f"robomaker: {type(error).__name__}: {error}\n")
+        if not debug:
+            sys.stderr.write("This is a defect; run the same with --debug for the details.\n")
+    return error.exit_code if isinstance(error, RobomakerError) else BROKE
+
+
+def _print_version() -> int:
+    import importlib.metadata
+
+    sys.stdout.write(f"robomaker {importlib.metadata.version('prefect-robomaker')}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

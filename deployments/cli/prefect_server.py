@@ -1,0 +1,34 @@
+"""Makes this process use the right Prefect server, and be quiet about it."""
+
+import os
+import sys
+import time
+
+from ...schemas.settings import Settings
+from ..local_server import ensure_server, server_status
+
+
+def use_server(settings: Settings) -> str:
+    """Finds or starts the Prefect server; must come before Prefect is imported.
+
+    Returns:
+      The URL of its API.
+
+    Raises:
+      LocalServerError: a local server did not start.
+      ConfigurationError: the configured server does not answer.
+    """
+    starting = not server_status(settings).running
+    began = time.monotonic()
+    if starting:
+        sys.stderr.write("Starting the local Prefect server; the first time takes about 20 s …\n")
+        sys.stderr.flush()
+    url = ensure_server(settings)
+    if starting:
+        sys.stderr.write(f"It runs at {url.removesuffix('/api')} and stays; `robomaker server stop` ends it.")
+        sys.stderr.write(f" ({time.monotonic() - began:.0f} s)\n")
+    os.environ["PREFECT_API_URL"] = url
+    if "PREFECT_LOGGING_LEVEL" not in os.environ:
+        # Our own progress tells what happens; Prefect's lines go to its server only.
+        os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    return url

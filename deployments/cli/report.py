@@ -1,0 +1,55 @@
+"""`robomaker report`: writes the report of an earlier run again and says where it is."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from ...schemas.errors import ConfigurationError
+from ...schemas.settings import Settings
+from .browser import open_file
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the report's path."""
+    settings = Settings.from_environment(os.environ)
+    record_file = find_record(settings.home / "runs", arguments.run)
+
+    from pydantic import ValidationError
+
+    from ...schemas.run_record import RunRecord
+
+    try:
+        record = RunRecord.model_validate_json(record_file.read_bytes())
+    except ValidationError as error:
+        raise ConfigurationError(f"{record_file} is not a run's record: {error.errors()[0]['msg']}") from error
+
+    from ...tasks.reports import rebuild_report
+    from ...tasks.service import Service
+
+    path = rebuild_report(record, Service.open(settings))
+    sys.stdout.write(f"{path}\n")
+    if arguments.open:
+        open_file(path)
+    return 0
+
+
+def find_record(runs: Path, run: str) -> Path:
+    """Finds the record of a run.
+
+    Args:
+      runs: folder of all runs.
+      run: a run's id, or `latest`.
+
+    Raises:
+      ConfigurationError: there is no such run.
+    """
+    records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
+    if not records:
+        raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
+    if run == "latest":
+        return records[-1]
+    if found := [path for path in records if path.parent.name == run]:
+        return found[0]
+    latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
+    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")

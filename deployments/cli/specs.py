@@ -1,0 +1,37 @@
+"""Reading files that the user names."""
+
+from pathlib import Path
+
+from ...schemas.errors import ConfigurationError, Place, Problem, SpecError
+from ...schemas.spec import CheckedSpec
+from ...schemas.spec_check import load_spec
+
+
+class InputFileError(ConfigurationError):
+    """A file that the user named cannot be read."""
+
+
+def read_text(path: str) -> str:
+    """Reads a text file.
+
+    Raises:
+      InputFileError: it cannot be opened.
+      SpecError: it is no text.
+    """
+    try:
+        return Path(path).read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputFileError(f"{path}: {(error.strerror or str(error)).lower()}") from error
+    except UnicodeDecodeError as error:
+        problem = Problem(Place(path, 1, 1), "", f"this is not UTF-8 text: {error.reason} at byte {error.start}")
+        raise SpecError([problem]) from error
+
+
+def read_spec(path: str) -> CheckedSpec:
+    """Reads and checks a specification.
+
+    Raises:
+      InputFileError: it cannot be opened.
+      SpecError: it has problems.
+    """
+    return load_spec(read_text(path), path)

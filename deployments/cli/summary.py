@@ -1,0 +1,102 @@
+"""The last thing `robomaker run` says: what happened, where things are, how to run it again."""
+
+import shlex
+from collections.abc import Sequence
+from typing import TextIO
+
+from ...schemas.run_record import JobRecord, RunRecord, StepRecord
+from .durations import duration
+
+_STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
+_VERDICT_STYLES = {"PASS": "green", "FAIL": "red"}
+_MAX_JOBS = 40
+
+Cell = tuple[str, str]
+"""Text and style."""
+
+
+def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO) -> None:
+    """Prints the final block.
+
+    Args:
+      record: the run.
+      command: the command that runs it again.
+      stream: where to print.
+    """
+    from rich.console import Console
+    from rich.text import Text
+
+    # Paths stay in one piece, however narrow the window: people copy them.
+    console = Console(file=stream, highlight=False, soft_wrap=True)
+    for line in summary_lines(record, command):
+        console.print(Text.assemble(*line) if line else "")
+
+
+def summary_lines(record: RunRecord, command: Sequence[str]) -> list[list[Cell]]:
+    """The final block as lines of styled cells."""
+    took = duration((record.ended_at - record.started_at).total_seconds())
+    head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
+    lines: list[list[Cell]] = [[], [*head, (f"  {_headline(record)}after {took}", "")]]
+    if failed := [step for step in record.steps if step.error]:
+        lines += [[], *(_step_line(step) for step in failed)]
+    if record.jobs:
+        lines += [[], *_job_lines(record.jobs)]
+    lines.append([])
+    if record.report_path:
+        lines.append(_place("report", str(record.report_path)))
+    if folder := _outputs(record.jobs):
+        lines.append(_place("outputs", folder))
+    lines.append(_place("record", str(record.run_dir / "run.json")))
+    lines.append(_place("again", shlex.join(command)))
+    return lines
+
+
+def _headline(record: RunRecord) -> str:
+    verdicts = [job.verdict for job in record.jobs if job.verdict in ("PASS", "FAIL")]
+    return f"{verdicts.count('PASS')} of {len(verdicts)} verdicts pass, " if verdicts else ""
+
+
+def _step_line(step: StepRecord) -> list[Cell]:
+    return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (step.error or "", "")]
+
+
+def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
+    shown = jobs[:_MAX_JOBS]
+    rows: list[list[Cell]] = [[(title, "dim") for title in ("job", "verdict", "world", "rooms", "time", "")]]
+    rows += [_job_cells(job) for job in shown]
+    widths = [max(len(row[column][0]) for row in rows) for column in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        padded = [(text.ljust(width) + "  ", style) for (text, style), width in zip(row, widths, strict=True)]
+        padded[-1] = row[-1]
+        lines.append([("  ", ""), *padded])
+    if len(jobs) > len(shown):
+        lines.append([(f"  … and {len(jobs) - len(shown)} more; the report has them all", "dim")])
+    return lines
+
+
+def _job_cells(job: JobRecord) -> list[Cell]:
+    verdict = job.verdict or job.status
+    rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
+    took = duration(job.duration_s) if job.duration_s is not None else ""
+    reason = (job.failure_reason or "").strip().splitlines()
+    trouble = ": ".join(part for part in (job.failure_code or "", reason[0] if reason else "") if part)
+    style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
+    return [(job.label, ""), (verdict, style), (job.world or "", ""), (rooms, ""), (took, ""), (trouble[:200], "red")]
+
+
+def _outputs(jobs: Sequence[JobRecord]) -> str:
+    """The folder that all jobs' outputs are below."""
+    places = [job.output_uri.rstrip("/").split("/") for job in jobs if job.output_uri]
+    if not places:
+        return ""
+    common = []
+    for parts in zip(*places, strict=False):
+        if len(set(parts)) > 1:
+            break
+        common.append(parts[0])
+    return "/".join(common)
+
+
+def _place(what: str, where: str) -> list[Cell]:
+    return [(f"  {what:<8} ", "dim"), (where, "")]
