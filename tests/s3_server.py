@@ -1,0 +1,126 @@
+"""A real S3 server on this machine, started when the first test asks for it: SeaweedFS from the package index."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import boto3
+import pytest
+from botocore.config import Config
+from botocore.exceptions import BotoCoreError, ClientError
+
+_PORTS = (
+    "s3.port", "s3.port.grpc", "master.port", "master.port.grpc", "volume.port", "volume.port.grpc",
+    "filer.port", "filer.port.grpc", "admin.port", "admin.port.grpc",
+)  # fmt: skip
+_OFF = ("admin.ui=false", "webdav=false", "s3.port.iceberg=0", "s3.port.lance=0", "master.telemetry=false")
+_READY_WITHIN_S = 60.0
+_STARTS = 3
+
+
+@dataclass(frozen=True)
+class S3Server:
+    """A running server, and the keys of the user who may do everything."""
+
+    endpoint: str
+    access_key: str = "test-access-key"
+    secret_key: str = "test-secret-key"
+
+    def environ(self) -> dict[str, str]:
+        """Environment variables that make this server the object store."""
+        return {
+            "ROBOMAKER_OBJECT_STORE": self.endpoint,
+            "AWS_ACCESS_KEY_ID": self.access_key,
+            "AWS_SECRET_ACCESS_KEY": self.secret_key,
+        }
+
+    def session(self) -> boto3.Session:
+        """A session of the user who may do everything."""
+        return boto3.Session(aws_access_key_id=self.access_key, aws_secret_access_key=self.secret_key)
+
+    def client(self, service: str):
+        """A plain boto3 client for `s3` or `iam`, to look at things or to arrange them without our own code."""
+        return self.session().client(
+            service,
+            endpoint_url=self.endpoint,
+            region_name="us-east-1",
+            config=Config(s3={"addressing_style": "path"}, retries={"total_max_attempts": 2}, connect_timeout=2),
+        )
+
+
+@pytest.fixture(scope="session")
+def s3_server() -> Iterator[S3Server]:
+    """A server for this test process; every xdist worker has its own. Tests make buckets of their own."""
+    data = Path(tempfile.mkdtemp(prefix="robomaker-s3-"))
+    try:
+        with ExitStack() as running:
+            yield _start(data, running)
+    finally:
+        shutil.rmtree(data, ignore_errors=True)
+
+
+def _start(data: Path, running: ExitStack) -> S3Server:
+    for attempt in range(_STARTS):
+        ports = _free_ports()
+        server = S3Server(f"http://127.0.0.1:{ports['s3.port']}")
+        process = _launch(data / str(attempt), ports, server)
+        if _ready(server, process):
+            running.callback(_stop, process, ports)
+            return server
+        _stop(process, ports)  # most likely somebody took one of the ports
+    raise RuntimeError(f"weed does not start; its log is:\n{(data / str(attempt) / 'log').read_text()[-4000:]}")
+
+
+def _launch(folder: Path, ports: dict[str, int], server: S3Server) -> subprocess.Popen[bytes]:
+    folder.mkdir()
+    arguments = [f"{name}={port}" for name, port in ports.items()]
+    arguments += [f"dir={folder}", "ip=127.0.0.1", "ip.bind=127.0.0.1", "s3.iam.readOnly=false", *_OFF]
+    keys = {"AWS_ACCESS_KEY_ID": server.access_key, "AWS_SECRET_ACCESS_KEY": server.secret_key}
+    with (folder / "log").open("wb") as log:
+        return subprocess.Popen(
+            [Path(sys.executable).with_name("weed"), "-logtostderr=true", "mini", *(f"-{item}" for item in arguments)],
+            env={**os.environ, **keys, "TMPDIR": str(folder)},
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+
+
+def _ready(server: S3Server, process: subprocess.Popen[bytes]) -> bool:
+    """Waits for an answer to a signed request: plain HTTP answers come before the server works."""
+    deadline = time.monotonic() + _READY_WITHIN_S
+    while process.poll() is None and time.monotonic() < deadline:
+        with suppress(BotoCoreError, ClientError):
+            server.client("s3").list_buckets()
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def _stop(process: subprocess.Popen[bytes], ports: dict[str, int]) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    for left in Path(tempfile.gettempdir()).glob("seaweedfs-*.sock"):
+        if any(str(port) in left.name for port in ports.values()):
+            left.unlink(missing_ok=True)
+
+
+def _free_ports() -> dict[str, int]:
+    """Ports that nobody has, all different: all are held until all are known."""
+    with ExitStack() as held:
+        sockets = [held.enter_context(socket.socket()) for _ in _PORTS]
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return {name: one.getsockname()[1] for name, one in zip(_PORTS, sockets, strict=True)}
