@@ -22,6 +22,10 @@ from .world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, Ro
 
 MAX_BODY_CHARACTERS = 262_144
 MAX_CONNECTIONS_PER_ROOM = 4
+_MAX_DEPTH = 32
+"""Twice what a body needs."""
+
+_TOO_DEEP = "templateBody: nested too deeply to be a template body"
 _MAX_REPORTED_PROBLEMS = 20
 _MAX_SHOWN_CHARACTERS = 60
 
@@ -283,27 +287,49 @@ def _load(text: str) -> Any:
             f"templateBody: {len(text)} characters; 1 to {MAX_BODY_CHARACTERS} would be right"
         )
 
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        for name, count in Counter(name for name, _ in pairs).items():
-            if count > 1:
-                raise ValueError(f"member {_show(name)} is there {count} times in one object; once would be right")
-        return dict(pairs)
-
-    def refuse(constant: str) -> Any:
-        raise ValueError(f"{constant} is not a JSON number")
-
     try:
-        return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
+        document = json.loads(text, object_pairs_hook=_unique, parse_constant=_refuse)
     except json.JSONDecodeError as error:
         raise InvalidParameterException(
             f"templateBody: not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
         ) from None
     except RecursionError:
-        raise InvalidParameterException("templateBody: nested too deeply to be a template body") from None
+        raise InvalidParameterException(_TOO_DEEP) from None
     except ValueError as error:
         # Either from above, or Python's own limit on the digits of an integer.
         message = "a number has too many digits" if "digits" in str(error) else str(error)
         raise InvalidParameterException(f"templateBody: {message}") from None
+    if _is_deep(document):
+        raise InvalidParameterException(_TOO_DEEP)
+    try:
+        json.dumps(document, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise InvalidParameterException("templateBody: holds half of a surrogate pair, which is no character") from None
+    return document
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    for name, count in Counter(name for name, _ in pairs).items():
+        if count > 1:
+            raise ValueError(f"member {_show(name)} is there {count} times in one object; once would be right")
+    return dict(pairs)
+
+
+def _refuse(constant: str) -> Any:
+    raise ValueError(f"{constant} is not a JSON number")
+
+
+def _is_deep(document: Any) -> bool:
+    """Whether objects and arrays are nested more than `_MAX_DEPTH` times."""
+    level = [document]
+    for _ in range(_MAX_DEPTH):
+        level = [
+            item
+            for container in level
+            if isinstance(container, dict | list)
+            for item in (container.values() if isinstance(container, dict) else container)
+        ]
+    return bool(level)
 
 
 def _unwrap(document: Any) -> tuple[Any, str]:

@@ -1,12 +1,13 @@
 """What a floor plan is asked for, in numbers, and what makes neighbours sensible."""
 
 from collections import Counter
+from collections.abc import Iterator
 from math import log
 from typing import NamedTuple
 
 from ...schemas.world import PassageKind, RoomType
 from ...schemas.world_template_body import TemplateAspectRatio, TemplateFloorplan
-from .partition import UNITS_PER_M, Contact, Partition
+from .partition import UNITS_PER_M, Contact, Partition, contacts, extent
 
 INTERIOR_WALL = 2
 EXTERIOR_WALL = 4
@@ -138,13 +139,44 @@ def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
     return start, end
 
 
+def doors_in(span: int) -> int:
+    """How many doorways fit between two corners that far apart; not above 0 when none does."""
+    return (span - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
+
+
 def door_capacity(contact: Contact, plan: Partition) -> int:
     """How many doorways fit into a shared wall."""
     start, end = clear_span(contact, plan)
-    return max(0, (end - start - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE))
+    return max(0, doors_in(end - start))
 
 
 def opening_fits(contact: Contact, plan: Partition) -> bool:
     """Whether a shared wall is long enough to be taken away."""
     start, end = clear_span(contact, plan)
     return end - start >= OPENING_WIDTH
+
+
+def shared_spans(plan: Partition) -> Iterator[tuple[tuple[int, int], int]]:
+    """For every shared wall the two rooms, lower number first, and its clear length in units.
+
+    The same as `clear_span` of all contacts. The search spends much of its time here, and nearly
+    all plans have rectangular rooms only, which are compared directly.
+    """
+    if any(len(corners) > 4 for corners in plan.rooms):
+        for contact in contacts(plan.rooms):
+            start, end = clear_span(contact, plan)
+            yield (min(contact.low, contact.high), max(contact.low, contact.high)), end - start
+        return
+    boxes = [extent(corners) for corners in plan.rooms]
+    for other, (x0, y0, x1, y1) in enumerate(boxes):
+        for one in range(other):
+            u0, v0, u1, v1 = boxes[one]
+            if x0 == u1 or x1 == u0:
+                start, end, limit = max(y0, v0), min(y1, v1), plan.height
+            elif y0 == v1 or y1 == v0:
+                start, end, limit = max(x0, u0), min(x1, u1), plan.width
+            else:
+                continue
+            if start < end:
+                outer = (start == 0) + (end == limit)
+                yield (one, other), end - start - INTERIOR_WALL - outer * (EXTERIOR_WALL - INTERIOR_WALL) // 2

@@ -77,9 +77,9 @@ def _origin(plan: Partition, numbers: Brief, ways: list[Way], spots: list[Spots]
 
     room = max(range(len(plan.rooms)), key=rank)
     x, y, clearance = spots[room]
-    far = np.zeros(len(x))
-    for u, v in (_middle(way) for way in ways if room in way.pair):
-        far += np.hypot(x - u, y - v)
+    # A room without ways has its middle instead.
+    doors = [_middle(way) for way in ways if room in way.pair] or [(int(x.mean()), int(y.mean()))]
+    far = sum((np.hypot(x - u, y - v) for u, v in doors), np.zeros(len(x)))
     best = np.lexsort((far, -np.minimum(clearance, _ORIGIN_CLEARANCE)))[0]
     return int(x[best]), int(y[best])
 

@@ -16,7 +16,7 @@ from .brief import (
     length_over_width,
 )
 from .connections import Pair, Way, shared_walls
-from .partition import UNIT_M, Partition, area, extent
+from .partition import UNIT_M, Partition, area, slenderness
 
 AREA_TOLERANCE = 0.1
 """Share of the desired area by which a room may be off."""
@@ -87,9 +87,7 @@ def _ratio(wishes: TemplateFloorplan, plan: Partition, number: int) -> Wish:
         wish=f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}",
         outcome="satisfied",
     )
-    box = extent(plan.rooms[number])
-    sides = (box.x1 - box.x0, box.y1 - box.y0)
-    actual = max(sides) / min(sides)
+    actual = slenderness(plan, number)
     if deviation(actual, desired) <= RATIO_TOLERANCE:
         return wish
     least, width = MIN_SIDES_M[room.Type], (room.DesiredShape.Area / desired) ** 0.5

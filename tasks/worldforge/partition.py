@@ -162,7 +162,11 @@ def extent(corners: Sequence[tuple[int, int]]) -> Box:
     """The bounding box of a room."""
     if len(corners) == 4:  # counter-clockwise from a corner, so opposite corners span it
         (x0, y0), (x1, y1) = corners[0], corners[2]
-        return Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+        if x0 > x1:
+            x0, x1 = x1, x0
+        if y0 > y1:
+            y0, y1 = y1, y0
+        return Box(x0, y0, x1, y1)
     xs, ys = [x for x, _ in corners], [y for _, y in corners]
     return Box(min(xs), min(ys), max(xs), max(ys))
 
@@ -171,6 +175,20 @@ def area(corners: Corners) -> float:
     """Area in square units, by the shoelace formula."""
     following = (*corners[1:], corners[0])
     return sum(x * v - u * y for (x, y), (u, v) in zip(corners, following, strict=True)) / 2
+
+
+def slenderness(plan: Partition, room: int) -> float:
+    """Length over width of a room.
+
+    An L-shape with wide arms counts as the rectangle it nearly is, one with narrow arms as a corridor
+    that is as long as its arms together: area over width squared.
+    """
+    corners, arm = plan.rooms[room], plan.arms[room]
+    x0, y0, x1, y1 = extent(corners)
+    along, up = x1 - x0, y1 - y0
+    if len(corners) > 4 and 3 * arm < 2 * min(along, up):
+        return area(corners) / arm**2
+    return along / up if along > up else up / along
 
 
 class Lines(NamedTuple):

@@ -5,13 +5,14 @@ from math import exp, inf, log, sqrt
 from random import Random
 
 from ...schemas.errors import WorldGenerationError
-from .brief import HABITABLE, Brief, affinity, door_capacity, opening_fits
-from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, contacts, extent, partition
+from ...schemas.world import RoomType
+from .brief import HABITABLE, OPENING_WIDTH, Brief, affinity, doors_in, shared_spans
+from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, extent, partition, slenderness
 
 MAX_CLIMBS = 40
 """Hill climbs before giving up; the first few nearly always succeed."""
 
-_CLIMBS = 4
+_CLIMBS = 5
 _PATIENT_CLIMBS = 12
 """Climbs as long as no partition has a place for every requested connection."""
 
@@ -31,9 +32,12 @@ _DARK = 0.6
 _STRANGE_NEIGHBOURS = 0.8
 _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
 """By number of rooms, the last from there on: with one room, the room's own wish wins."""
-_BENT = 0.4
-_BENT_HALLWAY = 0.1
-_CHOICE_TEMPERATURE = 0.25
+_BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
+"""Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
+
+_BENT_OTHERWISE = 1.5
+_CHOICE_TEMPERATURE = 0.4
+_CHOICE_MARGIN = 0.8
 _TEMPERATURE = 1.0
 _RATIO_SHARE = 0.1
 
@@ -69,21 +73,21 @@ class Judge:
         cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_WISH if off > _TOLERANCE else 0.0))
         for room, corners in enumerate(plan.rooms):
             kind = self.brief.types[room]
-            box = extent(corners)
-            along, up = box.x1 - box.x0, box.y1 - box.y0
             if plan.arms[room] < self.min_sides[room]:
                 cost += _TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
-                if along <= 0 or up <= 0:
+                if plan.arms[room] <= 0:
                     continue
-            off = abs(log(along / up)) - self.log_ratios[room]
+            off = log(slenderness(plan, room)) - self.log_ratios[room]
             if kind == "Hallway" and off > 0:
                 off /= 2  # a hallway that is longer than wished is still a good hallway
             off = abs(off)
             cost += off + _OUTLIER * off * off + (_MISSED_WISH if off > _TOLERANCE else 0.0)
             if len(corners) > 4:
-                cost += _BENT_HALLWAY if kind == "Hallway" else _BENT
-            if kind in HABITABLE and box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
-                cost += _DARK
+                cost += _BENT.get(kind, _BENT_OTHERWISE)
+            if kind in HABITABLE:
+                box = extent(corners)
+                if box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
+                    cost += _DARK
         return cost
 
     def _neighbours(self, plan: Partition) -> float:
@@ -104,16 +108,14 @@ class Judge:
         ways = [0] * len(plan.rooms)
         doors: dict[tuple[int, int], int] = {}
         openings: set[tuple[int, int]] = set()
-        for contact in contacts(plan.rooms):
-            low, high = contact.low, contact.high
-            pair = (low, high) if low < high else (high, low)
-            fitting = door_capacity(contact, plan)
-            if opening_fits(contact, plan):
+        for pair, span in shared_spans(plan):
+            fitting = doors_in(span)
+            if span >= OPENING_WIDTH:
                 openings.add(pair)
-            if fitting:
+            if fitting > 0:
                 doors[pair] = doors.get(pair, 0) + fitting
-                ways[low] |= 1 << high
-                ways[high] |= 1 << low
+                ways[pair[0]] |= 1 << pair[1]
+                ways[pair[1]] |= 1 << pair[0]
         missed = 0
         for pair, (kind, count) in self.brief.requests.items():
             if kind == "Doorway":
@@ -150,49 +152,69 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
       WorldGenerationError: no valid partition in `MAX_CLIMBS` hill climbs.
     """
     judge = Judge(brief)
-    found: dict[Partition, float] = {}
-    complete = False
+    visited: dict[Partition, float] = {}
+    valid = complete = False
     for climb in range(MAX_CLIMBS):
-        if found and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
+        if valid and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
             break
-        plan, cost = _climb(judge, dice)
-        if judge.is_valid(plan):
-            found[plan] = cost
-            complete = complete or not judge.missed_connections(plan)
-    if not found:
+        steps = _climb(judge, dice)
+        visited.update(steps)
+        top = min(steps, key=lambda plan: steps[plan])
+        if judge.is_valid(top):
+            valid = True
+            complete = complete or not judge.missed_connections(top)
+    if not valid:
         raise WorldGenerationError(
             f"no partition of {sum(brief.areas_m2):g} m2 into {len(brief.areas_m2)} rooms where every room is wide "
             f"enough and connected was found in {MAX_CLIMBS} attempts"
         )
-    least = min(found.values())
-    weights = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in found.values()]
-    return _mirrored(dice.choices([*found], weights)[0], dice)
+    return _mirrored(_choice(judge, visited, dice), dice)
 
 
-def _climb(judge: Judge, dice: Random) -> tuple[Partition, float]:
-    """Improves one random slicing tree by small changes; steps back are taken less and less."""
+def _choice(judge: Judge, visited: dict[Partition, float], dice: Random) -> Partition:
+    """One of the good partitions, the better the likelier, each kind of solution counting once."""
+    ranked = sorted((cost, plan) for plan, cost in visited.items())
+    classes: dict[float, list[Partition]] = {}
+    least = inf
+    for cost, plan in ranked:
+        if cost > least + _CHOICE_MARGIN:
+            break
+        if judge.is_valid(plan):
+            least = min(least, cost)
+            # Mirrored and renumbered twins cost the same.
+            classes.setdefault(round(cost, 2), []).append(plan)
+    weights = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in classes]
+    return dice.choice(dice.choices([*classes.values()], weights)[0])
+
+
+def _climb(judge: Judge, dice: Random) -> dict[Partition, float]:
+    """Improves one random slicing tree by small changes; steps back are taken less and less.
+
+    Returns:
+      The partitions on the way, with their costs.
+    """
     brief = judge.brief
+    count = len(brief.areas_m2)
     ratios = _footprint_ratios(brief)
-    expression = _random_tree(dice.sample(range(len(brief.areas_m2)), len(brief.areas_m2)), dice)
+    expression = _random_tree(dice.sample(range(count), count), dice)
     ratio = brief.footprint_ratio
     plan = _cut(brief, expression, ratio)
     cost = judge.cost(plan)
-    best, least = plan, cost
-    steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * len(brief.areas_m2) ** 2)
+    taken = {plan: cost}
+    steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * count**2)
     for step in range(steps):
         changed, changed_ratio = expression, ratio
-        if len(expression) == 1 or dice.random() < _RATIO_SHARE:
+        if count == 1 or dice.random() < _RATIO_SHARE:
             changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
         else:
             changed = _changed(expression, dice)
-        candidate = _cut(brief, changed, changed_ratio)
+        plan = _cut(brief, changed, changed_ratio)
         limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
-        candidate_cost = judge.cost(candidate, limit)
-        if candidate_cost <= limit:
-            expression, ratio, cost = changed, changed_ratio, candidate_cost
-            if cost < least:
-                best, least = candidate, cost
-    return best, least
+        changed_cost = judge.cost(plan, limit)
+        if changed_cost <= limit:
+            expression, ratio, cost = changed, changed_ratio, changed_cost
+            taken[plan] = cost
+    return taken
 
 
 def _footprint_ratios(brief: Brief) -> list[float]:
