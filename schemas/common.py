@@ -149,18 +149,17 @@ def filter_values(filters: Sequence[Filter] | None) -> dict[str, list[str]]:
     return {each.name: each.values for each in filters or () if each.name and each.values}
 
 
-def exactly_one(members: Sequence[str], given: Sequence[object], *, hint: str = "") -> None:
-    """Checks that one of several members is given.
+def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
+    """Checks that one of two members is given.
 
     Args:
       members: names of the members.
       given: their values, in the same order; `None` is absent.
-      hint: what to do, added to the message.
 
     Raises:
-      ValueError: none or several are given.
+      ValueError: none or both are given.
     """
-    present = [name for name, value in zip(members, given, strict=True) if value is not None]
-    if len(present) != 1:
-        found = "neither is" if not present else "both are"
-        raise ValueError(f"exactly one of {' and '.join(members)} has to be given, but {found}{hint}")
+    present = sum(value is not None for value in given)
+    if present != 1:
+        found = "both are" if present else "neither is"
+        raise ValueError(f"exactly one of {' and '.join(members)} has to be given, but {found}")

@@ -10,7 +10,12 @@ from .common import Arn, ClientRequestToken, GenericString, Json, S3Bucket, S3Ke
 
 
 def _as_text(body: object) -> object:
-    return json.dumps(body) if isinstance(body, dict) else body
+    if not isinstance(body, dict):
+        return body
+    try:
+        return json.dumps(body, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the mapping has no form in JSON: {error}") from error
 
 
 TemplateName = Annotated[str, text(0, 255)]

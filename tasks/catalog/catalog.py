@@ -1,14 +1,15 @@
 """The catalog: every resource, whoever asks, from any thread and any process."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, RowMapping, and_, delete, insert, or_, select, update
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy import ColumnElement, Connection, Engine, RowMapping, and_, delete, insert, or_, select, update
+from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.arns import ResourceArn
-from ...schemas.errors import StateConflictError
+from ...schemas.errors import ServiceUnavailableException, StateConflictError
 from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
 from .engine import open_engine, writing
 from .pages import decode_page_token, encode_page_token
@@ -24,9 +25,12 @@ Document = dict[str, Any]
 class Catalog:
     """Resources in a database; open with `Catalog.open`.
 
-    Every method is one transaction. Methods that change a resource raise `StateConflictError` when
-    an `owner` is given that does not hold the resource's lease: a performer that lost its lease to
-    another cannot change anything any more.
+    Every method is one transaction, and raises `ServiceUnavailableException` when the database does
+    not do its part: locked for half a minute, full, gone.
+
+    Methods that change a resource raise `StateConflictError` when an `owner` is given that does not
+    hold the resource's lease: a performer that lost its lease to another cannot change anything any
+    more.
     """
 
     def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
@@ -74,7 +78,7 @@ class Catalog:
             return self._create(resource, token, unique_name)
 
     def _create(self, resource: NewResource, token: ClientToken | None, unique_name: bool) -> Resource:
-        with self._writer.begin() as connection:
+        with self._transaction(self._writer) as connection:
             if token is not None and (earlier := repeated(connection, token, resource)) is not None:
                 return earlier
             check_free(connection, resource, unique_name)
@@ -113,7 +117,7 @@ class Catalog:
         Raises:
           ResourceNotFoundException: there is none.
         """
-        with self._writer.begin() as connection:
+        with self._transaction(self._writer) as connection:
             if not changed_one(connection.execute(delete(resources).where(resources.c.arn == arn))):
                 raise not_found(arn)
 
@@ -129,14 +133,14 @@ class Catalog:
         Raises:
           ResourceNotFoundException: there is none of that ARN and kind.
         """
-        with self._engine.connect() as connection:
+        with self._transaction(self._engine) as connection:
             return resource_of(one_row(connection, arn, kind))
 
     def get_many(self, arns: Iterable[str]) -> dict[str, Resource]:
         """Reads several resources; those that do not exist are absent from the answer."""
         wanted = list(arns)
         found: dict[str, Resource] = {}
-        with self._engine.connect() as connection:
+        with self._transaction(self._engine) as connection:
             for start in range(0, len(wanted), 500):  # databases limit the number of values in a statement
                 chunk = wanted[start : start + 500]
                 for row in connection.execute(select(*COLUMNS).where(resources.c.arn.in_(chunk))).mappings():
@@ -146,14 +150,14 @@ class Catalog:
     def find(self, kind: str, name: str) -> Resource | None:
         """The newest resource of a kind and name."""
         query = select(*COLUMNS).where(resources.c.kind == kind, resources.c.name == name)
-        with self._engine.connect() as connection:
+        with self._transaction(self._engine) as connection:
             row = connection.execute(query.order_by(resources.c.sequence.desc()).limit(1)).mappings().one_or_none()
         return None if row is None else resource_of(row)
 
     def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
         """The resources of a kind that came from a parent, oldest first."""
         query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)
-        with self._engine.connect() as connection:
+        with self._transaction(self._engine) as connection:
             return tuple(
                 resource_of(row) for row in connection.execute(query.order_by(resources.c.sequence)).mappings()
             )
@@ -181,7 +185,7 @@ class Catalog:
         query = select(resources.c.sequence, *COLUMNS).where(*list_conditions(kind, wanted))
         if after is not None:
             query = query.where(resources.c.sequence < decode_page_token(kind, wanted, after))
-        with self._engine.connect() as connection:
+        with self._transaction(self._engine) as connection:
             rows = connection.execute(query.order_by(resources.c.sequence.desc()).limit(limit + 1)).mappings().all()
         more = len(rows) > limit
         token = encode_page_token(kind, wanted, rows[limit - 1]["sequence"]) if more else None
@@ -240,7 +244,7 @@ class Catalog:
     def _change(self, arn: str, owner: str | None, compute: Callable[[RowMapping], dict[str, Any]]) -> Resource:
         """Compare and set: writes what `compute` makes of the row unless the row changed meanwhile."""
         for _ in range(_MAX_ATTEMPTS):
-            with self._writer.begin() as connection:
+            with self._transaction(self._writer) as connection:
                 row = one_row(connection, arn)
                 if owner is not None and row["lease_owner"] != owner:
                     raise StateConflictError(f"{arn}: {owner!r} does not hold the lease; {row['lease_owner']!r} does")
@@ -258,7 +262,7 @@ class Catalog:
         Raises:
           ResourceNotFoundException: there is no such resource.
         """
-        with self._writer.begin() as connection:
+        with self._transaction(self._writer) as connection:
             row = one_row(connection, arn)
             if not is_terminal(row["kind"], row["status"]):
                 connection.execute(update(resources).where(resources.c.arn == arn).values(cancel_requested=True))
@@ -270,7 +274,7 @@ class Catalog:
         Raises:
           ResourceNotFoundException: there is no such resource.
         """
-        with self._engine.connect() as connection:
+        with self._transaction(self._engine) as connection:
             asked = connection.scalar(select(resources.c.cancel_requested).where(resources.c.arn == arn))
         if asked is None:
             raise not_found(arn)
@@ -316,12 +320,22 @@ class Catalog:
         return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
 
     def _lease(self, arn: str, condition: ColumnElement[bool], values: Mapping[str, Any]) -> bool:
-        with self._writer.begin() as connection:
+        with self._transaction(self._writer) as connection:
             taken = connection.execute(update(resources).where(resources.c.arn == arn, condition).values(values))
             if changed_one(taken):
                 return True
             one_row(connection, arn)
             return False
+
+    @contextmanager
+    def _transaction(self, engine: Engine) -> Iterator[Connection]:
+        try:
+            with engine.begin() as connection:
+                yield connection
+        except IntegrityError:
+            raise
+        except DBAPIError as error:
+            raise ServiceUnavailableException(f"the catalog {engine.url!r} does not answer: {error.orig}") from error
 
     def _now(self) -> datetime:
         return self._clock().astimezone(UTC)

@@ -8,6 +8,7 @@ from typing import get_args
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.arns import Kind, ResourceArn, application_arn, resource_arn
 from prefect_robomaker.schemas.errors import InvalidParameterException
 from prefect_robomaker.schemas.ids import IdPrefix, new_id, world_id

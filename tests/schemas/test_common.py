@@ -3,8 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from prefect_robomaker.schemas.common import Filter, GenericString, exactly_one, filter_values, shorten
 from pydantic import TypeAdapter
+
+from prefect_robomaker.schemas.common import Filter, GenericString, exactly_one, filter_values, shorten
 
 
 @given(st.text(min_size=1, max_size=50), st.integers(0, 200))

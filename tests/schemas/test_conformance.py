@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from prefect_robomaker.schemas.operations import EXTENSIONS, OPERATIONS, OperationShape
 
 BOTOCORE = "botocore==1.40.60"  # the last release that has the service

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.errors import StateConflictError
 from prefect_robomaker.schemas.lifecycles import ACTIVE, LIFECYCLES, Lifecycle, batch_outcome, is_terminal, next_state
 

@@ -3,11 +3,13 @@
 import re
 import subprocess
 import sys
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.errors import InvalidParameterException
 from prefect_robomaker.schemas.operations import (
     OPERATIONS,
@@ -161,6 +163,12 @@ def test_commands_may_have_several_lines() -> None:
             job(dataSources=[{"name": "d", "s3Bucket": "abc", "s3Keys": ["a"]}] * 2),
             "dataSources: .*'d' appears more than once",
         ),
+        (
+            "CreateWorldTemplate",
+            {"templateBody": {"Version": datetime(2020, 1, 1, tzinfo=UTC)}},
+            "templateBody: the mapping has no form in JSON: Object of type datetime",
+        ),
+        ("CreateWorldTemplate", {"templateBody": {"a": float("nan")}}, "the mapping has no form in JSON: .*nan"),
         ("CreateWorldTemplate", {}, "exactly one of templateBody and templateLocation .* neither is"),
         (
             "CreateWorldTemplate",

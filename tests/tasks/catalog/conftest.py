@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import create_engine
+
 from prefect_robomaker.tasks.catalog import Catalog, NewResource, Resource
 from prefect_robomaker.tasks.catalog.tables import metadata
-from sqlalchemy import create_engine
 
 POSTGRES_URL = os.environ.get("ROBOMAKER_TEST_POSTGRES_URL")
 PREFIX = "arn:aws:robomaker:us-east-1:111122223333"

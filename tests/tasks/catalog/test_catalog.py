@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import create_engine, text
+
 from prefect_robomaker.schemas.errors import (
     ConfigurationError,
     IdempotentParameterMismatchException,
     InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
+    ServiceUnavailableException,
     StateConflictError,
 )
 from prefect_robomaker.schemas.world_templates import CreateWorldTemplateRequest
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, NewResource
-from sqlalchemy import create_engine, text
 
 MakeResource = Callable[..., NewResource]
 
@@ -359,6 +361,16 @@ def test_a_performer_that_lost_its_lease_changes_nothing(
 
 
 # Opening
+
+
+def test_a_database_that_fails_is_said_to(url: str, catalog: Catalog, make_resource: MakeResource) -> None:
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("DROP TABLE client_tokens"))
+    engine.dispose()
+
+    with pytest.raises(ServiceUnavailableException, match=r"the catalog .* does not answer: .*client_tokens"):
+        catalog.create(make_resource(1), token=token())
 
 
 def test_a_catalog_outlives_its_program(url: str, clock: Any, make_resource: MakeResource) -> None:

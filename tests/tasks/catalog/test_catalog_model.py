@@ -8,6 +8,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
+
 from prefect_robomaker.schemas.errors import (
     IdempotentParameterMismatchException,
     ResourceAlreadyExistsException,

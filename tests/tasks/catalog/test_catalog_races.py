@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
+
 from prefect_robomaker.tasks.catalog import Catalog, NewResource
 
 PROCESSES = 3
