@@ -6,12 +6,14 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ...schemas.references import parse_template
+from ...schemas.references import ReferenceMistake, parse_template
 from ...schemas.spec import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
 from ...schemas.spec_text import ListNode, Node, ScalarNode, child, plain
+from .durations import duration
 from .specs import read_spec
 
-_SUCCEEDED_WORLDS = "finishedWorldsSummary.succeededWorlds"
+_WORLD = "a world"
+_COUNTS = ("floorplanCount", "interiorCountPerFloorplan")
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
         document = {"schema_version": 1, "name": spec.name, "steps": [asdict(step) for step in steps]}
         sys.stdout.write(json.dumps(document, indent=2) + "\n")
         return 0
-    count = f"{len(steps)} step{'s' if len(steps) != 1 else ''}"
-    sys.stdout.write(f"{spec.name}: {count}, one after the other\n\n")
+    sys.stdout.write(f"{spec.name}: {_counted(len(steps), 'step')}, one after the other\n\n")
     rows = [(str(number), step.step, step.operation, _after(step)) for number, step in enumerate(steps, 1)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row, step in zip(rows, steps, strict=True):
@@ -53,17 +54,18 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def planned(spec: CheckedSpec) -> list[PlannedStep]:
     """The steps in the order they would run."""
-    worlds: dict[str, int] = {}
+    outputs: dict[str, dict[str, Any]] = {}
     steps = []
     for name in spec.order:
-        step = _planned_step(spec.steps[name], worlds)
-        if step.worlds is not None:
-            worlds[name] = step.worlds
+        step = _planned_step(spec.steps[name], outputs)
+        # As if every world succeeded: enough to count what later steps make of them.
+        worlds = [_WORLD] * (step.worlds or 0)
+        outputs[name] = {"finishedWorldsSummary": {"succeededWorlds": worlds}} if worlds else {}
         steps.append(step)
     return steps
 
 
-def _planned_step(step: CheckedStep, worlds: dict[str, int]) -> PlannedStep:
+def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> PlannedStep:
     needs = list(step.needs)
     if step.operation == "CreateWorldGenerationJob":
         plans, interiors = (_number(step.input, "worldCount", key) for key in _COUNTS)
@@ -72,63 +74,52 @@ def _planned_step(step: CheckedStep, worlds: dict[str, int]) -> PlannedStep:
             return PlannedStep(step.name, step.operation, needs, worlds=plans * interiors, detail=detail)
     if step.operation == "CreateSimulationJob":
         return PlannedStep(step.name, step.operation, needs, jobs=1, detail=f"1 simulation job{_limit(step.input)}")
-    if step.operation == "StartSimulationJobBatch":
-        return _planned_batch(step, worlds)
+    if step.operation == "StartSimulationJobBatch" and (requests := child(step.input, "createSimulationJobRequests")):
+        jobs, what = _size(requests, outputs)
+        concurrency = _number(step.input, "batchPolicy", "maxConcurrency")
+        together = f", {concurrency} at a time" if concurrency else ""
+        detail = what + together + _limit(_first(requests))
+        return PlannedStep(step.name, step.operation, needs, jobs=jobs, concurrency=concurrency, detail=detail)
     return PlannedStep(step.name, step.operation, needs)
 
 
-_COUNTS = ("floorplanCount", "interiorCountPerFloorplan")
+def _first(requests: Node) -> Node | None:
+    construct = for_each_of(requests)
+    return construct.entries["value"] if construct else child(requests, 0)
 
 
-def _planned_batch(step: CheckedStep, worlds: dict[str, int]) -> PlannedStep:
-    requests = (
-        step.input.entries.get("createSimulationJobRequests")
-        if not isinstance(step.input, ScalarNode | ListNode)
-        else None
-    )
-    concurrency = _number(step.input, "batchPolicy", "maxConcurrency")
-    jobs, what = (None, "simulation jobs") if requests is None else _size(requests, worlds)
-    together = f", {concurrency} at a time" if concurrency else ""
-    limit = ""
-    if requests is not None:
-        construct = for_each_of(requests)
-        first = construct.entries["value"] if construct else child(requests, 0)
-        limit = _limit(first) if first is not None else ""
-    return PlannedStep(
-        step.name, step.operation, list(step.needs), jobs=jobs, concurrency=concurrency, detail=what + together + limit
-    )
-
-
-def _size(requests: Node, worlds: dict[str, int]) -> tuple[int | None, str]:
+def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
     """How many jobs, as a number where it can be told, and in words."""
     construct = for_each_of(requests)
-    if construct is None:
-        count = len(requests.items) if isinstance(requests, ListNode) else None
-        return count, _counted(count, "simulation job") if count else "simulation jobs"
-    source = construct.entries[FOR_EACH]
-    if isinstance(source, ListNode):
-        return len(source.items), _counted(len(source.items), "simulation job")
-    text = str(plain(source))
-    reference = parse_template(text).whole
-    for name, count in worlds.items():
-        if reference and reference.expression == f"{name}.{_SUCCEEDED_WORLDS}":
-            return count, f"{_counted(count, 'simulation job')}, one for each world"
-    return None, f"a simulation job for each of {text}"
+    entries = _entries(construct.entries[FOR_EACH] if construct else requests, outputs)
+    if entries is None:
+        return None, f"a simulation job for each of {plain(construct.entries[FOR_EACH] if construct else requests)}"
+    each = ", one for each world" if entries and all(entry == _WORLD for entry in entries) else ""
+    return len(entries), _counted(len(entries), "simulation job") + each
+
+
+def _entries(node: Node, outputs: dict[str, dict[str, Any]]) -> list[Any] | None:
+    """The entries of a list; `None` where only a run can tell."""
+    if isinstance(node, ListNode):
+        return list(node.items)
+    try:
+        found = parse_template(str(plain(node))).value(outputs)
+    except ReferenceMistake:
+        return None
+    return found if isinstance(found, list) else None
 
 
 def _number(node: Node, *keys: str) -> int | None:
     found: Node | None = node
     for key in keys:
         found = child(found, key) if found is not None else None
-    value: Any = found.value if isinstance(found, ScalarNode) else None
-    return value if type(value) is int else None
+    value = found.value if isinstance(found, ScalarNode) else None
+    return value if isinstance(value, int) else None
 
 
-def _limit(request: Node) -> str:
-    seconds = _number(request, "maxJobDurationInSeconds")
-    if seconds is None:
-        return ""
-    return f", at most {seconds / 60:g} min each" if seconds >= 120 else f", at most {seconds} s each"
+def _limit(request: Node | None) -> str:
+    seconds = _number(request, "maxJobDurationInSeconds") if request is not None else None
+    return "" if seconds is None else f", at most {duration(seconds)} each"
 
 
 def _counted(count: int, noun: str) -> str:
