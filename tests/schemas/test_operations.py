@@ -168,7 +168,7 @@ def test_commands_may_have_several_lines() -> None:
             {"templateBody": {"Version": datetime(2020, 1, 1, tzinfo=UTC)}},
             "templateBody: the mapping has no form in JSON: Object of type datetime",
         ),
-        ("CreateWorldTemplate", {"templateBody": {"a": float("nan")}}, "the mapping has no form in JSON: .*nan"),
+        ("CreateWorldTemplate", {"templateBody": {"a": float("nan")}}, "the mapping has no form in JSON: "),
         ("CreateWorldTemplate", {}, "exactly one of templateBody and templateLocation .* neither is"),
         (
             "CreateWorldTemplate",
