@@ -1,5 +1,8 @@
 """Measures what a world guarantees, and says which guarantee it breaks."""
 
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
 import mujoco
 import numpy as np
 

@@ -21,7 +21,10 @@ LOOSE_TYPES = ("Ball", "Book", "Carton", "ToyBlock")
 """Kinds of loose objects, which no template can name."""
 
 _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
-    "Baths": (fixtures.bath, styles("long", (1.7, 0.75, 0.58), "ceramic") + styles("short", (1.5, 0.7, 0.58), "ceramic")),
+    "Baths": (
+        fixtures.bath,
+        styles("long", (1.7, 0.75, 0.58), "ceramic") + styles("short", (1.5, 0.7, 0.58), "ceramic"),
+    ),
     "BarCabinets": (
         cabinets.bar_cabinet,
         styles("wide", (1.0, 0.42, 0.95), "walnut", "black") + styles("narrow", (0.75, 0.4, 0.95), "oak"),
@@ -80,11 +83,15 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
     "Nightstands": (tables.nightstand, styles("drawers", (0.46, 0.42, 0.52), "oak", "walnut", "white")),
     "Ottomans": (
         soft.ottoman,
-        styles("square", (0.62, 0.52, 0.42), "sage", "terracotta") + styles("round", (0.55, 0.55, 0.42), "mustard", "navy"),
+        styles("square", (0.62, 0.52, 0.42), "sage", "terracotta")
+        + styles("round", (0.55, 0.55, 0.42), "mustard", "navy"),
     ),
     "Ovens": (fixtures.oven, styles("cooker", (0.6, 0.62, 0.9), "steel", "white", "black")),
     "ServingCarts": (tables.serving_cart, styles("trolley", (0.72, 0.42, 0.86), "mustard", "oak", "black")),
-    "Showers": (fixtures.shower, styles("cabin", (0.9, 0.9, 2.0), "ceramic") + styles("walk-in", (1.2, 0.9, 2.0), "ceramic")),
+    "Showers": (
+        fixtures.shower,
+        styles("cabin", (0.9, 0.9, 2.0), "ceramic") + styles("walk-in", (1.2, 0.9, 2.0), "ceramic"),
+    ),
     "SideboardsAndBuffets": (
         cabinets.sideboard,
         styles("wide", (1.6, 0.45, 0.85), "oak", "walnut", "sage") + styles("narrow", (1.2, 0.42, 0.85), "white"),

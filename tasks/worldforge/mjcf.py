@@ -124,7 +124,8 @@ def _cameras(world: World) -> Iterator[str]:
     yield f'    <camera name="top" pos="{_numbers(x, y, height)}" fovy="{_FOVY_DEG:g}"/>'
     tilt, distance = radians(50), height * 1.05
     pos = _numbers(x, y - distance * cos(tilt), distance * sin(tilt))
-    yield f'    <camera name="iso" pos="{pos}" xyaxes="1 0 0 {_numbers(0, sin(tilt), cos(tilt))}" fovy="{_FOVY_DEG:g}"/>'
+    axes = f"1 0 0 {_numbers(0, sin(tilt), cos(tilt))}"
+    yield f'    <camera name="iso" pos="{pos}" xyaxes="{axes}" fovy="{_FOVY_DEG:g}"/>'
     light = f'pos="{_numbers(x, y, height)}" dir="-0.3 0.4 -0.87" diffuse="0.4 0.4 0.38" specular="0 0 0"'
     yield f'    <light name="sun" type="directional" castshadow="true" {light}/>'
 

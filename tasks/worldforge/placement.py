@@ -41,7 +41,7 @@ def overlap(some: Rects, others: Rects) -> NDArray[np.bool_]:
     a, b = some[:, None], others[None]
     hits = (a[..., 0] < b[..., 2] - _TOUCHING_M) & (b[..., 0] < a[..., 2] - _TOUCHING_M)
     hits &= (a[..., 1] < b[..., 3] - _TOUCHING_M) & (b[..., 1] < a[..., 3] - _TOUCHING_M)
-    return hits.any(axis=1)
+    return np.asarray(hits.any(axis=1))
 
 
 class RoomSpace:
