@@ -1,0 +1,79 @@
+"""The built-in simulation application: a furnished world with Scout in it."""
+
+import math
+
+from dm_control.rl.control import Environment
+
+from ....schemas.errors import LaunchError
+from ....schemas.world import World
+from ..context import SimulationContext
+from ..results import EnvironmentReport
+from .navigation_task import CONTROL_TIMESTEP_S, NavigationTask
+from .scene import ScenePhysics, assemble
+
+TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
+
+_INVALID = "InvalidInput"
+
+
+class IndoorNavigation(Environment):
+    """An environment that knows how its run went."""
+
+    def __init__(self, physics: ScenePhysics, task: NavigationTask) -> None:
+        super().__init__(physics, task, control_timestep=CONTROL_TIMESTEP_S, legacy_step=False)
+        self._navigation = task
+
+    def run_result(self) -> EnvironmentReport:
+        """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
+
+        Raises:
+          RuntimeError: no run has begun.
+        """
+        if self._reset_next_step and self._step_count == 0:
+            raise RuntimeError("there is no run to report on; call reset first")
+        return self._navigation.report()
+
+
+def make_environment(context: SimulationContext) -> IndoorNavigation:
+    """Makes the environment of one run.
+
+    Actions and observations are described by the environment's specs. A run ends when the robot
+    has been in every room and is told to stand still, when it is told to stand still for 10 s, when
+    it tips over, or at the limit of simulated time: `ROBOMAKER_SIM_TIME_LIMIT_S` seconds from the
+    environment variables, else what suits the size of the world.
+
+    Args:
+      context: the run; it has to have a world.
+
+    Raises:
+      LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds.
+    """
+    if context.world is None or context.world_dir is None:
+        raise LaunchError(
+            "indoor-navigation drives through a world and the job names none; "
+            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
+            _INVALID,
+        )
+    limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world)
+    try:
+        physics = assemble(context.world_dir / "world.xml")
+    except ValueError as cause:
+        raise LaunchError(str(cause), _INVALID) from cause
+    return IndoorNavigation(physics, NavigationTask(context.world, context.rng, context.recorder, limit_s))
+
+
+def _time_limit_s(text: str | None, world: World) -> float:
+    """The limit that was asked for, else about three times what Scout needs."""
+    if text is None:
+        rooms = world.floorplan.rooms
+        return math.ceil(60 + 20 * len(rooms) + 2 * sum(room.area_m2 for room in rooms))
+    try:
+        limit_s = float(text)
+    except ValueError:
+        limit_s = math.nan
+    if not (math.isfinite(limit_s) and limit_s > 0):
+        raise LaunchError(
+            f"{TIME_LIMIT_VARIABLE}: {text!r} is not a limit; it has to be simulated seconds above 0, such as 300",
+            _INVALID,
+        )
+    return limit_s

@@ -1,0 +1,101 @@
+"""Range sensors: the planar lidar on top and the proximity sensors in the bumper."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+SCAN_RAYS = 360
+SCAN_ANGLE_MIN_RAD = -np.pi
+SCAN_ANGLE_INCREMENT_RAD = 2 * np.pi / SCAN_RAYS
+SCAN_RANGE_MIN_M = 0.06
+SCAN_RANGE_MAX_M = 6.0
+SCAN_NOISE_STD_M = 0.005
+
+PROXIMITY_ANGLES_RAD = np.linspace(-np.pi / 3, np.pi / 3, 15)
+PROXIMITY_RANGE_MAX_M = 0.8
+PROXIMITY_HEIGHT_M = 0.04
+
+_VISIBLE_GROUPS = (0, 1, 2)
+"""Geom groups that renderers show unless told otherwise."""
+
+
+class RangeFinder:
+    """Rays in a fan around a robot's vertical axis, blind for the robot's own root body.
+
+    The rays turn with the robot and tilt with it. Everything visible stops a ray, whether it
+    collides or not.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        body_id: int,
+        height_m: float,
+        angles_rad: NDArray[np.float64],
+        range_max_m: float,
+        hidden_group: int | None = None,
+    ) -> None:
+        """Prepares the buffers.
+
+        Args:
+          model: the compiled world with the robot.
+          data: its state, read at every measurement.
+          body_id: the robot's root body; rays start on its z axis.
+          height_m: where on that axis.
+          angles_rad: directions of the rays, counter-clockwise from the robot's x axis.
+          range_max_m: what lies farther away is not seen.
+          hidden_group: geom group that no ray can hit, from `hide_geoms_off_plane`.
+        """
+        self._model, self._data, self._body_id = model, data, body_id
+        self._rotation = data.xmat[body_id].reshape(3, 3)
+        self._position = data.xpos[body_id]
+        self._offset = np.array([0.0, 0.0, height_m])
+        self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), np.zeros_like(angles_rad)), axis=1)
+        self._range_max_m = range_max_m
+        self._geom_ids = np.zeros(len(angles_rad), np.int32)
+        self._distances = np.zeros(len(angles_rad))
+        self._groups = np.ones(mujoco.mjNGROUP, np.uint8)
+        if hidden_group is not None:
+            self._groups[hidden_group] = 0
+
+    def measure(self) -> NDArray[np.float64]:
+        """Distances in metres, one per ray, infinite where nothing is in range; a new array."""
+        origin = self._position + self._rotation @ self._offset
+        rays = self._directions @ self._rotation.T
+        mujoco.mj_multiRay(
+            self._model, self._data, origin, rays.ravel(), self._groups, True, self._body_id,
+            self._geom_ids, self._distances, None, len(rays), self._range_max_m,
+        )  # fmt: skip
+        seen = (self._distances >= 0) & (self._distances <= self._range_max_m)
+        return np.where(seen, self._distances, np.inf)
+
+
+def hide_geoms_off_plane(model: mujoco.MjModel, data: mujoco.MjData, height_m: float, tolerance_m: float) -> int | None:
+    """Moves fixed geoms that a level plane misses to a geom group of their own.
+
+    A lidar asks every geom in a world about every ray; most of them (table tops, lintels, drawer
+    fronts) are out of its plane for good. Only groups that renderers show anyway are changed, into
+    one of them that the world does not use, so that pictures stay the same.
+
+    Args:
+      model: its `geom_group` is changed in place.
+      data: a state of it, after `mj_forward`.
+      height_m: height of the plane over the floor.
+      tolerance_m: how far the plane may tilt away at the sensor's range.
+
+    Returns:
+      The group, or nothing when the world uses all of them.
+    """
+    unused = [group for group in _VISIBLE_GROUPS if group not in model.geom_group]
+    if not unused:
+        return None
+    vertical = data.geom_xmat[:, 6:9]
+    middle = data.geom_xpos[:, 2] + np.einsum("ij,ij->i", vertical, model.geom_aabb[:, :3])
+    reach = np.einsum("ij,ij->i", np.abs(vertical), model.geom_aabb[:, 3:])
+    off = np.abs(middle - height_m) > reach + tolerance_m
+    fixed = model.geom_bodyid == 0
+    finite = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    shown = np.isin(model.geom_group, _VISIBLE_GROUPS)
+    model.geom_group[off & fixed & finite & shown] = unused[-1]
+    return unused[-1]

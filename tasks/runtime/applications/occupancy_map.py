@@ -1,0 +1,69 @@
+"""Reads the map of a world: the pair of files that Nav2's map server reads."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from ruamel.yaml import YAML
+
+_WHITE = 255.0
+
+
+@dataclass(frozen=True)
+class OccupancyMap:
+    """Which cells are free; rows count northwards and columns eastwards from the origin."""
+
+    free: NDArray[np.bool_]
+    """Shape (rows, columns); unknown counts as not free."""
+
+    resolution_m: float
+    """Side of a cell."""
+
+    origin: tuple[float, float]
+    """South-west corner of cell `[0, 0]`, metres."""
+
+    def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of the cells that hold points of shape (n, 2), clipped into the map."""
+        scaled = (points - self.origin) / self.resolution_m
+        rows, columns = self.free.shape
+        return (
+            np.clip(scaled[:, 1].astype(np.intp), 0, rows - 1),
+            np.clip(scaled[:, 0].astype(np.intp), 0, columns - 1),
+        )
+
+    def centers(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Middles of cells, shape (n, 2), metres."""
+        return np.stack((columns, rows), axis=1) * self.resolution_m + (np.asarray(self.origin) + self.resolution_m / 2)
+
+
+def read_map(path: Path) -> OccupancyMap:
+    """Reads a `map.yaml` and the picture it names.
+
+    Args:
+      path: the YAML file.
+
+    Raises:
+      ValueError: the map is turned against the world, or a member is missing or wrong.
+    """
+    description = YAML(typ="safe", pure=True).load(path.read_text())
+    resolution_m = float(_member(path, description, "resolution"))
+    x, y, yaw = (float(value) for value in _member(path, description, "origin"))
+    if yaw:
+        raise ValueError(f"{path}: origin: a turned map (yaw {yaw}) is not supported; yaw has to be 0")
+    if resolution_m <= 0:
+        raise ValueError(f"{path}: resolution: {resolution_m} is not a length; it has to be metres per cell, above 0")
+    with Image.open(path.parent / _member(path, description, "image")) as picture:
+        shade = np.asarray(picture.convert("L"), dtype=np.float64) / _WHITE
+    occupancy = shade if description.get("negate", 0) else 1.0 - shade
+    # The picture's first row is the northernmost.
+    free = np.flipud(occupancy < float(_member(path, description, "free_thresh")))
+    return OccupancyMap(np.ascontiguousarray(free), resolution_m, (x, y))
+
+
+def _member(path: Path, description: Any, name: str) -> Any:
+    if not isinstance(description, dict) or name not in description:
+        raise ValueError(f"{path}: {name} is missing; a map server's description has to have it")
+    return description[name]

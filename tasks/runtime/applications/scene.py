@@ -1,0 +1,63 @@
+"""Puts the robot into a world and compiles both."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+from dm_control.mujoco import Physics, wrapper
+
+from .lidar import hide_geoms_off_plane
+from .robot_scout import LIDAR_HEIGHT_M, PREFIX, build_scout
+
+CONTACT_SAMPLE_STEPS = 5
+"""Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
+
+_SCAN_TILT_TOLERANCE_M = 0.1
+"""How far the lidar's plane may rise or sink in a room while the robot rocks."""
+
+
+class ScenePhysics(Physics):
+    """Physics that lets somebody look at it several times within one control step."""
+
+    off_plane_group: int | None = None
+    """Geom group of the fixed things that the lidar cannot hit."""
+
+    between_substeps: Callable[[], None] | None = None
+    """Called after every `CONTACT_SAMPLE_STEPS` steps and at the end of `step`."""
+
+    def step(self, nstep: int = 1) -> None:
+        """Advances by `nstep` steps.
+
+        Raises:
+          PhysicsError: the state became invalid.
+        """
+        model, data, look = self.model.ptr, self.data.ptr, self.between_substeps
+        with self.check_invalid_state():
+            while nstep > 0:
+                mujoco.mj_step(model, data, min(nstep, CONTACT_SAMPLE_STEPS))
+                nstep -= CONTACT_SAMPLE_STEPS
+                if look is not None:
+                    look()
+
+
+def assemble(world_xml: Path) -> ScenePhysics:
+    """Reads a world, stands Scout on its origin and compiles them.
+
+    Args:
+      world_xml: the world's MJCF; its physics options are the ones that count.
+
+    Raises:
+      ValueError: MuJoCo cannot make a model of it; the message has its reason.
+    """
+    try:
+        world = mujoco.MjSpec.from_file(str(world_xml))
+        world.worldbody.add_frame().attach_body(build_scout().body("base"), PREFIX, "")
+        model = world.compile()
+    except ValueError as cause:
+        raise ValueError(f"{world_xml}: not a world that Scout can be put into: {cause}") from cause
+    physics = ScenePhysics.from_model(wrapper.MjModel(model))
+    mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
+    physics.off_plane_group = hide_geoms_off_plane(
+        physics.model.ptr, physics.data.ptr, LIDAR_HEIGHT_M, _SCAN_TILT_TOLERANCE_M
+    )
+    return physics

@@ -1,0 +1,206 @@
+"""The built-in robot application: visits every room of a world, then stops.
+
+It plans on the world's map, orders the rooms into a short tour, follows smooth paths, drives around
+things that its range sensors see and the map does not show, backs out when it is stuck, and gives a
+room up after a few tries.
+"""
+
+import math
+from typing import NamedTuple
+
+import dm_env
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.errors import LaunchError
+from ..context import SimulationContext
+from .following import PathFollower
+from .obstacles import ObstacleMemory, Pose, nearest_to_path
+from .occupancy_map import OccupancyMap, read_map
+from .planner import GridPlanner
+from .robot_scout import MAX_LINEAR_MPS, RADIUS_M
+from .tour import plan_tour
+
+_STOP = (0.0, 0.0)
+
+_CAREFUL_MPS = 0.25
+_CAREFUL_WITHIN_M = 0.3
+_LOOK_AHEAD_M = 1.0
+_BLOCKED_WITHIN_M = RADIUS_M
+_REPLAN_PERIOD_S = 0.6
+
+_TRIES = 4
+"""Times a room is tried again after getting stuck or finding no way, before it is put off or given up."""
+
+_STUCK_S = 1.5
+_PROGRESS_M = 0.04
+_PROGRESS_RAD = 0.15
+
+_BACK_S = 1.0
+_BACK_MPS = -0.2
+_BUMP_M = RADIUS_M + 0.03
+_BUMP_ARC_RAD = np.linspace(-0.6, 0.6, 7)
+
+
+class _Anchor(NamedTuple):
+    """The last pose from which there was progress."""
+
+    time_s: float
+    pose: Pose
+
+
+class Scout:
+    """The robot's program: called with every time step, answers with a velocity command."""
+
+    def __init__(self, known: OccupancyMap, goals: NDArray[np.float64]) -> None:
+        """Prepares for a run.
+
+        Args:
+          known: the map.
+          goals: one place per room, shape (n, 2), metres.
+        """
+        self._planner = GridPlanner(known, RADIUS_M)
+        self._memory = ObstacleMemory(self._planner)
+        self._goals: list[tuple[float, float]] = [(x, y) for x, y in goals.tolist()]
+        self._queue: list[int] | None = None
+        self._put_off: set[int] = set()
+        self._follower: PathFollower | None = None
+        self._tries = 0
+        self._backing_until_s = -math.inf
+        self._planned_s = -math.inf
+        self._scan_s = -math.inf
+        self._speed_limit = MAX_LINEAR_MPS
+        self._anchor = _Anchor(0.0, (0.0, 0.0, 0.0))
+        self.given_up: list[int] = []
+        """Goals that could not be reached, by index."""
+
+    @property
+    def done(self) -> bool:
+        """Whether every goal was reached or given up; the robot stands still from then on."""
+        return self._queue == []
+
+    def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
+        """Decides on forward velocity (m/s) and turning rate (rad/s)."""
+        observation = timestep.observation
+        x, y, yaw = observation["pose"].tolist()
+        now_s = float(observation["time"])
+        speed = float(observation["velocity"][0])
+        if self._queue is None:
+            self._queue = self._order_rooms((x, y))
+            self._anchor = _Anchor(now_s, (x, y, yaw))
+        if float(observation["scan_time"]) > self._scan_s:
+            self._scan_s = float(observation["scan_time"])
+            self._look((x, y, yaw), observation, now_s)
+        return np.array(self._decide((x, y, yaw), speed, now_s))
+
+    def _decide(self, pose: Pose, speed: float, now_s: float) -> tuple[float, float]:
+        if now_s < self._backing_until_s:
+            self._anchor = _Anchor(now_s, pose)
+            return _BACK_MPS, 0.0
+        if self._follower is not None and self._follower.arrived:
+            self._next_goal()
+        if self._follower is None and not self._set_out(pose, now_s):
+            return _STOP
+        if self._is_stuck(pose, now_s):
+            self._bump(pose, now_s)
+            return _STOP
+        follower = self._follower
+        assert follower is not None
+        return follower.command(*pose, speed, self._speed_limit)
+
+    def _order_rooms(self, here: tuple[float, float]) -> list[int]:
+        """Plans the tour; rooms that the map shows no way to come last, since the map may be wrong."""
+        tour = [place - 1 for place in plan_tour(self._planner.distances([here, *self._goals]))]
+        return tour + [goal for goal in range(len(self._goals)) if goal not in tour]
+
+    def _set_out(self, pose: Pose, now_s: float) -> bool:
+        """Finds a path to the next goal that has one; says whether there is one left."""
+        while self._queue:
+            self._planner.set_obstacles(self._memory.points(now_s))
+            path = self._planner.plan(pose[:2], self._goals[self._queue[0]])
+            self._planned_s = now_s
+            if path is not None:
+                self._follower = PathFollower(path)
+                self._anchor = _Anchor(now_s, pose)
+                return True
+            self._leave_goal()
+        return False
+
+    def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
+        """Slows down for unknown things near the path and plans again when one is on it."""
+        unknown = self._memory.see(pose, observation["scan"], observation["proximity"], now_s)
+        self._speed_limit = MAX_LINEAR_MPS
+        if self._follower is None or len(unknown) == 0:
+            return
+        gap_m = nearest_to_path(unknown, self._follower.ahead(_LOOK_AHEAD_M))
+        if gap_m < _CAREFUL_WITHIN_M:
+            self._speed_limit = _CAREFUL_MPS
+        if gap_m < _BLOCKED_WITHIN_M and now_s - self._planned_s >= _REPLAN_PERIOD_S:
+            self._follower = None
+
+    def _is_stuck(self, pose: Pose, now_s: float) -> bool:
+        """Whether commands have had no effect for a while."""
+        was = self._anchor.pose
+        moved = math.hypot(pose[0] - was[0], pose[1] - was[1]) > _PROGRESS_M
+        turned = abs(math.remainder(pose[2] - was[2], math.tau)) > _PROGRESS_RAD
+        if moved or turned:
+            self._anchor = _Anchor(now_s, pose)
+        return now_s - self._anchor.time_s > _STUCK_S
+
+    def _bump(self, pose: Pose, now_s: float) -> None:
+        """Takes it that something stands in front, backs off and plans again."""
+        x, y, yaw = pose
+        arc = yaw + _BUMP_ARC_RAD
+        self._memory.add(np.stack((x + _BUMP_M * np.cos(arc), y + _BUMP_M * np.sin(arc)), axis=1), now_s)
+        self._backing_until_s = now_s + _BACK_S
+        self._follower = None
+        self._tries += 1
+        if self._tries >= _TRIES:
+            self._leave_goal()
+
+    def _next_goal(self) -> None:
+        assert self._queue
+        del self._queue[0]
+        self._follower = None
+        self._tries = 0
+
+    def _leave_goal(self) -> None:
+        """Puts the present goal off to the end of the tour, the second time gives it up."""
+        assert self._queue
+        goal = self._queue[0]
+        self._next_goal()
+        if goal in self._put_off:
+            self.given_up.append(goal)
+        else:
+            self._put_off.add(goal)
+            self._queue.append(goal)
+
+
+def make_agent(context: SimulationContext, environment: dm_env.Environment) -> Scout:
+    """Makes the robot's program for one run.
+
+    Args:
+      context: the run; its world's map is what the robot knows.
+      environment: `indoor-navigation`, or another one with the same observations and actions.
+
+    Raises:
+      LaunchError: there is no world or its map cannot be read, or the environment is of another kind.
+    """
+    if context.world is None or context.world_dir is None:
+        raise LaunchError(
+            "scout plans on the map of a world and the job names none; "
+            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
+            "InvalidInput",
+        )
+    missing = {"time", "pose", "velocity", "scan", "proximity", "scan_time"} - set(environment.observation_spec())
+    if missing:
+        raise LaunchError(
+            f"scout needs observations that the environment does not give: {', '.join(sorted(missing))}; "
+            "use it with indoor-navigation",
+            "InvalidInput",
+        )
+    try:
+        known = read_map(context.world_dir / "map.yaml")
+    except (OSError, ValueError) as cause:
+        raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
+    return Scout(known, np.array([room.goal for room in context.world.floorplan.rooms]))
