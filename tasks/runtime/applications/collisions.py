@@ -1,5 +1,8 @@
 """Watches what the robot touches."""
 
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -131,7 +134,7 @@ def _geom_codes(model: mujoco.MjModel, data: mujoco.MjData, robot_body_id: int) 
 def _describe(model: mujoco.MjModel, geom_id: int, furniture_ids: Sequence[str]) -> str:
     """A geom's owner in a person's words: a furniture id, `wall`, else its body or itself."""
     name = model.geom(geom_id).name
-    owners = [owner for owner in furniture_ids if name == owner or name.startswith((f"{owner}/", f"{owner}_"))]
+    owners = [owner for owner in furniture_ids if name == owner or name.startswith((f"{owner}.", f"{owner}/"))]
     if owners:
         return max(owners, key=len)
     if name.startswith("wall"):

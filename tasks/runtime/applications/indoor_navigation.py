@@ -19,6 +19,9 @@ _INVALID = "InvalidInput"
 class IndoorNavigation(Environment):
     """An environment that knows how its run went."""
 
+    records_itself = True
+    """It publishes its own clock and joint states."""
+
     def __init__(self, physics: ScenePhysics, task: NavigationTask) -> None:
         super().__init__(physics, task, control_timestep=CONTROL_TIMESTEP_S, legacy_step=False)
         self._navigation = task

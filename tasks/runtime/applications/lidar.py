@@ -1,5 +1,8 @@
 """Range sensors: the planar lidar on top and the proximity sensors in the bumper."""
 
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

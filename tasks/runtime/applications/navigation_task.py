@@ -4,6 +4,9 @@ Built for dm_control's `rl.control.Environment`, which calls the methods in this
 `before_step`, (physics), `after_step`, `get_reward`, `get_observation`, `get_termination`.
 """
 
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 import math
 from collections.abc import Sequence
 from typing import Any

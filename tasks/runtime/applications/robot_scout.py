@@ -5,6 +5,9 @@ x points forward, y to the left, z up. All of it can be imitated in hardware: tw
 wheels, two slides, a planar lidar, an IMU and a camera.
 """
 
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Sequence
 
 import mujoco

@@ -1,5 +1,8 @@
 """Puts the robot into a world and compiles both."""
 
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Callable
 from pathlib import Path
 
