@@ -29,8 +29,6 @@ _INTEGER = re.compile(r"[-+]?[0-9]+")
 _BASED_INTEGER = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
-# The pure parser and the one in C say it differently.
-_PLAIN = (None, "")
 _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -130,11 +128,14 @@ def parse(text: str, filename: str) -> Node:
     if len(text.encode(errors="surrogatepass")) > MAX_BYTES:
         raise SpecError([Problem(start, "", f"the file is larger than {MAX_BYTES // 1024} KiB")])
     try:
-        return _Reader(filename, YAML(typ="safe").parse(text)).document()
+        # The parser in C follows YAML 1.1 and takes no `arn:aws:…` without quotes inside braces.
+        return _Reader(filename, YAML(typ="safe", pure=True).parse(text)).document()
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(filename, mark.line + 1, mark.column + 1) if mark else start
         message = ", ".join(part for part in (error.context, error.problem) if part)
+        if "${{" in (text.splitlines() or [""])[min(place.line, text.count("\n") + 1) - 1]:
+            message += '; inside braces or brackets a reference needs quotes: "${{ … }}"'
         raise SpecError([Problem(place, "", f"this is not YAML: {message}")]) from error
     except YAMLError as error:
         first_line = str(error).splitlines()[0]
@@ -200,7 +201,7 @@ class _Reader:
     def _key(self, event: NodeEvent) -> str:
         if isinstance(event, AliasEvent) or not isinstance(event, ScalarEvent):
             self._refuse(event, "a key has to be plain text")
-        if event.value == "<<" and event.style in _PLAIN:
+        if event.value == "<<" and event.style is None:
             self._refuse(event, "merge keys (<<) are not part of YAML 1.2; repeat the entries, or alias a whole value")
         return event.value
 
@@ -213,7 +214,7 @@ class _Reader:
 
     def _scalar(self, event: Any) -> ScalarNode:
         text = event.value
-        value = self._plain_value(event, text) if event.style in _PLAIN else text
+        value = self._plain_value(event, text) if event.style is None else text
         return ScalarNode(self._place(event), value, text)
 
     def _plain_value(self, event: NodeEvent, text: str) -> str | int | float | bool | None:
