@@ -1,11 +1,21 @@
 """What a run reports, and how `result.json` is written."""
 
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from pydantic import Field
+from pydantic import Field, ValidationError
+from pydantic_core import PydanticSerializationError
 
 from ...schemas.base import Model
-from ...schemas.simulation_run import Collision, Requirement, RoomVisit, Verdict
+from ...schemas.simulation_run import Collision, Requirement, RoomVisit, RunResult, Verdict
+
+RESULT_FILE = "result.json"
+MAX_COLLISIONS = 200
+MAX_PATH_POINTS = 600
 
 
 class EnvironmentReport(Model):
@@ -30,3 +40,111 @@ class ReportingEnvironment(Protocol):
     def run_result(self) -> EnvironmentReport | dict[str, Any]:
         """Returns the report, as a model or as a dict with the model's members."""
         ...
+
+
+@dataclass(frozen=True)
+class Episode:
+    """How a run's loop ended, before it is written down."""
+
+    ended_by: str
+    """`environment`, `agent`, or one of `progress.STOP_REASONS`."""
+
+    report: EnvironmentReport
+    """What the environment said; empty when it says nothing."""
+
+    steps: int
+    """Calls of `environment.step`."""
+
+    sim_time_s: float
+    """Simulated time at the end."""
+
+    wall_time_s: float
+    """Wall-clock time from the first reset to the last step."""
+
+
+def read_report(environment: object) -> EnvironmentReport:
+    """Asks an environment for its report.
+
+    Raises:
+        ValueError: The report does not fit `EnvironmentReport`; the text names the members.
+    """
+    if not isinstance(environment, ReportingEnvironment):
+        return EnvironmentReport()
+    report = environment.run_result()
+    if isinstance(report, EnvironmentReport):
+        return report
+    try:
+        # Numbers of numpy and tuples for lists are welcome from an application's own code.
+        return EnvironmentReport.model_validate(report, strict=False)
+    except ValidationError as error:
+        problems = "; ".join(f"{'.'.join(map(str, item['loc'])) or 'report'}: {item['msg']}" for item in error.errors())
+        raise ValueError(
+            f"environment.run_result() returned something that is no EnvironmentReport: {problems}"
+        ) from error
+
+
+def make_result(episode: Episode, seed: int, extra: dict[str, Any] | None = None) -> RunResult:
+    """Joins the environment's report with what the runtime measured.
+
+    Args:
+        episode: How the loop ended.
+        seed: Seed of the run.
+        extra: Remarks of the runtime itself, merged over the environment's own `extra`.
+
+    Returns:
+        The content of `result.json`; numbers that are not finite are moved from the metrics to `extra`
+        as text, because JSON has none.
+    """
+    report = episode.report
+    finite = {name: value for name, value in report.metrics.items() if math.isfinite(value)}
+    remarks = {**report.extra, **(extra or {})}
+    if len(finite) < len(report.metrics):
+        remarks["not_finite"] = {name: str(report.metrics[name]) for name in report.metrics.keys() - finite.keys()}
+    return RunResult(
+        verdict=report.verdict,
+        summary=report.summary,
+        requirements=report.requirements,
+        metrics={"steps": float(episode.steps), **finite},
+        rooms=report.rooms,
+        collisions=report.collisions[:MAX_COLLISIONS],
+        path=_thin(report.path, MAX_PATH_POINTS),
+        sim_time_s=episode.sim_time_s,
+        wall_time_s=episode.wall_time_s,
+        real_time_factor=episode.sim_time_s / episode.wall_time_s if episode.wall_time_s > 0 else 0.0,
+        ended_by=episode.ended_by,
+        seed=seed,
+        versions=versions(),
+        extra=remarks,
+    )
+
+
+def write_result(result: RunResult, output_dir: Path) -> Path:
+    """Writes `result.json` under another name first, so that it is either whole or not there.
+
+    Raises:
+        TypeError: `extra` holds something that is no JSON value.
+        OSError: The folder cannot be written.
+    """
+    try:
+        text = result.model_dump_json(indent=2)
+    except PydanticSerializationError as error:
+        raise TypeError(f"the result cannot be written as JSON: {error}") from error
+    path = output_dir / RESULT_FILE
+    unfinished = path.with_name(f".{RESULT_FILE}.unfinished")
+    unfinished.write_text(text + "\n")
+    unfinished.replace(path)
+    return path
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Returns the versions that a run's numbers depend on."""
+    names = {"mujoco": "mujoco", "dm_control": "dm-control", "prefect_robomaker": "prefect-robomaker"}
+    return {name: metadata.version(distribution) for name, distribution in names.items()}
+
+
+def _thin(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
+    """Keeps at most `limit` points, evenly chosen, with both ends."""
+    if len(path) <= limit:
+        return path
+    return [path[round(i * (len(path) - 1) / (limit - 1))] for i in range(limit)]

@@ -1,0 +1,1 @@
+"""A pole balanced on a cart."""

@@ -1,0 +1,180 @@
+"""What the process of a run does, from a clean fork to `result.json`."""
+
+import os
+import random
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from ...schemas.base import Model
+from ...schemas.simulation_run import ApplicationPlan, RunPlan
+from ...schemas.world import World
+from . import gl
+from .context import SimulationContext
+from .loading import LoadError, load_factory
+from .logs import redirect_output
+from .loop import RunStopped, run_episode
+from .progress import Phase, Progress
+from .recording import McapRecorder, NullRecorder, RecordingError
+from .results import RESULT_FILE, Episode, make_result, versions, write_result
+from .video import VideoWatcher
+
+RECORDING_FILE = "recording.mcap"
+BUILT_IN_ENVIRONMENT = ApplicationPlan(
+    role="simulation",
+    name="indoor-navigation",
+    attribute="prefect_robomaker.tasks.runtime.applications.indoor_navigation.make_environment",
+)
+BUILT_IN_AGENT = ApplicationPlan(
+    role="robot", name="scout", attribute="prefect_robomaker.tasks.runtime.applications.scout.make_agent"
+)
+_RUNTIME_FOLDER = str(Path(__file__).parent)
+_MAX_ERROR_CHARACTERS = 2000
+versions()  # read once, before forking
+
+
+class RunRequest(Model):
+    """What a run's process is given."""
+
+    plan: RunPlan = Field(description="The run.")
+    environment: dict[str, str] = Field(description="The whole environment of the process.")
+    import_path: list[str] = Field(description="`sys.path` of the process that asked.")
+    video_backend: str | None = Field(default=None, description="How to render; None: no video.")
+
+
+def run_child(request: bytes, progress: Progress) -> int:
+    """Carries a run out in this process, which belongs to it alone.
+
+    Args:
+        request: A `RunRequest` as JSON.
+        progress: Where to say how far it is and how it ended.
+
+    Returns:
+        The process's exit code: 0 when the run ended as a run should.
+    """
+    run = RunRequest.model_validate_json(request)
+    stop = _StopSignal(progress)
+    try:
+        redirect_output(run.plan.output_dir)
+        _take_on(run)
+        _carry_out(run, progress, stop)
+    except BaseException as error:
+        _report_failure(error, run.plan, progress)
+        return 1
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    return 0
+
+
+class _StopSignal:
+    """Turns SIGTERM into a wish, and a second one into an exception in the application's code."""
+
+    def __init__(self, progress: Progress) -> None:
+        self.reason = ""
+        self._progress = progress
+        signal.signal(signal.SIGTERM, self._on_signal)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        if not self.reason:
+            self.reason = self._progress.stop_reason or "canceled"
+        elif self._progress.phase.role is not None:
+            raise RunStopped
+
+
+def _take_on(run: RunRequest) -> None:
+    """Gives the process its folder, environment, import path and seeds."""
+    os.environ.clear()
+    os.environ.update(run.environment)
+    os.chdir(run.plan.work_dir)
+    sys.path[:] = run.import_path
+    # Applications should use the context's generator; those that use the global ones are repeatable too.
+    random.seed(run.plan.seed)
+    np.random.seed(run.plan.seed % 2**32)  # noqa: NPY002
+    gl.follow_environment()
+
+
+def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
+    plan = run.plan
+    recorder = McapRecorder(plan.output_dir / RECORDING_FILE) if plan.record else NullRecorder()
+    video = VideoWatcher(plan.output_dir, run.video_backend) if plan.video != "none" else None
+    try:
+        episode = _run(plan, recorder, progress, stop, [video] if video else [])
+        progress.mark(Phase.FINISHING)
+    finally:
+        recorder.close()
+        remarks = video.close() if video else {}
+    write_result(make_result(episode, plan.seed, remarks), plan.output_dir)
+    progress.write_report({"ended_by": episode.ended_by})
+
+
+def _run(
+    plan: RunPlan, recorder: McapRecorder | NullRecorder, progress: Progress, stop: _StopSignal, watchers: list[Any]
+) -> Episode:
+    simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
+    robot = plan.robot_application or BUILT_IN_AGENT
+    context = SimulationContext(
+        plan=plan,
+        rng=np.random.default_rng(plan.seed),
+        world=_read_world(plan.world_dir),
+        world_dir=plan.world_dir,
+        data_dir=plan.data_dir,
+        output_dir=plan.output_dir,
+        environment={**robot.environment_variables, **simulation.environment_variables},
+        recorder=recorder,
+    )
+    robot_context = replace(context, environment={**simulation.environment_variables, **robot.environment_variables})
+    return run_episode(
+        lambda: _factory(simulation)(context),
+        lambda environment: _factory(robot)(robot_context, environment),
+        mark=progress.mark,
+        stop=stop,
+        recorder=recorder,
+        watchers=watchers,
+    )
+
+
+def _factory(application: ApplicationPlan) -> Callable[..., Any]:
+    return load_factory(application.attribute, application.path)
+
+
+def _read_world(world_dir: Path | None) -> World | None:
+    return World.model_validate_json((world_dir / "world.json").read_bytes()) if world_dir else None
+
+
+def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
+    """Writes the traceback to the error log and the short form to the supervisor."""
+    trace = _without_runtime(error.__traceback__)
+    traceback.print_exception(type(error), error, trace)
+    runtime_fault = isinstance(error, RecordingError)
+    phase = Phase.FINISHING if runtime_fault else progress.phase
+    progress.write_report({"error": _describe(error, trace)[:_MAX_ERROR_CHARACTERS], "phase": int(phase)})
+    (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
+
+
+def _describe(error: BaseException, trace: TracebackType | None) -> str:
+    if isinstance(error, LoadError):
+        return str(error)
+    if isinstance(error, SystemExit):
+        text = f"called sys.exit({error.code!r})"
+    else:
+        text = "".join(traceback.format_exception_only(type(error), error)).strip().replace("\n", ", ")
+    place = next(iter(traceback.extract_tb(trace)[-1:]), None)
+    return f"{text} ({Path(place.filename).name}, line {place.lineno})" if place else text
+
+
+def _without_runtime(trace: TracebackType | None) -> TracebackType | None:
+    """Skips the frames of this package that lead to an application's code, for a traceback about that code."""
+    start = trace
+    while start is not None and os.path.dirname(start.tb_frame.f_code.co_filename) == _RUNTIME_FOLDER:  # noqa: PTH120
+        start = start.tb_next
+    return start or trace

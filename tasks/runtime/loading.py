@@ -1,0 +1,118 @@
+"""Importing the factories of applications."""
+
+import importlib
+import pkgutil
+import sys
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+
+class LoadError(Exception):
+    """A factory cannot be imported; the text names what is missing and what is there instead."""
+
+
+def add_to_import_path(path: Path) -> None:
+    """Makes the packages of an unpacked bundle importable in this process, before installed ones.
+
+    Raises:
+        LoadError: There is no such folder.
+    """
+    if not path.is_dir():
+        raise LoadError(f"the application's folder {path} does not exist")
+    if str(path) not in sys.path:
+        sys.path.insert(0, str(path))
+    importlib.invalidate_caches()
+
+
+def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]:
+    """Imports a factory.
+
+    Args:
+        attribute: Dotted path, `package.module.make_environment`.
+        path: The bundle's folder that must contain the package; None for an installed package.
+
+    Returns:
+        The callable.
+
+    Raises:
+        LoadError: Package, module or attribute is missing, is not callable, comes from elsewhere than
+            the bundle, or importing it failed. The cause of a failed import is chained.
+    """
+    parts = attribute.split(".")
+    if len(parts) < 2 or not all(part.isidentifier() for part in parts):
+        raise LoadError(f"{attribute!r} is not a dotted path like `package.module.make_environment`")
+    if path is not None:
+        add_to_import_path(path)
+    module, rest = _import_longest(parts, path)
+    if path is not None:
+        _check_origin(module, path)
+    value: Any = module
+    where = module.__name__
+    for name in rest:
+        if not hasattr(value, name):
+            raise LoadError(_missing_attribute(attribute, where, name, value))
+        value = getattr(value, name)
+        where = f"{where}.{name}"
+    if not callable(value):
+        raise LoadError(f"{attribute} is a {type(value).__name__}, not a function")
+    return value
+
+
+def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, list[str]]:
+    """Imports as many leading parts as are modules; returns the last module and the remaining names."""
+    module: ModuleType | None = None
+    for count in range(1, len(parts)):
+        name = ".".join(parts[:count])
+        try:
+            module = importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != name:
+                raise LoadError(f"importing {name} failed: {error}") from error
+            if module is None:
+                raise LoadError(_missing_package(".".join(parts), name, path)) from None
+            return module, parts[count - 1 :]
+        except Exception as error:
+            raise LoadError(f"importing {name} failed: {type(error).__name__}: {error}") from error
+    assert module is not None
+    return module, parts[-1:]
+
+
+def _missing_package(attribute: str, name: str, path: Path | None) -> str:
+    if path is None:
+        return f"there is no installed package {name} (needed for {attribute})"
+    there = [module.name for module in pkgutil.iter_modules([str(path)])]
+    found = _list(there) if there else "no Python package at all"
+    return f"the bundle has no package {name} (needed for {attribute}){_near(name, there)}; it contains {found}"
+
+
+def _missing_attribute(attribute: str, where: str, name: str, value: Any) -> str:
+    there = [found for found in dir(value) if not found.startswith("_")]
+    if isinstance(value, ModuleType) and hasattr(value, "__path__"):
+        there += [module.name for module in pkgutil.iter_modules(value.__path__)]
+    there = sorted(set(there))
+    listed = f"; it has {_list(there)}" if there else ""
+    return f"{where} has no {name} (needed for {attribute}){_near(name, there)}{listed}"
+
+
+def _near(name: str, there: Iterable[str]) -> str:
+    near = get_close_matches(name, list(there), n=2)
+    return f", did you mean {' or '.join(near)}?" if near else ""
+
+
+def _list(names: list[str]) -> str:
+    shown = ", ".join(names[:8])
+    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown
+
+
+def _check_origin(module: ModuleType, path: Path) -> None:
+    """Two bundles, or a bundle and an installed package, may use one name; the first import would win."""
+    origins = [module.__file__] if module.__file__ else list(getattr(module, "__path__", []))
+    if not any(Path(origin).resolve().is_relative_to(path.resolve()) for origin in origins):
+        top = module.__name__.partition(".")[0]
+        raise LoadError(
+            f"{module.__name__} was imported from {', '.join(map(str, origins))}, not from the bundle: another"
+            f" application or an installed package has the name {top} too; rename the bundle's package"
+        )

@@ -1,0 +1,60 @@
+"""The logs of a run: where its output goes, and how they end."""
+
+import os
+import re
+import sys
+from io import TextIOWrapper
+from pathlib import Path
+
+LOG_FOLDER = "logs"
+STDOUT_LOG = "stdout.log"
+STDERR_LOG = "stderr.log"
+
+_TAIL_BYTES = 8192
+_ESCAPE_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def redirect_output(output_dir: Path) -> None:
+    """Sends this process's standard output and error to `logs/`, below Python, and closes its input.
+
+    Programs that the process starts and libraries that print in C end up in the same files.
+    """
+    folder = output_dir / LOG_FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for descriptor, target in ((1, folder / STDOUT_LOG), (2, folder / STDERR_LOG)):
+        opened = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        os.dup2(opened, descriptor)
+        os.close(opened)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    for stream in (sys.stdout, sys.stderr):
+        assert isinstance(stream, TextIOWrapper)
+        # By line, so that the log shows what was printed just before a crash.
+        stream.reconfigure(encoding="utf-8", errors="backslashreplace", line_buffering=True)
+
+
+def log_tail(output_dir: Path) -> tuple[str, list[str]]:
+    """Returns the name of the log that says most about a failure, and its last lines without colours.
+
+    That is the error log, or the output log when nothing was written to the error log.
+    """
+    name, lines = STDERR_LOG, _last_lines(output_dir / LOG_FOLDER / STDERR_LOG)
+    if not lines:
+        name, lines = STDOUT_LOG, _last_lines(output_dir / LOG_FOLDER / STDOUT_LOG)
+    return f"{LOG_FOLDER}/{name}", lines
+
+
+def _last_lines(path: Path) -> list[str]:
+    try:
+        with path.open("rb") as log:
+            size = log.seek(0, os.SEEK_END)
+            log.seek(max(0, size - _TAIL_BYTES))
+            data = log.read()
+    except FileNotFoundError:
+        return []
+    lines = data.decode(errors="replace").splitlines()
+    if size > _TAIL_BYTES and len(lines) > 1:
+        lines = lines[1:]  # begins in the middle of a line
+    cleaned = (_ESCAPE_SEQUENCE.sub("", line).rstrip() for line in lines)
+    return [line for line in cleaned if line]

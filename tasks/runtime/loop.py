@@ -1,0 +1,251 @@
+"""The loop of a run: environment and agent, step by step."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import dm_env
+import mujoco
+import numpy as np
+from dm_control.rl.control import PhysicsError
+
+from . import messages as ros
+from .context import Recorder
+from .progress import Phase
+from .results import EnvironmentReport, Episode, read_report
+
+Agent = Callable[[dm_env.TimeStep], Any]
+
+_JOINT_STATE_RATE_HZ = 50.0
+_BAD_STATE_WARNINGS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+class RunStopped(BaseException):
+    """Raised in application code that does not return after the run was told to stop."""
+
+
+class Stop(Protocol):
+    """Whether the run was told to stop."""
+
+    reason: str
+    """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
+
+
+class PhysicsWatcher(Protocol):
+    """Something that looks at the physics from time to time, such as the video."""
+
+    next_time_s: float
+    """Simulated time at which it wants to look next."""
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Looks, and moves `next_time_s` on."""
+        ...
+
+
+class JointStateWatcher:
+    """Records `/clock` and `/joint_states` for environments that record nothing themselves."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.next_time_s = 0.0
+        self._recorder = recorder
+        self._model: object = None
+        self._names: tuple[str, ...] = ()
+        self._qpos = self._qvel = np.zeros(0, dtype=np.intp)
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Records the hinges and slides of the model; effort is the actuators' force on each."""
+        model, data = raw_physics(environment.physics)
+        if model is not self._model:
+            self._prepare(model)
+        stamp = ros.Time.from_seconds(time_s)
+        self._recorder.write("/clock", ros.Clock(stamp), time_s)
+        if self._names:
+            message = ros.JointState(
+                ros.Header(stamp, ""),
+                self._names,
+                data.qpos[self._qpos],
+                data.qvel[self._qvel],
+                data.qfrc_actuator[self._qvel],
+            )
+            self._recorder.write("/joint_states", message, time_s)
+        # From now rather than from the time it was due: control steps may be longer than the interval.
+        self.next_time_s = time_s + 1.0 / _JOINT_STATE_RATE_HZ
+
+    def _prepare(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        simple = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+        joints = np.flatnonzero(simple)
+        self._names = tuple(model.joint(int(j)).name or f"joint_{j}" for j in joints)
+        self._qpos = model.jnt_qposadr[joints]
+        self._qvel = model.jnt_dofadr[joints]
+
+
+def run_episode(
+    make_environment: Callable[[], dm_env.Environment],
+    make_agent: Callable[[dm_env.Environment], Agent],
+    *,
+    mark: Callable[[int], None],
+    stop: Stop,
+    recorder: Recorder,
+    watchers: Sequence[PhysicsWatcher] = (),
+    wall_clock: Callable[[], float] = time.perf_counter,
+) -> Episode:
+    """Makes an environment and an agent and runs them until one of them, or `stop`, ends it.
+
+    The environment ends the run with a last time step, the agent by raising `StopIteration`, either by
+    `sys.exit(0)`.
+
+    Args:
+        make_environment: Makes the environment.
+        make_agent: Makes the agent for it.
+        mark: Told what begins (`Phase`), so that a crash can be attributed.
+        stop: Whether to stop.
+        recorder: Gets clock and joint states of environments with a `physics` that do not set
+            `records_itself`.
+        watchers: Look at the physics of environments that have one.
+        wall_clock: Seconds of real time.
+
+    Returns:
+        How it ended, with the environment's report.
+
+    Raises:
+        PhysicsError: The physics diverged.
+        Exception: Whatever environment or agent raise.
+    """
+    loop = _Loop(mark, stop, wall_clock)
+    environment: dm_env.Environment | None = None
+    try:
+        mark(Phase.MAKE_ENVIRONMENT)
+        environment = make_environment()
+        mark(Phase.MAKE_AGENT)
+        agent = make_agent(environment)
+        if recorder.enabled and not getattr(environment, "records_itself", False):
+            watchers = (JointStateWatcher(recorder), *watchers)
+        loop.run(environment, agent, watchers)
+    except RunStopped:
+        loop.ended_by = stop.reason
+    except SystemExit as request:
+        if request.code not in (None, 0):
+            raise
+        loop.ended_by = "agent" if loop.agent_runs else "environment"
+    except Exception as error:
+        loop.annotate(error)
+        raise
+    return loop.finish(environment)
+
+
+class _Loop:
+    """The state of one episode."""
+
+    def __init__(self, mark: Callable[[int], None], stop: Stop, wall_clock: Callable[[], float]) -> None:
+        self.ended_by = ""
+        self.agent_runs = False
+        self._mark = mark
+        self._stop = stop
+        self._wall_clock = wall_clock
+        self._steps = 0
+        self._clock = _SimulatedClock(None, ())
+        self._wall_time_s = 0.0
+
+    def run(self, environment: dm_env.Environment, agent: Agent, watchers: Sequence[PhysicsWatcher]) -> None:
+        mark, stop = self._mark, self._stop
+        agent_phase, step_phase = int(Phase.AGENT), int(Phase.STEP)
+        mark(Phase.RESET)
+        began = self._wall_clock()
+        try:
+            timestep = environment.reset()
+            self._clock = clock = _SimulatedClock(environment, watchers)
+            clock.tick()
+            while not timestep.last():
+                if stop.reason:
+                    self.ended_by = stop.reason
+                    return
+                mark(agent_phase)
+                self.agent_runs = True
+                try:
+                    action = agent(timestep)
+                except StopIteration:
+                    self.ended_by = "agent"
+                    return
+                self.agent_runs = False
+                mark(step_phase)
+                timestep = environment.step(action)
+                self._steps += 1
+                clock.tick()
+            self.ended_by = "environment"
+        finally:
+            self._wall_time_s = self._wall_clock() - began
+
+    def annotate(self, error: Exception) -> None:
+        """Adds where in the run an exception came from."""
+        if self._steps:
+            error.add_note(f"in step {self._steps + 1}, at {self._clock.time_s:.3f} s simulated")
+
+    def finish(self, environment: dm_env.Environment | None) -> Episode:
+        report = EnvironmentReport()
+        if environment is not None:
+            self._mark(Phase.REPORT)
+            try:
+                report = read_report(environment)
+                environment.close()
+            except RunStopped:
+                pass
+            except Exception:
+                # An environment that was stopped before it began need not know how to report.
+                if self._steps:
+                    raise
+        time_s = self._clock.time_s or self._steps * _control_timestep(environment)
+        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s)
+
+
+class _SimulatedClock:
+    """Follows the time of an environment's physics, if it has one."""
+
+    def __init__(self, environment: Any, watchers: Sequence[PhysicsWatcher]) -> None:
+        self.time_s = 0.0
+        self._environment = environment
+        self._watchers = watchers
+        self._has_physics = hasattr(getattr(environment, "physics", None), "data")
+
+    def tick(self) -> None:
+        """Notes the time and lets the watchers look that want to.
+
+        Raises:
+            PhysicsError: MuJoCo found a state that is not finite and silently began anew from time 0.
+        """
+        if not self._has_physics:
+            return
+        time_s = self._environment.physics.data.time
+        if time_s < self.time_s:
+            _check_for_divergence(self._environment.physics, self.time_s)
+        self.time_s = time_s
+        for watcher in self._watchers:
+            # Half a microsecond forgives rounding in sums of time steps.
+            if time_s >= watcher.next_time_s - 5e-7:
+                watcher.watch(self._environment, time_s)
+
+
+def _check_for_divergence(physics: Any, time_s: float) -> None:
+    _, data = raw_physics(physics)
+    for warning in _BAD_STATE_WARNINGS:
+        if data.warning[warning].number:
+            text = mujoco.mju_warningText(warning, int(data.warning[warning].lastinfo))
+            raise PhysicsError(f"the simulation diverged after {time_s:.3f} s: {text}")
+
+
+def raw_physics(physics: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Returns MuJoCo's own model and data behind a dm_control physics, or behind an object that has them."""
+    return getattr(physics.model, "ptr", physics.model), getattr(physics.data, "ptr", physics.data)
+
+
+def _control_timestep(environment: Any) -> Any:
+    """Simulated seconds of a step of an environment without physics; 0 when it does not say."""
+    timestep = getattr(environment, "control_timestep", None)
+    return timestep() if callable(timestep) else 0.0
