@@ -27,7 +27,7 @@ MIN_SIDES_M: dict[RoomType, float] = {
     "Dining": 2.2,
     "Hallway": 1.3,
     "Kitchen": 2.0,
-    "Living": 2.4,
+    "Living": 2.2,
 }
 """Least width of a room between the centre lines of its walls."""
 

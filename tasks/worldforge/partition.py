@@ -95,7 +95,7 @@ def partition(
         share = sizes[first] / sizes[index]
         host, guest = expression[first], expression[second]
         if token < STACKED and host >= 0:
-            pocket = _pocket(box, token, 1 - share, ratios[guest] if guest >= 0 else 1.0)
+            pocket = _pocket(box, token, 1 - share, _pocket_ratio(box, guest, ratios))
             boxes[second] = pocket
             rooms[host], arms[host] = _around(box, pocket)
         elif token == STACKED:
@@ -124,8 +124,15 @@ def _sizes(expression: Sequence[int], areas: Sequence[float]) -> tuple[list[floa
     return sizes, firsts
 
 
+def _pocket_ratio(box: Box, guest: int, ratios: Sequence[float]) -> float:
+    """Which extent along x over extent along y suits a pocket with one room, or with several."""
+    if guest >= 0:
+        return ratios[guest] if box.x1 - box.x0 > box.y1 - box.y0 else 1 / ratios[guest]
+    return {SIDE_BY_SIDE: 2.0, STACKED: 0.5}.get(guest, 1.0)
+
+
 def _pocket(box: Box, corner: int, share: float, ratio: float) -> Box:
-    """A corner of the box with `share` of its area."""
+    """A corner of the box with `share` of its area, and with the given ratio unless that makes it a corridor's."""
     width, height = box.x1 - box.x0, box.y1 - box.y0
     if share > _CORRIDOR_SHARE:
         # What is left is a corridor around two sides; it is equally wide on both.
@@ -134,7 +141,7 @@ def _pocket(box: Box, corner: int, share: float, ratio: float) -> Box:
         along, up = width - arm, height - arm
     else:
         area = share * width * height
-        along = sqrt(area * ratio if width > height else area / ratio)
+        along = sqrt(area * ratio)
         along = max(min(along, width * _POCKET_SPAN), area / (height * _POCKET_SPAN))
         up = area / along
     x_size, y_size = round(along), round(up)

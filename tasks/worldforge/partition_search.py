@@ -19,7 +19,7 @@ _PATIENT_CLIMBS = 12
 _STEPS_PER_SQUARE = 3
 """Steps of a climb over the square of the number of rooms."""
 
-_LEAST_STEPS = 12
+_LEAST_STEPS = 20
 _TOLERANCE = log(1.15)
 """Deviation of a ratio above which the wish counts as missed, in cost only slightly stricter than in the report."""
 
@@ -50,6 +50,11 @@ class Judge:
     def __init__(self, brief: Brief) -> None:
         self.brief = brief
         self.min_sides = brief.min_sides
+        self.possible_ratios = [
+            # A little off the limit, because sides are rounded to units.
+            min(ratio, 0.97 * square_metres * UNITS_PER_M**2 / least**2)
+            for ratio, square_metres, least in zip(brief.ratios, brief.areas_m2, self.min_sides, strict=True)
+        ]
         self.log_ratios = [log(ratio) for ratio in brief.ratios]
         self.log_footprint = log(brief.footprint_ratio)
         self.affinities = [[affinity(one, other) for other in brief.types] for one in brief.types]
@@ -157,7 +162,7 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
     for climb in range(MAX_CLIMBS):
         if valid and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
             break
-        steps = _climb(judge, dice)
+        steps = _climb(judge, dice, any_footprint=climb >= _CLIMBS and not valid)
         visited.update(steps)
         top = min(steps, key=lambda plan: steps[plan])
         if judge.is_valid(top):
@@ -187,18 +192,23 @@ def _choice(judge: Judge, visited: dict[Partition, float], dice: Random) -> Part
     return dice.choice(dice.choices([*classes.values()], weights)[0])
 
 
-def _climb(judge: Judge, dice: Random) -> dict[Partition, float]:
+def _climb(judge: Judge, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
     """Improves one random slicing tree by small changes; steps back are taken less and less.
+
+    Args:
+      judge: says what is better.
+      dice: the source of chance.
+      any_footprint: begin with any outline, where the desired one has led nowhere.
 
     Returns:
       The partitions on the way, with their costs.
     """
     brief = judge.brief
     count = len(brief.areas_m2)
-    ratios = _footprint_ratios(brief)
+    ratios = _footprint_ratios(judge)
     expression = _random_tree(dice.sample(range(count), count), dice)
-    ratio = brief.footprint_ratio
-    plan = _cut(brief, expression, ratio)
+    ratio = dice.choice(ratios) if any_footprint else brief.footprint_ratio
+    plan = _cut(judge, expression, ratio)
     cost = judge.cost(plan)
     taken = {plan: cost}
     steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * count**2)
@@ -208,7 +218,7 @@ def _climb(judge: Judge, dice: Random) -> dict[Partition, float]:
             changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
         else:
             changed = _changed(expression, dice)
-        plan = _cut(brief, changed, changed_ratio)
+        plan = _cut(judge, changed, changed_ratio)
         limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
         changed_cost = judge.cost(plan, limit)
         if changed_cost <= limit:
@@ -217,18 +227,20 @@ def _climb(judge: Judge, dice: Random) -> dict[Partition, float]:
     return taken
 
 
-def _footprint_ratios(brief: Brief) -> list[float]:
+def _footprint_ratios(judge: Judge) -> list[float]:
     """Outlines to try when the desired one does not suit the rooms."""
-    ratios = [*_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS), brief.footprint_ratio]
-    if len(brief.ratios) == 1:
-        ratios = [brief.footprint_ratio, brief.ratios[0], 1 / brief.ratios[0]]
-    return ratios
+    desired = judge.brief.footprint_ratio
+    if len(judge.possible_ratios) == 1:
+        ratio = judge.possible_ratios[0]
+        return [desired, ratio, 1 / ratio]
+    return [desired, *_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS)]
 
 
-def _cut(brief: Brief, expression: Sequence[int], ratio: float) -> Partition:
+def _cut(judge: Judge, expression: Sequence[int], ratio: float) -> Partition:
+    brief = judge.brief
     square_units = sum(brief.areas_m2) * UNITS_PER_M**2
     width = round(sqrt(square_units * ratio))
-    return partition(expression, brief.areas_m2, brief.ratios, width, round(square_units / width))
+    return partition(expression, brief.areas_m2, judge.possible_ratios, width, round(square_units / width))
 
 
 def _random_tree(rooms: list[int], dice: Random) -> list[int]:
@@ -239,7 +251,7 @@ def _random_tree(rooms: list[int], dice: Random) -> list[int]:
 
 
 def _random_operator(dice: Random) -> int:
-    if dice.random() < 0.1:
+    if dice.random() < 0.15:
         return dice.choice(POCKETS)
     return SIDE_BY_SIDE if dice.random() < 0.5 else STACKED
 

@@ -11,11 +11,11 @@ page); its last child is the empty `<g id="overlay">`. The same transform stands
 
 from dataclasses import dataclass
 from html import escape
-from itertools import pairwise
 from math import degrees, hypot
 from re import sub
 
 from ...schemas.world import Floorplan, Furniture, Passage, Point, Room, Wall, Window, World
+from .plan_labels import AREA_PX, NAME_PX, place_label
 from .plan_symbols import number, symbol
 
 _LONGEST_SIDE_PX = 960
@@ -23,10 +23,6 @@ _MAX_SCALE_PX = 64
 _MIN_WIDTH_PX = 360
 _MARGIN_PX = 56
 _FOOTER_PX = 44
-_NAME_PX = 15
-_AREA_PX = 12
-_GLYPH_WIDTH = 0.56
-"""Mean width of a letter over the font's size: enough to fit labels without measuring fonts."""
 
 _STYLE = """
 .fp{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif}
@@ -94,7 +90,6 @@ def floorplan_svg(world: World) -> str:
     sheet = _sheet(plan)
     scale = f"{number(sheet.scale)} {number(-sheet.scale)}"
     transform = f"translate({number(sheet.origin_x)} {number(sheet.origin_y)}) scale({scale})"
-    back = 1 / sheet.scale
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="fp" role="img" aria-label="{_text(_summary(plan))}" '
         f'viewBox="0 0 {number(sheet.width)} {number(sheet.height)}" '
@@ -112,7 +107,7 @@ def floorplan_svg(world: World) -> str:
         *(_window(window, _thickness(plan)) for window in plan.windows),
         *(_passage(passage) for passage in plan.passages),
         _origin_mark(),
-        *(_label(room, sheet.scale, back) for room in plan.rooms),
+        *(_label(room, world.furniture, sheet.scale) for room in plan.rooms),
         '<g id="overlay"></g>',
         "</g>",
         "</svg>",
@@ -202,58 +197,16 @@ def _origin_mark() -> str:
     return f'<path class="fp-origin" d="M-.22 0H.22M0-.22V.22{circle}"><title>(0, 0)</title></path>'
 
 
-def _label(room: Room, scale: float, back: float) -> str:
-    """Name and area in the room's middle, upright or along a narrow room, never wider than the room."""
-    box = _widest_box(room)
-    x, y = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
-    across, up = (box[2] - box[0]) * scale - 16, (box[3] - box[1]) * scale - 16
-    upright = len(room.name) * _NAME_PX * _GLYPH_WIDTH <= across or across >= up
-    name = _shortened(room.name, across if upright else up)
-    turn = "" if upright else " rotate(-90)"
-    place = f"translate({number(x)} {number(y)}) scale({back:.6g} {-back:.6g}){turn}"
+def _label(room: Room, furniture: list[Furniture], scale: float) -> str:
+    """Name and area, at their size in pixels although the group around them counts in metres."""
+    label = place_label(room, furniture, scale)
+    turn = " rotate(-90)" if label.upwards else ""
+    place = f"translate({number(label.x)} {number(label.y)}) scale({1 / scale:.6g} {-1 / scale:.6g}){turn}"
     return (
         f'<g transform="{place}"><title>{_text(room.name)}</title>'
-        f'<text class="fp-name" y="{-_NAME_PX / 2 - 1:g}">{_text(name)}</text>'
-        f'<text class="fp-area" y="{_AREA_PX / 2 + 3:g}">{room.area_m2:.1f} m²</text></g>'
+        f'<text class="fp-name" y="{-NAME_PX / 2 - 1:g}">{_text(label.name)}</text>'
+        f'<text class="fp-area" y="{AREA_PX / 2 + 3:g}">{label.area}</text></g>'
     )
-
-
-def _widest_box(room: Room) -> tuple[float, float, float, float]:
-    """The largest rectangle inside a rectilinear room that its own corners' coordinates bound."""
-    xs, ys = sorted({x for x, _ in room.polygon}), sorted({y for _, y in room.polygon})
-    boxes = [
-        (x0, y0, x1, y1)
-        for i, x0 in enumerate(xs)
-        for x1 in xs[i + 1 :]
-        for j, y0 in enumerate(ys)
-        for y1 in ys[j + 1 :]
-        if not any(_within(corner, (x0, y0, x1, y1)) for corner in _cells_outside(room, xs, ys))
-    ]
-    return max(boxes, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
-
-
-def _within(point: Point, box: tuple[float, float, float, float]) -> bool:
-    return box[0] < point[0] < box[2] and box[1] < point[1] < box[3]
-
-
-def _cells_outside(room: Room, xs: list[float], ys: list[float]) -> list[Point]:
-    """Middles of the cells between the corners' coordinates that are not part of the room."""
-    middles = [((x0 + x1) / 2, (y0 + y1) / 2) for x0, x1 in pairwise(xs) for y0, y1 in pairwise(ys)]
-    return [middle for middle in middles if not _inside(room.polygon, middle)]
-
-
-def _inside(polygon: list[Point], point: Point) -> bool:
-    x, y = point
-    crossings = 0
-    for (x0, y0), (_, y1) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
-        crossings += x < x0 and min(y0, y1) <= y < max(y0, y1)
-    return crossings % 2 == 1
-
-
-def _shortened(name: str, room_px: float) -> str:
-    """The name, or as much of it as fits."""
-    letters = max(4, int(room_px / (_NAME_PX * _GLYPH_WIDTH)))
-    return name if len(name) <= letters else name[: letters - 1].rstrip() + "…"
 
 
 def _dimensions(sheet: _Sheet) -> str:

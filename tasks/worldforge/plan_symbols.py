@@ -12,7 +12,8 @@ Symbol = Callable[[float, float], str]
 
 def number(value: float) -> str:
     """A coordinate, to the millimetre, without trailing zeros."""
-    return f"{value:.3f}".rstrip("0").rstrip(".").replace("-0", "0") if abs(value) < 5e-4 else f"{round(value, 3):g}"
+    text = f"{value:.3f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
 
 
 def symbol(model_type: str, depth: float, width: float) -> str:
@@ -50,14 +51,14 @@ def _bed(depth: float, width: float) -> str:
     pillows = 2 if width > 1.25 else 1
     each = width / pillows
     length = min(0.4, depth * 0.2)
-    head = -depth / 2 + 0.08 + length / 2
+    head = -depth / 2 + depth * 0.04 + length / 2
     parts = [_box(0, 0, depth, width, 0.04)]
     for index in range(pillows):
         across = -width / 2 + each * (index + 0.5)
         parts.append(_box(head, across, length, each * 0.78, 0.07))
-    fold = head + length / 2 + 0.1
+    fold = head + length / 2 + depth * 0.05
     parts.append(_line(fold, -width / 2, fold, width / 2))
-    parts.append(_line(fold + 0.18, -width / 2, fold + 0.18, width / 2))
+    parts.append(_line(fold + depth * 0.09, -width / 2, fold + depth * 0.09, width / 2))
     return "".join(parts)
 
 
@@ -94,8 +95,8 @@ def _toilet(depth: float, width: float) -> str:
 
 
 def _bath(depth: float, width: float) -> str:
-    rim = 0.07
-    drain_x, drain_y = (-depth / 2 + 0.25, 0.0) if depth > width else (0.0, -width / 2 + 0.25)
+    rim = min(0.07, depth * 0.1, width * 0.1)
+    drain_x, drain_y = (-depth * 0.35, 0.0) if depth > width else (0.0, -width * 0.35)
     radius = min(depth, width) * 0.28
     return (
         _box(0, 0, depth, width)

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.errors import InvalidParameterException
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody, parse_template_body
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.errors import WorldGenerationError
 from prefect_robomaker.schemas.world import ROOM_TYPES, Floorplan, Point
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody, parse_template_body

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
+
 from prefect_robomaker.schemas.world import Floorplan, Furniture
 from prefect_robomaker.schemas.world_template_body import parse_template_body
 from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan

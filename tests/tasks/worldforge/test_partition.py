@@ -4,6 +4,7 @@ from random import Random
 
 from hypothesis import given
 from hypothesis import strategies as st
+
 from prefect_robomaker.tasks.worldforge.brief import clear_span, shared_spans
 from prefect_robomaker.tasks.worldforge.partition import (
     POCKETS,
