@@ -1,8 +1,6 @@
 """World generation jobs: worlds from a template, several processes at a time."""
 
-import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 from ..schemas.ids import new_id, world_id
@@ -103,6 +101,7 @@ def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[
     """Generates what is missing; returns the failures."""
     from prefect.task_runners import ThreadPoolTaskRunner
 
+    from ..tasks.world_builders import WorldBuilders
     from ..tasks.world_generation import generate_and_store
 
     exist = {world.arn for world in service.catalog.children(job.arn, kind="world")}
@@ -111,16 +110,15 @@ def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[
     workers = max(1, min(len(missing), os.cpu_count() or 1))
     failures: list[dict[str, Any]] = []
     done = len(exist)
-    context = multiprocessing.get_context("forkserver")
     with (
         service.activated(),
-        ProcessPoolExecutor(workers, mp_context=context) as processes,
+        WorldBuilders(workers, service.folder("logs") / "world-builders.log") as builders,
         ThreadPoolTaskRunner(max_workers=workers) as runner,
     ):
         futures = [
             runner.submit(
                 generate_and_store,
-                {"job": job, "index": index, "world_arn": arns[index], "workers": processes},
+                {"job": job, "index": index, "world_arn": arns[index], "builders": builders},
             )
             for index in missing
         ]

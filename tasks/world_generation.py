@@ -2,7 +2,6 @@
 
 import tempfile
 from collections import Counter
-from concurrent.futures import Executor
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,38 +11,24 @@ from prefect.cache_policies import NO_CACHE
 
 from ..schemas.errors import StorageError, WorldGenerationError
 from ..schemas.ids import world_id
-from ..schemas.world_template_body import parse_template_body
 from .catalog import Resource
 from .service import Service
 from .storage import publish
-from .worldforge.bundle import write_bundle
-from .worldforge.generator import generate_world, seeds_for
+from .world_builders import WorldBuilders
+from .worldforge.seeds import seeds_for
 
 WORLDS_PREFIX = "worlds"
 
 
-def build_bundle(template_body: str, floorplan_seed: int, interior_seed: int, folder: str) -> str:
-    """Generates a world and writes its bundle; runs in a worker process.
-
-    Returns:
-      The bundle's content hash.
-
-    Raises:
-      WorldGenerationError: no valid world came out of the allowed attempts.
-    """
-    world = generate_world(parse_template_body(template_body), floorplan_seed, interior_seed)
-    return write_bundle(world, Path(folder))
-
-
 @task(name="generate-world", task_run_name="{world_arn}", cache_policy=NO_CACHE)
-def generate_and_store(job: Resource, index: int, world_arn: str, workers: Executor) -> dict[str, Any] | None:
+def generate_and_store(job: Resource, index: int, world_arn: str, builders: WorldBuilders) -> dict[str, Any] | None:
     """Generates the world of one place in a job and adds it to the catalog.
 
     Args:
       job: the generation job.
       index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
       world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
-      workers: processes that build worlds.
+      builders: processes that build worlds.
 
     Returns:
       `None`, or a failure: `{"code": …, "reason": …}`.
@@ -55,7 +40,7 @@ def generate_and_store(job: Resource, index: int, world_arn: str, workers: Execu
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             folder = Path(scratch, "bundle")
-            content = workers.submit(build_bundle, document["templateBody"], seeds[0], seeds[1], str(folder)).result()
+            content = builders.build(document["templateBody"], *seeds, folder)
             prefix = f"{WORLDS_PREFIX}/{content}"
             publish_bundle(service, prefix, folder, service.clock())
     except WorldGenerationError as error:

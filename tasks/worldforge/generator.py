@@ -13,28 +13,15 @@ from .floorplan import generate_floorplan
 from .interior import furnish
 from .mjcf import world_mjcf
 from .occupancy import occupancy_grid
+from .seeds import seeds_for
+
+__all__ = ["GENERATOR_VERSION", "MAX_ATTEMPTS", "generate_world", "seeds_for"]
 
 GENERATOR_VERSION = "1.0.0"
 """Changes whenever the same seeds give other worlds."""
 
 MAX_ATTEMPTS = 8
 """Interiors tried on one floor plan before giving up."""
-
-
-def seeds_for(job_seed: int, floorplan_index: int, interior_index: int) -> tuple[int, int]:
-    """Seeds of one world of a generation job; interiors of one floor plan share its seed.
-
-    Args:
-      job_seed: the job's seed, not negative.
-      floorplan_index: which floor plan, from 0.
-      interior_index: which interior of it, from 0.
-
-    Returns:
-      Floor plan seed and interior seed, each below 2**32.
-    """
-    floorplan = np.random.SeedSequence(job_seed, spawn_key=(floorplan_index,))
-    interior = np.random.SeedSequence(job_seed, spawn_key=(floorplan_index, interior_index))
-    return int(floorplan.generate_state(1)[0]), int(interior.generate_state(1)[0])
 
 
 def generate_world(body: WorldTemplateBody, floorplan_seed: int, interior_seed: int, *, settle: bool = True) -> World:

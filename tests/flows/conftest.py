@@ -1,15 +1,19 @@
 """A service of its own for each test, and a template small enough to be quick."""
 
+import copy
 import json
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
-from small_flat import BODY
+from small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz
 
 
 @pytest.fixture
@@ -35,5 +39,54 @@ def generate(service: Service, template: str, prefect_server: str) -> Callable[.
             "CreateWorldGenerationJob", {"template": template, "worldCount": count, "seed": 7, **members}, service
         )
         return registry()["CreateWorldGenerationJob"].perform(job["arn"], service)
+
+    return run
+
+
+@pytest.fixture
+def sleeper(service: Service, tmp_path: Path) -> dict[str, Any]:
+    """The applications of a job request that does nothing for a while."""
+    archive = tmp_path / "sleeper.tar.gz"
+    bundle = tmp_path / "bundle"
+    shutil.copytree(Path(__file__).parent.parent / "applications", bundle, ignore=shutil.ignore_patterns("__pycache__"))
+    pack_tar_gz(bundle, archive)
+    service.store.ensure_bucket("applications")
+    service.store.put_file("applications", "sleeper.tar.gz", archive)
+    source = [{"s3Bucket": "applications", "s3Key": "sleeper.tar.gz"}]
+    suite = {"name": "General"}
+    call("CreateRobotApplication", {"name": "watcher", "sources": source, "robotSoftwareSuite": suite}, service)
+    request = {"name": "sleeper", "sources": source, "robotSoftwareSuite": suite}
+    runtime = {"name": "SimulationRuntime"}
+    call("CreateSimulationApplication", {**request, "simulationSoftwareSuite": runtime}, service)
+    return {
+        "robotApplications": [
+            {"application": "watcher", "launchConfig": {"packageName": "sleeper", "launchFile": "make_agent"}}
+        ],
+        "simulationApplications": [
+            {"application": "sleeper", "launchConfig": {"packageName": "sleeper", "launchFile": "make_environment"}}
+        ],
+    }
+
+
+@pytest.fixture
+def order(sleeper: dict[str, Any]) -> Callable[..., dict[str, Any]]:
+    """Makes the request of a job that sleeps, with environment variables and further members."""
+
+    def make(variables: dict[str, str] | None = None, **members: Any) -> dict[str, Any]:
+        request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, **copy.deepcopy(sleeper), **members}
+        if variables:
+            request["simulationApplications"][0]["launchConfig"]["environmentVariables"] = variables
+        return request
+
+    return make
+
+
+@pytest.fixture
+def simulate(service: Service, prefect_server: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Runs a simulation job to its end and returns its description."""
+
+    def run(request: dict[str, Any]) -> dict[str, Any]:
+        job = call("CreateSimulationJob", request, service)
+        return registry()["CreateSimulationJob"].perform(job["arn"], service)
 
     return run

@@ -1,0 +1,49 @@
+"""A process that builds world bundles on demand.
+
+Started as `python -m prefect_robomaker.tasks.worldforge.worker`; reads one JSON object a line from
+standard input and answers each with one line on standard output:
+
+    {"body": "<template body>", "floorplan_seed": 1, "interior_seed": 2, "folder": "/…/bundle"}
+    {"content": "<hash>"}   or   {"error": "<why there is no world>"}
+
+It ends when its input does, so it never outlives whoever started it.
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+from ...schemas.errors import RobomakerError
+from ...schemas.world_template_body import parse_template_body
+from .bundle import write_bundle
+from .generator import generate_world
+
+
+def main() -> None:
+    """Answers orders until there are no more."""
+    # What a library prints must not come between the answers.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    for line in sys.stdin:
+        print(json.dumps(answer(json.loads(line))), file=answers, flush=True)
+
+
+def answer(order: dict[str, str | int]) -> dict[str, str]:
+    """Builds one bundle.
+
+    Returns:
+      `{"content": hash}`, or `{"error": reason}` when there is no such world.
+    """
+    try:
+        body = parse_template_body(str(order["body"]))
+        world = generate_world(body, int(order["floorplan_seed"]), int(order["interior_seed"]))
+        return {"content": write_bundle(world, Path(str(order["folder"])))}
+    except RobomakerError as error:
+        return {"error": str(error)}
+    except OSError as error:
+        return {"error": f"the bundle could not be written: {error}"}
+
+
+if __name__ == "__main__":
+    main()
