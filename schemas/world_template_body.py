@@ -8,7 +8,6 @@ that contradict each other, materials) are enforced here as well.
 
 import json
 import re
-from collections import Counter
 from collections.abc import Iterator
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, get_args
@@ -18,16 +17,14 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from .base import Model
 from .errors import InvalidParameterException
+from .strict_json import load_strict, show
 from .world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
+from .world_template_rules import FLOORPLAN_PATH as FLOORPLAN_PATH
+from .world_template_rules import INTERIOR_PATH as INTERIOR_PATH
+from .world_template_rules import rule_problems
 
 MAX_BODY_CHARACTERS = 262_144
-MAX_CONNECTIONS_PER_ROOM = 4
-_MAX_DEPTH = 32
-"""Twice what a body needs."""
-
-_TOO_DEEP = "templateBody: nested too deeply to be a template body"
 _MAX_REPORTED_PROBLEMS = 20
-_MAX_SHOWN_CHARACTERS = 60
 
 SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
 NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
@@ -245,13 +242,6 @@ class WorldTemplateBody(Model):
         return json.dumps(self.model_dump(exclude_none=True), sort_keys=True, separators=(",", ":"))
 
 
-FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
-"""JSON path of the floor plan in a body."""
-
-INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
-"""JSON path of the interior in a body."""
-
-
 def parse_template_body(text: str) -> WorldTemplateBody:
     """Reads a template body.
 
@@ -264,7 +254,7 @@ def parse_template_body(text: str) -> WorldTemplateBody:
     Raises:
       InvalidParameterException: with one line per problem: JSON path, value, what would be right.
     """
-    document, prefix = _unwrap(_load(text))
+    document, prefix = _unwrap(load_strict(text, "templateBody", MAX_BODY_CHARACTERS))
     problems = list(_version_problems(document)) or list(_null_problems(document))
     if not problems:
         try:
@@ -272,64 +262,12 @@ def parse_template_body(text: str) -> WorldTemplateBody:
         except ValidationError as error:
             problems = [_explain(detail) for detail in error.errors(include_url=False)]
         else:
-            problems = list(_rule_problems(body))
+            problems = list(rule_problems(body))
             if not problems:
                 return body
     more = len(problems) - _MAX_REPORTED_PROBLEMS
     lines = [prefix + problem for problem in problems[:_MAX_REPORTED_PROBLEMS]]
     raise InvalidParameterException("\n".join([*lines, f"... and {more} more problems"] if more > 0 else lines))
-
-
-def _load(text: str) -> Any:
-    """Parses JSON strictly: no duplicate members, no NaN or Infinity."""
-    if not 1 <= len(text) <= MAX_BODY_CHARACTERS:
-        raise InvalidParameterException(
-            f"templateBody: {len(text)} characters; 1 to {MAX_BODY_CHARACTERS} would be right"
-        )
-
-    try:
-        document = json.loads(text, object_pairs_hook=_unique, parse_constant=_refuse)
-    except json.JSONDecodeError as error:
-        raise InvalidParameterException(
-            f"templateBody: not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
-        ) from None
-    except RecursionError:
-        raise InvalidParameterException(_TOO_DEEP) from None
-    except ValueError as error:
-        # Either from above, or Python's own limit on the digits of an integer.
-        message = "a number has too many digits" if "digits" in str(error) else str(error)
-        raise InvalidParameterException(f"templateBody: {message}") from None
-    if _is_deep(document):
-        raise InvalidParameterException(_TOO_DEEP)
-    try:
-        json.dumps(document, ensure_ascii=False).encode()
-    except UnicodeEncodeError:
-        raise InvalidParameterException("templateBody: holds half of a surrogate pair, which is no character") from None
-    return document
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    for name, count in Counter(name for name, _ in pairs).items():
-        if count > 1:
-            raise ValueError(f"member {_show(name)} is there {count} times in one object; once would be right")
-    return dict(pairs)
-
-
-def _refuse(constant: str) -> Any:
-    raise ValueError(f"{constant} is not a JSON number")
-
-
-def _is_deep(document: Any) -> bool:
-    """Whether objects and arrays are nested more than `_MAX_DEPTH` times."""
-    level = [document]
-    for _ in range(_MAX_DEPTH):
-        level = [
-            item
-            for container in level
-            if isinstance(container, dict | list)
-            for item in (container.values() if isinstance(container, dict) else container)
-        ]
-    return bool(level)
 
 
 def _unwrap(document: Any) -> tuple[Any, str]:
@@ -342,11 +280,11 @@ def _unwrap(document: Any) -> tuple[Any, str]:
 def _version_problems(document: Any) -> Iterator[str]:
     """Comes first: members of another version's bodies would only add noise."""
     if not isinstance(document, dict):
-        yield f"body: {_show(document)}: not a JSON object"
+        yield f"body: {show(document)}: not a JSON object"
     elif document.get("Version", "1") == "2":
         yield 'Version: "2": version 2 bodies (hinged doors) are not supported yet; "1" would be right'
     elif document.get("Version", "1") != "1":
-        yield f'Version: {_show(document["Version"])}: no such version; "1" would be right'
+        yield f'Version: {show(document["Version"])}: no such version; "1" would be right'
 
 
 def _null_problems(value: Any, path: str = "") -> Iterator[str]:
@@ -362,14 +300,8 @@ def _join(path: str, key: str | int) -> str:
     if isinstance(key, int):
         return f"{path}[{key}]"
     # Member names that a user made up may hold anything; they stay on one printable line.
-    name = key if key.isidentifier() and key.isascii() else _show(key)
+    name = key if key.isidentifier() and key.isascii() else show(key)
     return f"{path}.{name}" if path else name
-
-
-def _show(value: Any) -> str:
-    """A value as short printable text."""
-    text = json.dumps(value, default=repr)
-    return text if len(text) <= _MAX_SHOWN_CHARACTERS else text[: _MAX_SHOWN_CHARACTERS - 4] + " ..."
 
 
 def _explain(detail: ErrorDetails) -> str:
@@ -387,10 +319,10 @@ def _explain(detail: ErrorDetails) -> str:
     if detail["type"] == "literal_error" and isinstance(detail["input"], str):
         expected = tuple(re.findall("'([^']+)'", detail["ctx"]["expected"])) if "ctx" in detail else ()
         if advice := _suggestion(detail["input"], expected):
-            return f"{path}: {_show(detail['input'])}: {advice}"
+            return f"{path}: {show(detail['input'])}: {advice}"
     if message != detail["msg"]:
         message += " would be right"
-    return f"{path}: {_show(detail['input'])}: {message}"
+    return f"{path}: {show(detail['input'])}: {message}"
 
 
 def _members_at(location: tuple[int | str, ...]) -> tuple[str, ...]:
@@ -403,58 +335,3 @@ def _members_at(location: tuple[int | str, ...]) -> tuple[str, ...]:
                 annotation = arguments[0]
             model = annotation
     return tuple(model.model_fields)
-
-
-def _rule_problems(body: WorldTemplateBody) -> Iterator[str]:
-    """The rules that the guide gives in prose."""
-    names = tuple(room.Name for room in body.floorplan.Rooms)
-    for index, name in enumerate(names):
-        if name in names[:index]:
-            path = f"{FLOORPLAN_PATH}.Rooms[{index}].Name"
-            yield f"{path}: {_show(name)}: taken by Rooms[{names.index(name)}]; names must be unique"
-    yield from _connection_problems(body.floorplan.DesiredConnections, names)
-    for section, sets in (
-        ("Flooring.MaterialSets", body.interior.Flooring.MaterialSets),
-        ("Walls.MaterialSets", body.interior.Walls.MaterialSets),
-        ("Furniture.FurnitureArrangements", body.interior.Furniture.FurnitureArrangements),
-    ):
-        for index, item in enumerate(sets):
-            yield from _target_problems(item.TargetSet, names, f"{INTERIOR_PATH}.{section}[{index}].TargetSet")
-
-
-def _target_problems(target: TemplateTargetSet, names: tuple[str, ...], path: str) -> Iterator[str]:
-    if (target.RoomNames is None) == (target.RoomTypes is None):
-        yield f"{path}: {'neither' if target.RoomNames is None else 'both'}; RoomNames or RoomTypes would be right"
-    for index, name in enumerate(target.RoomNames or []):
-        if name not in names:
-            yield _no_such_room(f"{path}.RoomNames[{index}]", name, names)
-
-
-def _no_such_room(path: str, name: str, names: tuple[str, ...]) -> str:
-    near = get_close_matches(name, names, n=1)
-    advice = f'did you mean "{near[0]}"?' if near else f"the rooms are {', '.join(map(_show, names))}"
-    return f"{path}: {_show(name)}: no such room; {advice}"
-
-
-def _connection_problems(connections: list[DesiredConnection], names: tuple[str, ...]) -> Iterator[str]:
-    kinds: dict[frozenset[str], set[str]] = {}
-    degree: Counter[str] = Counter()
-    for index, connection in enumerate(connections):
-        path = f"{FLOORPLAN_PATH}.DesiredConnections[{index}]"
-        unknown = [name for name in connection.Location if name not in names]
-        for name in unknown:
-            yield _no_such_room(f"{path}.Location[{connection.Location.index(name)}]", name, names)
-        if unknown:
-            continue
-        if len(connection.pair) == 1:
-            yield f"{path}.Location: {_show(connection.Location)}: two different rooms would be right"
-            continue
-        for name in connection.Location:
-            degree[name] += 1
-            if degree[name] == MAX_CONNECTIONS_PER_ROOM + 1:
-                yield f"{path}.Location: {_show(name)} has more than {MAX_CONNECTIONS_PER_ROOM} connections"
-        before = kinds.setdefault(connection.pair, set())
-        if before and (connection.ConnectionType == "Opening" or "Opening" in before):
-            rule = "one Opening alone, or several Doorways, would be right for one pair of rooms"
-            yield f"{path}: {_show(connection.Location)} {connection.ConnectionType}: connected before; {rule}"
-        before.add(connection.ConnectionType)

@@ -1,0 +1,77 @@
+"""The rules for template bodies that the published schema leaves to prose.
+
+Names must be unique and exist, and connections must not contradict each other.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from .strict_json import show
+
+if TYPE_CHECKING:
+    from .world_template_body import DesiredConnection, TemplateTargetSet, WorldTemplateBody
+
+MAX_CONNECTIONS_PER_ROOM = 4
+
+FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
+"""JSON path of the floor plan in a body."""
+
+INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
+"""JSON path of the interior in a body."""
+
+
+def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
+    """The rules that the guide gives in prose."""
+    names = tuple(room.Name for room in body.floorplan.Rooms)
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            path = f"{FLOORPLAN_PATH}.Rooms[{index}].Name"
+            yield f"{path}: {show(name)}: taken by Rooms[{names.index(name)}]; names must be unique"
+    yield from _connection_problems(body.floorplan.DesiredConnections, names)
+    for section, sets in (
+        ("Flooring.MaterialSets", body.interior.Flooring.MaterialSets),
+        ("Walls.MaterialSets", body.interior.Walls.MaterialSets),
+        ("Furniture.FurnitureArrangements", body.interior.Furniture.FurnitureArrangements),
+    ):
+        for index, item in enumerate(sets):
+            yield from _target_problems(item.TargetSet, names, f"{INTERIOR_PATH}.{section}[{index}].TargetSet")
+
+
+def _target_problems(target: "TemplateTargetSet", names: tuple[str, ...], path: str) -> Iterator[str]:
+    if (target.RoomNames is None) == (target.RoomTypes is None):
+        yield f"{path}: {'neither' if target.RoomNames is None else 'both'}; RoomNames or RoomTypes would be right"
+    for index, name in enumerate(target.RoomNames or []):
+        if name not in names:
+            yield _no_such_room(f"{path}.RoomNames[{index}]", name, names)
+
+
+def _no_such_room(path: str, name: str, names: tuple[str, ...]) -> str:
+    near = get_close_matches(name, names, n=1)
+    advice = f'did you mean "{near[0]}"?' if near else f"the rooms are {', '.join(map(show, names))}"
+    return f"{path}: {show(name)}: no such room; {advice}"
+
+
+def _connection_problems(connections: "list[DesiredConnection]", names: tuple[str, ...]) -> Iterator[str]:
+    kinds: dict[frozenset[str], set[str]] = {}
+    degree: Counter[str] = Counter()
+    for index, connection in enumerate(connections):
+        path = f"{FLOORPLAN_PATH}.DesiredConnections[{index}]"
+        unknown = [name for name in connection.Location if name not in names]
+        for name in unknown:
+            yield _no_such_room(f"{path}.Location[{connection.Location.index(name)}]", name, names)
+        if unknown:
+            continue
+        if len(connection.pair) == 1:
+            yield f"{path}.Location: {show(connection.Location)}: two different rooms would be right"
+            continue
+        for name in connection.Location:
+            degree[name] += 1
+            if degree[name] == MAX_CONNECTIONS_PER_ROOM + 1:
+                yield f"{path}.Location: {show(name)} has more than {MAX_CONNECTIONS_PER_ROOM} connections"
+        before = kinds.setdefault(connection.pair, set())
+        if before and (connection.ConnectionType == "Opening" or "Opening" in before):
+            rule = "one Opening alone, or several Doorways, would be right for one pair of rooms"
+            yield f"{path}: {show(connection.Location)} {connection.ConnectionType}: connected before; {rule}"
+        before.add(connection.ConnectionType)
