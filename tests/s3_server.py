@@ -22,7 +22,14 @@ _PORTS = (
     "s3.port", "s3.port.grpc", "master.port", "master.port.grpc", "volume.port", "volume.port.grpc",
     "filer.port", "filer.port.grpc", "admin.port", "admin.port.grpc",
 )  # fmt: skip
-_OFF = ("admin.ui=false", "webdav=false", "s3.port.iceberg=0", "s3.port.lance=0", "master.telemetry=false")
+_MORE = (
+    "admin.ui=false",
+    "volume.max=1000",
+    "webdav=false",
+    "s3.port.iceberg=0",
+    "s3.port.lance=0",
+    "master.telemetry=false",
+)
 _READY_WITHIN_S = 60.0
 _STARTS = 3
 
@@ -83,7 +90,7 @@ def _start(data: Path, running: ExitStack) -> S3Server:
 def _launch(folder: Path, ports: dict[str, int], server: S3Server) -> subprocess.Popen[bytes]:
     folder.mkdir()
     arguments = [f"{name}={port}" for name, port in ports.items()]
-    arguments += [f"dir={folder}", "ip=127.0.0.1", "ip.bind=127.0.0.1", "s3.iam.readOnly=false", *_OFF]
+    arguments += [f"dir={folder}", "ip=127.0.0.1", "ip.bind=127.0.0.1", "s3.iam.readOnly=false", *_MORE]
     keys = {"AWS_ACCESS_KEY_ID": server.access_key, "AWS_SECRET_ACCESS_KEY": server.secret_key}
     with (folder / "log").open("wb") as log:
         return subprocess.Popen(

@@ -1,8 +1,8 @@
 """Names of buckets and objects: one rule for every store, so that data can move between stores.
 
 Keys are S3's, less what some store cannot hold: a key is a relative path whose components are
-neither empty nor `.` nor `..`, at most 255 bytes each and 1024 bytes in all. Every other character
-is allowed, backslash and colon included; only NUL and lone surrogates are not.
+neither empty nor `.` nor `..`, at most 255 bytes each and 1024 bytes in all. Every character is
+allowed but NUL, lone surrogates, and the backslash: some S3 servers take it for a slash.
 """
 
 import re
@@ -71,8 +71,8 @@ def _encoded(key: str) -> bytes:
 def _check_component(key: str, part: bytes) -> None:
     if part in (b"", b".", b".."):
         raise StorageError(f"key {key!r}: the component {part.decode()!r} is not allowed")
-    if b"\0" in part:
-        raise StorageError(f"key {key!r}: NUL is not allowed")
+    if b"\0" in part or b"\\" in part:
+        raise StorageError(f"key {key!r}: NUL and backslash are not allowed")
     if len(part) > _MAX_COMPONENT_BYTES:
         raise StorageError(
             f"key {key[:60]!r}…: a component has {len(part)} bytes; at most {_MAX_COMPONENT_BYTES} are allowed"

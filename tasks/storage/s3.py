@@ -8,7 +8,7 @@ threads serve the whole process.
 import base64
 import zlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,7 +17,7 @@ from uuid import uuid4
 import boto3
 from boto3.s3.transfer import TransferConfig, create_transfer_manager
 from botocore.config import Config
-from botocore.exceptions import ClientError
+from botocore.exceptions import ClientError, IncompleteReadError, ReadTimeoutError, ResponseStreamingError
 from s3transfer.subscribers import BaseSubscriber
 
 from ...schemas.errors import BucketNotFoundError, ChecksumMismatchError, ObjectNotFoundError
@@ -30,6 +30,8 @@ _PART_BYTES = 16 << 20
 _MAX_PARTS = 10_000
 _CHUNK_BYTES = 1 << 20
 _CONFLICTS = 5
+_RESTARTS = 4
+_BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError)
 
 
 class S3Store:
@@ -120,23 +122,20 @@ class S3Store:
         _check(bucket, key)
         with self._failures(f"fetch {bucket}/{key} into {path}"):
             try:
-                answer = self._download(bucket, key, str(temporary))
-                with temporary.open("rb") as file:
-                    _compare(answer, *_measure(file), f"{bucket}/{key} as fetched from {self._endpoint}")
+                with temporary.open("xb+") as target:
+                    info = self._fetch(bucket, key, target)
                 temporary.replace(path)
             finally:
                 temporary.unlink(missing_ok=True)
-        return _info(bucket, key, answer)
+        return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
         """Fetches an object's content."""
         _check(bucket, key)
         buffer = BytesIO()
         with self._failures(f"fetch {bucket}/{key}"):
-            answer = self._download(bucket, key, buffer)
-        data = buffer.getvalue()
-        _compare(answer, len(data), _base64(zlib.crc32(data)), f"{bucket}/{key} as fetched from {self._endpoint}")
-        return data
+            self._fetch(bucket, key, buffer)
+        return buffer.getvalue()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
         """Says what is known of an object."""
@@ -147,16 +146,20 @@ class S3Store:
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
         """Lists objects whose keys start with `prefix`, in key order.
 
-        The empty objects that S3 consoles make for folders (their keys end in `/`) are left out.
+        The empty objects that S3 consoles make for folders (their keys end in `/`) are left out. All
+        pages are read before the first object is given, as not every server keeps S3's order.
         """
         check_bucket(bucket)
         check_prefix(prefix)
         with self._failures(f"list {bucket}/{prefix}"):
             pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=bucket, Prefix=prefix)
-            for page in pages:
-                for entry in page.get("Contents", ()):
-                    if not entry["Key"].endswith("/"):
-                        yield ObjectInfo(bucket, entry["Key"], entry["Size"], entry["ETag"].strip('"'))
+            found = [
+                ObjectInfo(bucket, entry["Key"], entry["Size"], entry["ETag"].strip('"'))
+                for page in pages
+                for entry in page.get("Contents", ())
+                if not entry["Key"].endswith("/")
+            ]
+        yield from sorted(found, key=lambda info: info.key.encode())
 
     def delete(self, bucket: str, key: str) -> None:
         """Removes an object; succeeds when there is none."""
@@ -222,11 +225,31 @@ class S3Store:
                 raise BucketNotFoundError(f"there is no bucket {bucket!r} at {self._endpoint}") from error
             raise ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} at {self._endpoint}") from error
 
-    def _download(self, bucket: str, key: str, target: str | BinaryIO) -> dict[str, Any]:
-        """Downloads one version of an object; large ones in parts at once, broken connections are taken up again."""
-        answer = self._head(bucket, key)
+    def _fetch(self, bucket: str, key: str, target: BinaryIO) -> ObjectInfo:
+        """Fetches one version of an object; begins again when it is replaced or the connection breaks meanwhile."""
+        for last in [False] * _RESTARTS + [True]:
+            target.seek(0)
+            target.truncate()
+            answer = self._client.get_object(Bucket=bucket, Key=key, ChecksumMode="ENABLED")
+            try:
+                self._receive(bucket, key, answer, target)
+            except (ClientError, *_BROKEN_OFF) as error:
+                if last or not _worth_another_try(error):
+                    raise
+            else:
+                return _info(bucket, key, answer)
+        raise AssertionError("the last attempt returns or raises")
+
+    def _receive(self, bucket: str, key: str, answer: dict[str, Any], target: BinaryIO) -> None:
+        """Receives the version that was answered: small ones at once, parts of large ones side by side."""
+        # Not `with answer["Body"]`: that gives the raw stream, which compares and translates nothing.
+        with closing(answer["Body"]) as body:
+            if answer["ContentLength"] < _PART_BYTES:
+                target.write(body.read())  # here the client itself compares the checksum
+                return
         self._transfers.download(bucket, key, target, subscribers=[_Known(answer)]).result()
-        return answer
+        target.seek(0)
+        _compare(answer, *_measure(target), f"{bucket}/{key} as fetched from {self._endpoint}")
 
 
 class _Known(BaseSubscriber):
@@ -270,6 +293,13 @@ def _compare(answer: dict[str, Any], size: int, crc: str, what: str) -> None:
 def _base64(crc: int) -> str:
     """A CRC32 as S3 writes it."""
     return base64.b64encode(crc.to_bytes(4, "big")).decode()
+
+
+def _worth_another_try(error: Exception) -> bool:
+    """Whether a fetch that failed after its first answer should begin again."""
+    return isinstance(error, _BROKEN_OFF) or (
+        isinstance(error, ClientError) and _code(error) in ("PreconditionFailed", "412", "NoSuchKey")
+    )
 
 
 def _code(error: ClientError) -> str:

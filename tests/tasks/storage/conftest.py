@@ -1,0 +1,42 @@
+"""Both kinds of store, the S3 one on a real server."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from s3_server import S3Server
+
+from prefect_robomaker.tasks.storage.base import ObjectStore
+from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.s3 import S3Store
+
+
+@pytest.fixture
+def directory_store(tmp_path: Path) -> DirectoryStore:
+    return DirectoryStore(tmp_path / "objects")
+
+
+@pytest.fixture(scope="session")
+def s3_store(s3_server: S3Server) -> S3Store:
+    return S3Store(s3_server.endpoint, "us-east-1", s3_server.session())
+
+
+@pytest.fixture(params=["directory", "s3"])
+def store(request: pytest.FixtureRequest) -> ObjectStore:
+    """Every test that takes this runs once for each kind of store."""
+    return request.getfixturevalue(f"{request.param}_store")
+
+
+@pytest.fixture
+def bucket(store: ObjectStore) -> Iterator[str]:
+    """An empty bucket; one serves all tests, as the server takes 0.2 s to make one."""
+    name = "contract-tests"
+    store.ensure_bucket(name)
+    yield name
+    empty(store, name)
+
+
+def empty(store: ObjectStore, bucket: str) -> None:
+    """Deletes everything in a bucket."""
+    for info in list(store.list(bucket)):
+        store.delete(bucket, info.key)
