@@ -73,6 +73,8 @@ def _examined(subject: str, check: Callable[[], Finding]) -> Finding:
         return check()
     except RobomakerError as error:
         return Finding(subject, "broken", str(error))
+    except OSError as error:
+        return Finding(subject, "broken", f"{error.filename}: {error.strerror}" if error.filename else str(error))
     except Exception as error:
         # A broken installation fails in ways nobody can list; the other checks still have to run.
         return Finding(subject, "broken", f"{type(error).__name__}: {error}")
@@ -177,18 +179,18 @@ def check_server(settings: Settings) -> Finding:
 
 
 def check_video() -> Finding:
-    """Whether pictures can be rendered."""
-    from ...tasks.runtime.video import available_video_backends
+    """What pictures are rendered with."""
+    from ...tasks.runtime.video_backends import available_video_backends
 
     backends = available_video_backends()
-    if backends:
-        return Finding("video", "ok", ", ".join(map(str, backends)))
-    return Finding(
-        "video",
-        "warning",
-        "no OpenGL: simulations run, but `video: always` gives no pictures",
-        "apt install --no-install-recommends libegl1 libgl1-mesa-dri libopengl0   (or: libosmesa6)",
-    )
+    working = [backend.name for backend in backends if backend.works]
+    if any(backend.works and backend.packages for backend in backends):
+        return Finding("video", "ok", ", ".join(working))
+    # Without OpenGL the slow ray caster is left; it needs no packages.
+    missing = "; ".join(f"{backend.name}: {backend.problem}" for backend in backends if not backend.works)
+    packages = next(backend.packages for backend in backends if not backend.works)
+    remedy = f"for fast video: apt install --no-install-recommends {' '.join(packages)}"
+    return Finding("video", "warning", f"{', '.join(working) or 'none'} ({missing})", remedy)
 
 
 def _lines(findings: list[Finding]) -> list[str]:

@@ -52,11 +52,11 @@ class LiveWatcher(Watcher):
 
     def render(self) -> Table:
         """Draws the block as things stand."""
-        table = Table.grid(padding=(0, 2, 0, 0))
-        table.add_column(width=1)
-        table.add_column(no_wrap=True)
-        table.add_column(no_wrap=True, justify="right")
-        table.add_column(no_wrap=True, overflow="ellipsis")
+        table = Table.grid(padding=(0, 2, 0, 0), expand=True)
+        for justify in ("left", "left", "right"):
+            table.add_column(no_wrap=True, justify=justify)
+        # Only what is said last gives way in a narrow window.
+        table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
         with self._lock:
             now = time.monotonic()
             for state in self._states.steps.values():
@@ -83,6 +83,8 @@ class LiveWatcher(Watcher):
 def _ending(state: StepState) -> str:
     counts = state.counts_text()
     detail = state.detail.splitlines()[0] if state.detail else ""
+    if detail.startswith("arn:"):
+        detail = detail.split(":", 5)[-1]
     return "  ".join(part for part in (counts if state.total > 1 else "", detail) if part)
 
 

@@ -65,6 +65,8 @@ def _report(error: Exception, *, debug: bool) -> int:
         sys.stderr.write(f"robomaker: {error.code}: {error}\n")
     elif isinstance(error, RobomakerError):
         sys.stderr.write(f"robomaker: {error}\n")
+    elif isinstance(error, OSError) and error.filename:
+        sys.stderr.write(f"robomaker: {error.filename}: {error.strerror}\n")
     else:
         sys.stderr.write(f"robomaker: {type(error).__name__}: {error}\n")
         if not debug:

@@ -71,6 +71,7 @@ class PlainWatcher(Watcher):
         self._clock = clock
         self._began = self._printed = clock()
         self._heartbeat_s = heartbeat_s
+        self._newest = ""
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._pulse = threading.Thread(target=self._beat, daemon=True)
@@ -89,7 +90,8 @@ class PlainWatcher(Watcher):
         """Takes one event; from any thread."""
         with self._lock:
             self._states.take(event, self._clock())
-            if line := self._line(event):
+            line = self._line(event)
+            if line and line != self._newest:
                 self._print(line)
 
     def _line(self, event: ProgressEvent) -> str:
@@ -105,7 +107,7 @@ class PlainWatcher(Watcher):
         return "" if soon and state.done < state.total else _progress_line(state)
 
     def _print(self, line: str) -> None:
-        self._printed = self._clock()
+        self._printed, self._newest = self._clock(), line
         self._stream.write(f"[{duration(self._printed - self._began):>12}] {line}\n")
         self._stream.flush()
 

@@ -36,7 +36,7 @@ def summary_lines(record: RunRecord, command: Sequence[str]) -> list[list[Cell]]
     """The final block as lines of styled cells."""
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
-    lines: list[list[Cell]] = [[], [*head, (f"  {_headline(record)}after {took}", "")]]
+    lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
     if failed := [step for step in record.steps if step.error]:
         lines += [[], *(_step_line(step) for step in failed)]
     if record.jobs:
@@ -53,7 +53,7 @@ def summary_lines(record: RunRecord, command: Sequence[str]) -> list[list[Cell]]
 
 def _headline(record: RunRecord) -> str:
     verdicts = [job.verdict for job in record.jobs if job.verdict in ("PASS", "FAIL")]
-    return f"{verdicts.count('PASS')} of {len(verdicts)} verdicts pass, " if verdicts else ""
+    return f", {verdicts.count('PASS')} of {len(verdicts)} verdicts pass," if verdicts else ""
 
 
 def _step_line(step: StepRecord) -> list[Cell]:

@@ -132,8 +132,9 @@ _DOCUMENTS = st.fixed_dictionaries(
 _EXPRESSIONS = [
     "list[*].a", "list[0].b", "list[?a > `0`].b", "nested.deep[]", "nested.deep[][]", "nested.*", "list[].a | [0]",
     "{x: text, y: list[0]}", "[number, number]", "length(list)", "keys(nested)", "max_by(list, &a).b",
-    "sort(list[*].b)", "reverse(list)", "not_null(text, text)", "to_array(number)", "join(',', list[*].b)", "list[1:].a",
-    "!text", "text == 'x' && number", "nested.deep[0] || list", "map(&b, list)", "merge(nested, nested)", "values(nested)",
+    "sort(list[*].b)", "reverse(list)", "not_null(text, text)", "to_array(number)", "join(',', list[*].b)",
+    "list[1:].a", "!text", "text == 'x' && number", "nested.deep[0] || list", "map(&b, list)",
+    "merge(nested, nested)", "values(nested)",
 ]  # fmt: skip
 
 
