@@ -59,7 +59,7 @@ RULES: dict[str, Rule] = {
     "ConsoleTables": Rule(prefer="middle", limit=2),
     "StorageBenches": Rule(prefer="any", front_m=0.4, limit=2),
     "Nightstands": Rule(relation="beside", near=("Beds",), counts=(1, 2, 2), limit=4),
-    "CoffeeTables": Rule(spot="open", relation="before", near=("Sofas", "LivingRoomChairs"), gap_m=0.38, limit=2),
+    "CoffeeTables": Rule(spot="open", relation="before", near=("Sofas", "LivingRoomChairs"), gap_m=0.38),
     "DiningChairs": Rule(relation="around", near=("DiningTables",), counts=(2, 4, 6), limit=8),
     "DeskChairs": Rule(relation="desk", near=("Desks",), limit=2),
     "LivingRoomChairs": Rule(prefer="corner", front_m=0.4, counts=(1, 1, 2), limit=3),

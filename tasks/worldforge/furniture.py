@@ -71,7 +71,7 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
         fixtures.fridge,
         styles("tall", (0.6, 0.66, 1.85), "steel", "white") + styles("wide", (0.75, 0.7, 1.8), "steel"),
     ),
-    "LivingRoomChairs": (soft.seat, styles("armchair", (0.86, 0.85, 0.84), "terracotta", "mustard", "sage", "grey")),
+    "LivingRoomChairs": (soft.seat, styles("armchair", (0.86, 0.85, 0.84), "grey", "sage", "navy", "mustard", "terracotta")),
     "KitchenIslandsAndCarts": (
         tables.kitchen_island,
         styles("island", (1.4, 0.8, 0.92), "navy", "sage", "white") + styles("cart", (0.95, 0.55, 0.9), "white", "oak"),
@@ -98,8 +98,8 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
     ),
     "Sofas": (
         soft.seat,
-        styles("three-seat", (2.2, 0.92, 0.82), "grey", "sage", "navy", "oak")
-        + styles("two-seat", (1.65, 0.9, 0.82), "terracotta", "grey", "mustard"),
+        styles("three-seat", (2.2, 0.92, 0.82), "grey", "sage", "navy", "mustard")
+        + styles("two-seat", (1.65, 0.9, 0.82), "grey", "sage", "navy", "mustard"),
     ),
     "Storage": (
         cabinets.storage,

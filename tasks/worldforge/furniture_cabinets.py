@@ -78,8 +78,8 @@ def bookcase(style: Style) -> list[Part]:
     parts = [
         box("body", (-x, x - 0.06), (-y, y), (0, top - 0.03), style.main, solid=True),
         slab("top", style, (top - 0.03, top), style.accent),
-        box("side-left", (x - 0.07, x), (y - 0.03, y), (0, top - 0.03), style.accent),
-        box("side-right", (x - 0.07, x), (-y, -y + 0.03), (0, top - 0.03), style.accent),
+        box("side-left", (x - 0.06, x), (y - 0.03, y), (0, top - 0.03), style.accent),
+        box("side-right", (x - 0.06, x), (-y, -y + 0.03), (0, top - 0.03), style.accent),
     ]
     for index in range(shelves):
         bottom = 0.03 + index * step
@@ -99,7 +99,7 @@ def corner_cabinet(style: Style) -> list[Part]:
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     body, low = (0.07, top - 0.03), 0.8
     return [
-        box("plinth", (-x, x - 0.06), (-y, y - 0.06), (0, 0.08), BLACK),
+        box("plinth", (-x + 0.01, x - 0.06), (-y + 0.01, y - 0.06), (0, 0.08), BLACK),
         box("body", (-x, x - 0.02), (-y, y - 0.02), body, style.main, solid=True),
         slab("top", style, (top - 0.03, top), style.accent),
         box("door-front", (x - 0.03, x - 0.008), (-y + 0.01, y - 0.03), (0.09, low), style.accent),

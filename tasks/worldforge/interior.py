@@ -7,7 +7,7 @@ import numpy as np
 
 from ...schemas.world import Floorplan, Furniture, Room, Wish
 from ...schemas.world_template_body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
-from .arrangement import usual_types
+from .arrangement import Density, usual_types
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
 from .surfaces import choose_surfaces
@@ -58,7 +58,7 @@ def furnish(
     return furniture, wishes, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
 
 
-def _density(arrangement: FurnitureArrangement | None):
+def _density(arrangement: FurnitureArrangement | None) -> Density:
     return "Moderate" if arrangement is None else arrangement.DesiredSpatialDensity
 
 
@@ -78,15 +78,15 @@ def _wishes(
     rooms = [work for name, work in done.items() if chosen.get(name) == index]
     wishes: list[Wish] = []
     for number, kind in enumerate(arrangement.SampleSet.ModelTypes):
-        if rooms:
-            reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
-        else:
-            reason = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
+        reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
+        outcome = "missed" if reason else "satisfied"
+        if not rooms:
+            outcome, reason = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
         wishes.append(
             Wish(
                 path=f"{_PATH}[{index}].SampleSet.ModelTypes[{number}]",
                 wish=f"{kind} in {arrangement.Name}",
-                outcome="missed" if reason else "satisfied",
+                outcome=outcome,
                 reason=reason,
             )
         )

@@ -14,7 +14,7 @@ from .occupancy import wall_corners
 Rects = NDArray[np.float64]
 """Shape (n, 4): west, south, east, north, metres."""
 
-TALL_M = 1.0
+TALL_M = 1.1
 """Anything higher would stand before a window's glass."""
 
 _ROBOT_M = 0.28
@@ -25,8 +25,8 @@ _ORIGIN_HALF_M = 0.56
 _DOOR_DEPTH_M = 0.75
 _OPENING_DEPTH_M = 0.45
 _WINDOW_DEPTH_M = 0.4
-_LARGEST_POCKET = 0.12
-"""Share of a room's ways that a piece may cut off, such as the gap behind a sofa."""
+_LARGEST_POCKETS = 0.06
+"""Share of a room's ways that furniture may cut off, such as the gap behind a sofa."""
 
 _TOUCHING_M = 1e-6
 
@@ -144,6 +144,8 @@ class _Ways:
         points = [*gates, *([(0.0, 0.0)] if contains(space.room, (0.0, 0.0)) else [])]
         self._gates = [self._cell(point) for point in points]
         self._open = self._component(self._free)
+        cut_off = 0 if self._open is None else np.count_nonzero(self._free & ~self._open)
+        self._most_lost = cut_off + _LARGEST_POCKETS * np.count_nonzero(self._free)
 
     def with_block(self, footprint: Rects) -> NDArray[np.bool_] | None:
         """The cells reachable with one more block, or None when it would cut the ways."""
@@ -154,8 +156,7 @@ class _Ways:
         component = self._component(free)
         if component is None:
             return None
-        lost = np.count_nonzero(free & ~component) - np.count_nonzero(self._free & ~self._open)
-        return component if lost <= _LARGEST_POCKET * np.count_nonzero(self._open) else None
+        return component if np.count_nonzero(free & ~component) <= self._most_lost else None
 
     def block(self, footprint: Rects) -> None:
         self._open = self.with_block(footprint)

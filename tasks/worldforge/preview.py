@@ -43,12 +43,21 @@ class _Palette:
 
     def __init__(self) -> None:
         self._colors: list[tuple[float, float, float]] = [tuple(_GROUND)]
+        self._in_shade: list[int] = []
         self.floors: dict[str, list[int]] = {}
 
     def add(self, color: Color, shade: float = 1.0) -> int:
         red, green, blue, _ = color
         self._colors.append((red * shade, green * shade, blue * shade))
         return len(self._colors) - 1
+
+    def add_side(self, color: Color, normal: tuple[float, float]) -> int:
+        """An upright face; one that is turned from the light takes no shadow besides."""
+        facing = normal[0] * LIGHT[0] + normal[1] * LIGHT[1]
+        number = self.add(color, 0.8 + 0.16 * facing)
+        if facing <= 0:
+            self._in_shade.append(number)
+        return number
 
     def add_curved(self, color: Color) -> int:
         first = len(self._colors)
@@ -60,6 +69,12 @@ class _Palette:
         number = self.add(FLOORS[name].color)
         self.floors.setdefault(name, []).append(number)
         return number
+
+    def sunny(self) -> Image:
+        """1 for colours that shadows fall on, 0 for those turned from the light."""
+        sunny = np.ones(len(self._colors), np.float32)
+        sunny[self._in_shade] = 0
+        return sunny
 
     def table(self) -> Colors:
         return np.rint(np.clip(np.array(self._colors), 0, 1) * 255).astype(np.uint8)
@@ -79,12 +94,14 @@ def render_preview(world: World) -> bytes:
             _draw_solid(solid, raster, palette)
             if solid.size[2] > 0.015:
                 blocks.append(_block(solid))
-    colors = palette.table()[raster.ids]
+    colors = np.take(palette.table(), raster.ids, axis=0)
     _lay_floors(raster, palette, colors)
-    lit = _lit(raster, colors, LightMap.of(blocks, _extent(world)))
-    picture = PilImage.fromarray(lit).reduce(_SUPERSAMPLING)
+    _draw_outlines(raster, colors)
+    reduced = np.asarray(PilImage.fromarray(colors).reduce(_SUPERSAMPLING))
+    light = _light(raster, palette, LightMap.of(blocks, _extent(world)))
+    picture = PilImage.fromarray((reduced * light[..., None]).astype(np.uint8))
     buffer = io.BytesIO()
-    picture.save(buffer, format="PNG", compress_level=6)
+    picture.save(buffer, format="PNG", compress_level=3)
     return buffer.getvalue()
 
 
@@ -183,13 +200,13 @@ def _draw_box(
     """Draws the top and the two sides that the camera sees."""
     dx, dy, dz = high[0] - low[0], high[1] - low[1], high[2] - low[2]
     raster.parallelogram((low[0], low[1], high[2]), (dx, 0, 0), (0, dy, 0), palette.add(color))
-    south = palette.add(sides.get("south", color), _shade(0, -1))
+    south = palette.add_side(sides.get("south", color), (0, -1))
     raster.parallelogram(low, (dx, 0, 0), (0, 0, dz), south)
     if _AZIMUTH_DEG > 0:
-        east = palette.add(sides.get("east", color), _shade(1, 0))
+        east = palette.add_side(sides.get("east", color), (1, 0))
         raster.parallelogram((high[0], low[1], low[2]), (0, dy, 0), (0, 0, dz), east)
     else:
-        west = palette.add(sides.get("west", color), _shade(-1, 0))
+        west = palette.add_side(sides.get("west", color), (-1, 0))
         raster.parallelogram(low, (0, dy, 0), (0, 0, dz), west)
 
 
@@ -207,18 +224,18 @@ def _draw_turned_box(solid: Solid, raster: Raster, palette: _Palette) -> None:
         ((corner[0] + across[0], corner[1] + across[1], corner[2]), along, (-s, c)),
         ((corner[0] + along[0], corner[1] + along[1], corner[2]), across, (c, s)),
     ):
-        raster.parallelogram(start, edge, up, palette.add(solid.color, _shade(*normal)))
+        raster.parallelogram(start, edge, up, palette.add_side(solid.color, normal))
 
 
 def _draw_round_front(solid: Solid, raster: Raster, palette: _Palette) -> None:
     """Draws the end of a lying cylinder that looks at the camera: the door of a washing machine."""
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     if solid.axis == "y":
-        raster.disc((x, y - sy / 2, z), (sx / 2, 0, 0), (0, 0, sz / 2), palette.add(solid.color, _shade(0, -1)))
+        raster.disc((x, y - sy / 2, z), (sx / 2, 0, 0), (0, 0, sz / 2), palette.add_side(solid.color, (0, -1)))
     else:
         side = 1 if _AZIMUTH_DEG > 0 else -1
         end = (x + side * sx / 2, y, z)
-        raster.disc(end, (0, sy / 2, 0), (0, 0, sz / 2), palette.add(solid.color, _shade(side, 0)))
+        raster.disc(end, (0, sy / 2, 0), (0, 0, sz / 2), palette.add_side(solid.color, (side, 0)))
 
 
 def _draw_glass(solid: Solid, raster: Raster, palette: _Palette) -> None:
@@ -233,11 +250,6 @@ def _draw_glass(solid: Solid, raster: Raster, palette: _Palette) -> None:
     else:
         _draw_box(raster, palette, low, (high[0], low[1] + rim, high[2]), color, {})
         _draw_box(raster, palette, (low[0], high[1] - rim, low[2]), high, color, {})
-
-
-def _shade(x: float, y: float) -> float:
-    """How bright an upright face looks."""
-    return 0.8 + 0.16 * (x * LIGHT[0] + y * LIGHT[1])
 
 
 def _block(solid: Solid) -> Block:
@@ -256,8 +268,8 @@ def _lay_floors(raster: Raster, palette: _Palette, colors: Colors) -> None:
         colors[rows, columns] = sample(name, u * right[0] + w * away[0], u * right[1] + w * away[1])
 
 
-def _lit(raster: Raster, colors: Colors, light: LightMap) -> Colors:
-    """Applies shadows and dark outlines."""
+def _light(raster: Raster, palette: _Palette, light: LightMap) -> Image:
+    """Brightness of every pixel of the finished picture."""
     view = raster.view
     right, away, up, flat = view.axes
     step = _SUPERSAMPLING
@@ -269,19 +281,18 @@ def _lit(raster: Raster, colors: Colors, light: LightMap) -> Colors:
     depth = np.where(np.isinf(depth), -v * np.float32(flat / up), depth)
     w, z = v * up - depth * flat, v * flat + depth * up
     # Looked up a little before the place itself: an upright face lies on the edge of its own shadow.
-    w_before = w - _BEFORE_M
-    bright = light.brightness(u * right[0] + w_before * away[0], u * right[1] + w_before * away[1], z)
-    bright = np.repeat(np.repeat(bright.astype(np.float32), step, axis=0), step, axis=1)
-    bright *= _outlines(raster)
-    return (colors * bright[..., None]).astype(np.uint8)
+    w -= _BEFORE_M
+    sunny = np.take(palette.sunny(), raster.ids[::step, ::step])
+    return light.brightness(u * right[0] + w * away[0], u * right[1] + w * away[1], z, sunny)
 
 
-def _outlines(raster: Raster) -> Image:
-    """1, or less along edges where something nearer begins."""
+def _draw_outlines(raster: Raster, colors: Colors) -> None:
+    """Darkens edges where something nearer begins."""
     depth = np.maximum(raster.depth, np.float32(-1e6))
     limit = np.float32(_EDGE_M * raster.view.scale)
-    lines = np.ones_like(depth)
-    lines[:, 1:][depth[:, 1:] - depth[:, :-1] > limit] = 0.84
-    lines[:, :-1][depth[:, :-1] - depth[:, 1:] > limit] = 0.84
-    lines[1:][depth[1:] - depth[:-1] > limit] = 0.84
-    return lines
+    lines = np.zeros(depth.shape, np.bool_)
+    step = depth[:, 1:] - depth[:, :-1]
+    lines[:, 1:] |= step > limit
+    lines[:, :-1] |= step < -limit
+    lines[1:] |= depth[1:] - depth[:-1] > limit
+    colors[lines] = (colors[lines] * np.float32(0.84)).astype(np.uint8)

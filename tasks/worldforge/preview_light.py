@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from .preview_raster import LIGHT
 
-_CELL_M = 0.04
+_CELL_M = 0.03
 _MARGIN_M = 1.5
 
 Image = NDArray[np.floating[Any]]
@@ -39,18 +39,20 @@ class LightMap:
             rows = slice(max(0, floor((south - y0) / _CELL_M + 0.5)), max(0, floor((north - y0) / _CELL_M + 0.5)))
             columns = slice(max(0, floor((west - x0) / _CELL_M + 0.5)), max(0, floor((east - x0) / _CELL_M + 0.5)))
             np.maximum(heights[rows, columns], np.float32(height), out=heights[rows, columns])
-        crowd = ndimage.uniform_filter(heights, 9, mode="nearest") + ndimage.uniform_filter(heights, 21, mode="nearest")
-        shade = ndimage.uniform_filter(_cast(heights), 3, mode="nearest")
+        crowd = ndimage.uniform_filter(heights, 11, mode="nearest") + ndimage.uniform_filter(
+            heights, 27, mode="nearest"
+        )
+        shade = ndimage.uniform_filter(_cast(heights), 5)
         return cls((x0, y0), np.asarray(shade, np.float32), np.asarray(crowd, np.float32) / 2)
 
-    def brightness(self, x: Image, y: Image, z: Image) -> Image:
-        """How bright the light is at places of the scene, 0 to 1."""
+    def brightness(self, x: Image, y: Image, z: Image, sunny: Image) -> Image:
+        """How bright the light is at places of the scene, 0 to 1; shadows fall where `sunny` is 1."""
         rows = np.clip(((y - self.origin[1]) / _CELL_M).astype(np.int32), 0, self.shade.shape[0] - 1)
         columns = np.clip(((x - self.origin[0]) / _CELL_M).astype(np.int32), 0, self.shade.shape[1] - 1)
         cells = rows * self.shade.shape[1] + columns
-        sunless = np.clip((self.shade.ravel()[cells] - z - 0.02) * 6, 0, 1)
-        hemmed_in = np.clip((self.crowd.ravel()[cells] - z) * 0.42, 0, 0.34)
-        return (1 - 0.26 * sunless) * (1 - hemmed_in)
+        sunless = np.clip((np.take(self.shade, cells) - z - 0.02) * 3, 0, 1) * sunny
+        hemmed_in = np.clip((np.take(self.crowd, cells) - z) * 0.38, 0, 0.3)
+        return (1 - 0.27 * sunless) * (1 - hemmed_in)
 
 
 def _cast(heights: Image) -> Image:

@@ -20,6 +20,9 @@ NewId = Callable[[str], str]
 _SMALL_ROOM_M2 = 15.0
 _TRIES = 6
 
+_COMPANIONS = ("beside", "before", "around", "desk")
+"""Relations without which a second piece makes no sense: one chair may stand alone, not four."""
+
 
 @dataclass
 class RoomFurnishing:
@@ -167,8 +170,9 @@ class RoomFurnishing:
         else:
             for partner in partners:
                 related.append((self._relate(rule, partner, style), partner))
-        alone = self._alone(rule, style)
-        return [*related, (alone, None)]
+        if rule.relation in _COMPANIONS and any(item.model_type == kind for item in self.items):
+            return related
+        return [*related, (self._alone(rule, style), None)]
 
     def _relate(self, rule: Rule, partner: Furniture, style: Style) -> Poses:
         if rule.relation == "beside":

@@ -72,19 +72,16 @@ def _wishes(
     present = {materials[name] for name in mine}
     wishes: list[Wish] = []
     for number, material in enumerate(one_set.SampleSet.MaterialTypes):
-        missed = material not in present
-        reason = ""
-        if missed:
-            reason = (
-                f"{len(one_set.SampleSet.MaterialTypes)} materials for {len(mine)} rooms"
-                if mine
-                else why_unused(one_set, sets, chosen, rooms)
-            )
+        outcome, reason = "satisfied", ""
+        if not mine:
+            outcome, reason = why_unused(one_set, sets, chosen, rooms)
+        elif material not in present:
+            outcome, reason = "missed", f"{len(one_set.SampleSet.MaterialTypes)} materials for {len(mine)} rooms"
         wishes.append(
             Wish(
                 path=f"{INTERIOR_PATH}.{part}.MaterialSets[{index}].SampleSet.MaterialTypes[{number}]",
                 wish=f"{material} in {one_set.Name}",
-                outcome="missed" if missed else "satisfied",
+                outcome=outcome,
                 reason=reason,
             )
         )

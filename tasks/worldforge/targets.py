@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from ...schemas.world import Room
+from ...schemas.world import Room, WishOutcome
 from ...schemas.world_template_body import TemplateTargetSet
 
 
@@ -47,11 +47,13 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
     return chosen
 
 
-def why_unused(one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]) -> str:
-    """Why a set got no room: there is none, or other sets have them."""
+def why_unused(
+    one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
+) -> tuple[WishOutcome, str]:
+    """What becomes of the wishes of a set without rooms: there are none, or other sets have them."""
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet
-        return f"the plan has no room {', '.join(target.RoomNames or target.RoomTypes or [])}"
+        return "missed", f"the plan has no room {', '.join(target.RoomNames or target.RoomTypes or [])}"
     others = sorted({sets[chosen[room.name]].Name for room in wanted})
-    return f"its rooms follow {', '.join(others)}"
+    return "contradictory", f"its rooms follow {', '.join(others)}"
