@@ -47,7 +47,7 @@ def _execute(chosen: argparse.Namespace) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     except Exception as error:
-        return _report(error, debug=chosen.debug or bool(os.environ.get("ROBOMAKER_DEBUG")))
+        return _report(error, debug=getattr(chosen, "debug", False) or bool(os.environ.get("ROBOMAKER_DEBUG")))
     return code
 
 

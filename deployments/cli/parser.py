@@ -55,7 +55,6 @@ def build_parser() -> Parser:
         formatter_class=_Formatter,
         parents=[shared],
     )
-    parser.set_defaults(debug=False)
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", parser_class=Parser)
     _add_spec_commands(commands, shared)

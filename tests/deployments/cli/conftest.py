@@ -1,0 +1,58 @@
+"""Runs the command in this process, with a data home of its own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.deployments.cli.main import main
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command said and ended with."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """The data home."""
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def robomaker(home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Runs `robomaker` with the given words."""
+    for name in ("ROBOMAKER_DEBUG", "GITHUB_ACTIONS", "PREFECT_API_URL", "ROBOMAKER_CATALOG_URL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("ROBOMAKER_HOME", str(home))
+    monkeypatch.setenv("CI", "true")
+
+    def run(*words: object) -> Outcome:
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as end:
+            code = int(end.code or 0)
+        out, err = capsys.readouterr()
+        return Outcome(code, out, err)
+
+    return run
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Callable[[str], Path]:
+    """Writes a specification."""
+
+    def write(text: str) -> Path:
+        path = tmp_path / "spec.yaml"
+        path.write_text(text)
+        return path
+
+    return write

@@ -1,0 +1,59 @@
+"""call, against a real catalog and object store."""
+
+import io
+import json
+
+import pytest
+from ruamel.yaml import YAML
+
+BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
+
+
+@pytest.fixture
+def template(robomaker) -> str:
+    return json.loads(robomaker("call", "CreateWorldTemplate", "--input", json.dumps(BODY)).out)["arn"]
+
+
+def test_a_response_is_json_or_yaml(robomaker, template: str) -> None:
+    request = json.dumps({"template": template})
+    answer = json.loads(robomaker("call", "DescribeWorldTemplate", "--input", request).out)
+    assert answer["name"] == "two rooms"
+    assert answer["createdAt"].endswith("+00:00")
+    shown = robomaker("call", "describe-world-template", "--input", request, "-o", "yaml").out
+    assert YAML(typ="safe").load(shown) == answer
+
+
+def test_the_request_comes_from_text_file_or_standard_input(robomaker, template: str, tmp_path, monkeypatch) -> None:
+    path = tmp_path / "request.yaml"
+    path.write_text(f"template: {template}\n")
+    monkeypatch.setattr("sys.stdin", io.StringIO(path.read_text()))
+    outs = [
+        robomaker("call", "DescribeWorldTemplate", "--input", given).out
+        for given in (f"{{template: '{template}'}}", path, f"file://{path}", "-")
+    ]
+    assert len(set(outs)) == 1
+    assert json.loads(outs[0])["arn"] == template
+
+
+def test_without_input_the_request_is_empty(robomaker) -> None:
+    assert json.loads(robomaker("call", "ListWorlds").out) == {"worldSummaries": []}
+
+
+def test_refusals_name_the_error_or_the_place(robomaker) -> None:
+    missing = robomaker("call", "DescribeWorld", "--input", '{"world": "arn:aws:robomaker:x:y:world/z"}')
+    assert missing.code == 2
+    assert missing.err.startswith("robomaker: ResourceNotFoundException: ")
+    wrong = robomaker("call", "DescribeWorld", "--input", '{"wold": "arn:x"}')
+    assert wrong.code == 2
+    assert "--input:1:2: wold: is not known; did you mean 'world'?" in wrong.err
+    unknown = robomaker("call", "DescribeWolrd")
+    assert unknown.code == 2
+    assert "did you mean 'DescribeWorld'?" in unknown.err
+
+
+def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None:
+    request = {"template": template, "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1}}
+    ended = robomaker("call", "CreateWorldGenerationJob", "--input", json.dumps(request))
+    assert ended.code == 0
+    assert json.loads(ended.out)["status"] == "Pending"
+    assert "--wait carries it to its end" in ended.err

@@ -1,0 +1,104 @@
+"""Usage, errors and exit codes."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from prefect_robomaker.deployments.cli import call, main
+from prefect_robomaker.deployments.cli.parser import EPILOGUE
+from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.schemas.run_record import EXIT_CODES
+
+
+def test_help_names_every_command_and_exit_code(robomaker) -> None:
+    shown = robomaker("--help")
+    assert shown.code == 0
+    for command in ("run", "validate", "plan", "report", "call", "schema", "doctor", "server"):
+        assert f"\n    {command} " in shown.out
+        assert robomaker(command, "--help").code == 0
+    for code in {*EXIT_CODES.values(), main.INTERRUPTED}:
+        assert f"\n  {code} " in EPILOGUE
+
+
+def test_wrong_usage_ends_with_2_and_a_suggestion(robomaker) -> None:
+    for words, expected in [
+        ((), "usage: robomaker"),
+        (("validte", "x"), "there is no 'validte'; did you mean 'validate'?"),
+        (("server", "restart"), "did you mean 'start'?"),
+        (("plan",), "the following arguments are required: SPEC"),
+        (("plan", "x", "-o", "xml"), "there is no 'xml'; there are text, json"),
+        (("run", "x", "--sed", "1"), "unrecognized arguments: --sed 1"),
+    ]:
+        ended = robomaker(*words)
+        assert (ended.code, ended.out) == (2, "")
+        assert expected in ended.err
+
+
+def test_version(robomaker) -> None:
+    assert robomaker("--version").out.startswith("robomaker 0.")
+
+
+def test_a_missing_file_is_one_clear_line(robomaker) -> None:
+    for command in ("run", "plan", "validate"):
+        ended = robomaker(command, "nowhere.yaml")
+        assert ended.code == 2
+        assert ended.err == "robomaker: nowhere.yaml: no such file or directory\n"
+
+
+def test_wrong_settings_name_the_variable(robomaker, monkeypatch) -> None:
+    monkeypatch.setenv("ROBOMAKER_BUCKET", "No")
+    ended = robomaker("call", "ListWorlds")
+    assert ended.code == 2
+    assert ended.err.startswith("robomaker: ROBOMAKER_BUCKET is 'No'")
+
+
+def test_defects_show_a_traceback_only_when_asked(robomaker, monkeypatch) -> None:
+    def broken(_: object) -> int:
+        raise RuntimeError("some bug")
+
+    monkeypatch.setattr(call, "execute", broken)
+    ended = robomaker("call", "ListWorlds")
+    assert ended.code == 3
+    assert "robomaker: RuntimeError: some bug\nThis is a defect" in ended.err
+    assert "Traceback" not in ended.err
+    assert "Traceback" in robomaker("call", "ListWorlds", "--debug").err
+    assert "Traceback" in robomaker("--debug", "call", "ListWorlds").err
+
+
+def test_interruption_ends_with_130(robomaker, monkeypatch) -> None:
+    def interrupted(_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(call, "execute", interrupted)
+    assert robomaker("call", "ListWorlds").code == 130
+
+
+def test_a_full_disk_is_no_defect(robomaker, monkeypatch) -> None:
+    def full(_: object) -> int:
+        raise OSError(28, "No space left on device", "/data/x")
+
+    monkeypatch.setattr(call, "execute", full)
+    ended = robomaker("call", "ListWorlds")
+    assert (ended.code, ended.err) == (3, "robomaker: /data/x: No space left on device\n")
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    command = f"{sys.executable} -m prefect_robomaker.deployments.cli.main schema | head -c 10"
+    ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert ended.stdout.startswith("{")
+    assert ended.stderr == ""
+
+
+def test_schema_prints_the_pipelines_or_an_operations(robomaker) -> None:
+    assert json.loads(robomaker("schema").out)["title"] == "RoboMaker pipeline"
+    assert json.loads(robomaker("schema", "create-world-template").out)["title"] == "CreateWorldTemplateRequest"
+    wrong = robomaker("schema", "CreateWorldTemplat")
+    assert wrong.code == 2
+    assert "did you mean 'CreateWorldTemplate'?" in wrong.err
+
+
+@pytest.mark.parametrize("operation", sorted(OPERATIONS))
+def test_every_operation_has_a_schema(robomaker, operation: str) -> None:
+    assert json.loads(robomaker("schema", operation).out)["type"] == "object"

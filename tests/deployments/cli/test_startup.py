@@ -1,0 +1,41 @@
+"""What a user waits for interactively imports nothing heavy."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+QUICKSTART = str(Path(__file__).parents[3] / "deployments" / "specs" / "quickstart.yaml")
+HEAVY = ("prefect", "mujoco", "dm_control", "sqlalchemy", "boto3", "numpy")
+PROBE = """
+import sys
+from prefect_robomaker.deployments.cli.main import main
+try:
+    code = main(sys.argv[1:])
+except SystemExit as end:
+    code = end.code
+print(*sys.modules, file=sys.stderr)
+sys.exit(code)
+"""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["validate", QUICKSTART],
+        ["plan", QUICKSTART],
+        ["schema"],
+        ["schema", "DescribeWorld"],
+    ],
+    ids=" ".join,
+)
+def test_nothing_heavy_is_imported(words: list[str]) -> None:
+    ended = subprocess.run([sys.executable, "-c", PROBE, *words], capture_output=True, text=True, check=True)
+    assert ended.stdout
+    imported = set(ended.stderr.split())
+    assert not imported.intersection(HEAVY)
+    if words[0].startswith("--"):
+        assert not imported.intersection(("pydantic", "ruamel", "rich", "jmespath"))
