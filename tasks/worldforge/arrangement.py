@@ -36,10 +36,10 @@ _KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAn
 
 # In the order of placing: what rooms are arranged around comes first.
 RULES: dict[str, Rule] = {
-    "Beds": Rule(prefer="middle", front_m=0.6, limit=2),
+    "Beds": Rule(prefer="middle", front_m=0.6),
     "MediaStorage": Rule(prefer="middle", front_m=0.5),
     "Sofas": Rule(prefer="middle", front_m=0.5, relation="facing", near=("MediaStorage",), limit=2),
-    "DiningTables": Rule(spot="open", front_m=0.55, limit=2),
+    "DiningTables": Rule(spot="open", front_m=0.55),
     "Fridges": Rule(prefer="corner", front_m=0.7, relation="run", near=_KITCHEN_RUN),
     "Ovens": Rule(prefer="any", front_m=0.75, relation="run", near=_KITCHEN_RUN),
     "DishWashers": Rule(prefer="any", front_m=0.65, relation="run", near=_KITCHEN_RUN),

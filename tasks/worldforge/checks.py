@@ -39,6 +39,8 @@ def check_world(
       ValueError: when MuJoCo does not accept the model.
     """
     model = mujoco.MjModel.from_xml_string(mjcf)
+    # Asleep, bodies have no contacts and never move: a floating or half-sunk book would pass.
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     reached = reachable(grid, _ORIGIN, robot_radius_m)
@@ -84,17 +86,13 @@ def _origin_clear(grid: OccupancyGrid) -> bool:
 
 
 def _settled_share(model: mujoco.MjModel, settle_s: float) -> float:
-    """Share of the loose objects that stay where they are when nothing sleeps."""
+    """Share of the loose objects that stay where they are."""
     bodies = [int(model.jnt_bodyid[joint]) for joint in range(model.njnt)]
     if not bodies:
         return 1.0
-    sleeping = model.opt.enableflags
-    # Asleep, nothing would ever move: a floating book would pass.
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     before = data.xpos[bodies].copy()
     mujoco.mj_step(model, data, nstep=round(settle_s / model.opt.timestep))
-    model.opt.enableflags = sleeping
     drift = np.linalg.norm(data.xpos[bodies] - before, axis=1)
     return float(np.mean(drift < MAX_DRIFT_M))

@@ -71,7 +71,10 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
         fixtures.fridge,
         styles("tall", (0.6, 0.66, 1.85), "steel", "white") + styles("wide", (0.75, 0.7, 1.8), "steel"),
     ),
-    "LivingRoomChairs": (soft.seat, styles("armchair", (0.86, 0.85, 0.84), "grey", "sage", "navy", "mustard", "terracotta")),
+    "LivingRoomChairs": (
+        soft.seat,
+        styles("armchair", (0.86, 0.85, 0.84), "grey", "sage", "navy", "mustard", "terracotta"),
+    ),
     "KitchenIslandsAndCarts": (
         tables.kitchen_island,
         styles("island", (1.4, 0.8, 0.92), "navy", "sage", "white") + styles("cart", (0.95, 0.55, 0.9), "white", "oak"),

@@ -62,9 +62,9 @@ def toilet(style: Style) -> list[Part]:
         box("tank", (-x, -x + 0.19), (-y, y), (0.36, style.height_m - 0.03), style.main, solid=True),
         box("tank-lid", (-x, -x + 0.2), (-y - 0.005, y + 0.005), (style.height_m - 0.03, style.height_m), style.accent),
         box("foot", (-x + 0.02, x - 0.16), (-0.11, 0.11), (0, 0.37), style.main, solid=True),
-        rounded("bowl", (middle, 0, 0.3), (0.48, style.width_m, 0.28), style.main, solid=True),
-        Part("seat", "ellipsoid", (middle, 0, 0.42), (0.47, style.width_m - 0.01, 0.07), CERAMIC, False),
-        Part("opening", "ellipsoid", (middle + 0.02, 0, 0.44), (0.28, 0.2, 0.045), style.soft, False),
+        rounded("bowl", (middle, 0, 0.3), (0.54, style.width_m, 0.28), style.main, solid=True),
+        Part("seat", "ellipsoid", (middle, 0, 0.42), (0.53, style.width_m - 0.01, 0.07), CERAMIC, False),
+        Part("opening", "ellipsoid", (middle + 0.03, 0, 0.44), (0.32, 0.21, 0.045), style.soft, False),
         upright("button", (-x + 0.1, 0), 0.05, (style.height_m, style.height_m + 0.01), CHROME),
     ]
 

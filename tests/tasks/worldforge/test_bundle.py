@@ -1,0 +1,51 @@
+"""World bundles: complete, atomic, addressed by their content."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from prefect_robomaker.schemas.world import World
+from prefect_robomaker.tasks.worldforge import bundle
+from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
+
+FILES = {"world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg"}
+
+
+def test_a_bundle_holds_everything_and_reads_back(flat: World, tmp_path: Path) -> None:
+    write_bundle(flat, tmp_path / "worlds" / "flat")
+    folder = tmp_path / "worlds" / "flat"
+    assert {path.name for path in folder.iterdir()} == FILES | {"preview.png"}
+    assert read_world(folder) == flat
+    assert mujoco.MjModel.from_xml_path(str(folder / "world.xml")).ngeom == (flat.checks.geoms if flat.checks else 0)
+    assert folder.stat().st_mode & 0o777 == 0o755
+
+
+def test_equal_worlds_have_equal_hashes_whether_drawn_or_not(flat: World, tmp_path: Path) -> None:
+    first = write_bundle(flat, tmp_path / "first")
+    second = write_bundle(flat, tmp_path / "second", preview=False)
+    assert first == second
+    assert re.fullmatch("[0-9a-f]{64}", first)
+    assert {path.name for path in (tmp_path / "second").iterdir()} == FILES
+    other = write_bundle(flat.model_copy(update={"interior_seed": 99}), tmp_path / "other", preview=False)
+    assert other != first
+
+
+def test_nothing_half_written_is_left(flat: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(bundle, "write_map", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_bundle(flat, tmp_path / "flat")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bundle_is_never_overwritten(flat: World, tmp_path: Path) -> None:
+    write_bundle(flat, tmp_path / "flat", preview=False)
+    before = (tmp_path / "flat" / "world.json").read_bytes()
+    with pytest.raises(FileExistsError, match="exists already"):
+        write_bundle(flat.model_copy(update={"interior_seed": 99}), tmp_path / "flat")
+    assert (tmp_path / "flat" / "world.json").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["flat"]

@@ -1,0 +1,102 @@
+"""The catalogue of furniture: complete, well-sized, cheap to simulate, free of flicker."""
+
+import itertools
+
+import pytest
+
+from prefect_robomaker.schemas.world import MODEL_TYPES, Furniture
+from prefect_robomaker.tasks.worldforge.arrangement import RULES
+from prefect_robomaker.tasks.worldforge.furniture import LOOSE_TYPES, parts_of, styles_of
+from prefect_robomaker.tasks.worldforge.parts import Part, Style
+
+LOOKS = [(kind, style) for kind in (*MODEL_TYPES, *LOOSE_TYPES) for style in styles_of(kind)]
+FORMS = list({(kind, style.form): (kind, style) for kind, style in LOOKS}.values())
+
+
+def name_of(value: object) -> str:
+    return value.name if isinstance(value, Style) else str(value)
+
+
+def furniture(kind: str, style: Style) -> Furniture:
+    return Furniture(
+        id=f"{kind}_1",
+        model_type=kind,
+        style=style.name,
+        room="room",
+        x=0.0,
+        y=0.0,
+        yaw=0.0,
+        width_m=style.width_m,
+        depth_m=style.depth_m,
+        height_m=style.height_m,
+    )
+
+
+def bounds(part: Part) -> list[tuple[float, float]]:
+    return [(c - s / 2, c + s / 2) for c, s in zip(part.center, part.size, strict=True)]
+
+
+def test_every_model_type_of_the_service_can_be_built_and_placed() -> None:
+    assert set(RULES) == set(MODEL_TYPES)
+    assert len(MODEL_TYPES) == 31
+    for kind in MODEL_TYPES:
+        names = [style.name for style in styles_of(kind)]
+        assert names
+        assert len(set(names)) == len(names)
+
+
+def test_most_types_come_in_several_looks() -> None:
+    assert sum(len(styles_of(kind)) >= 2 for kind in MODEL_TYPES) >= 30
+
+
+@pytest.mark.parametrize(("kind", "style"), LOOKS, ids=name_of)
+def test_parts_fill_the_footprint_and_stay_on_it(kind: str, style: Style) -> None:
+    parts = parts_of(furniture(kind, style))
+    assert len({part.name for part in parts}) == len(parts)
+    for axis, extent in ((0, style.depth_m), (1, style.width_m)):
+        low = min(bounds(part)[axis][0] for part in parts)
+        high = max(bounds(part)[axis][1] for part in parts)
+        assert -0.51 * extent - 0.005 <= low <= -0.46 * extent
+        assert 0.46 * extent <= high <= 0.51 * extent + 0.005
+    assert 0 <= min(bounds(part)[2][0] for part in parts) <= 0.021
+
+
+@pytest.mark.parametrize(("kind", "style"), LOOKS, ids=name_of)
+def test_collision_is_cheap_and_as_high_as_the_piece(kind: str, style: Style) -> None:
+    parts = parts_of(furniture(kind, style))
+    solid = [part for part in parts if part.solid]
+    assert 1 <= len(solid) <= 7
+    assert len(parts) <= 18
+    assert max(bounds(part)[2][1] for part in solid) >= 0.45 * style.height_m
+
+
+@pytest.mark.parametrize(("kind", "style"), FORMS, ids=name_of)
+def test_no_two_faces_of_different_colour_lie_in_one_plane(kind: str, style: Style) -> None:
+    flickering = [
+        (a.name, b.name, axis, end)
+        for a, b in itertools.combinations(parts_of(furniture(kind, style)), 2)
+        if a.color != b.color
+        for axis in range(3)
+        for end in (0, 1)
+        if flat(a, axis) and flat(b, axis) and in_one_plane(bounds(a), bounds(b), axis, end)
+    ]
+    # Faces that look down are seen by nobody.
+    assert [entry for entry in flickering if entry[2:] != (2, 0)] == []
+
+
+def flat(part: Part, axis: int) -> bool:
+    return part.shape == "box" or (part.shape == "cylinder" and "xyz"[axis] == part.axis)
+
+
+def in_one_plane(a: list[tuple[float, float]], b: list[tuple[float, float]], axis: int, end: int) -> bool:
+    others = [other for other in range(3) if other != axis]
+    shared = min(min(a[i][1], b[i][1]) - max(a[i][0], b[i][0]) for i in others)
+    return abs(a[axis][end] - b[axis][end]) < 5e-4 and shared > 1e-3
+
+
+def test_a_style_of_another_version_is_named_in_the_error() -> None:
+    known = styles_of("Sofas")[0]
+    with pytest.raises(ValueError, match=r"style 'nine-seat pink' of Sofas.*three-seat grey"):
+        parts_of(furniture("Sofas", known).model_copy(update={"style": "nine-seat pink"}))
+    with pytest.raises(ValueError, match="model_type 'Pianos'"):
+        parts_of(furniture("Sofas", known).model_copy(update={"model_type": "Pianos"}))

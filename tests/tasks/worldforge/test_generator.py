@@ -1,0 +1,108 @@
+"""Generated worlds: the same from the same seeds, valid for every template."""
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.errors import WorldGenerationError
+from prefect_robomaker.schemas.world import MODEL_TYPES, ROOM_TYPES, World
+from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.tasks.worldforge import generator
+from prefect_robomaker.tasks.worldforge.checks import violations
+from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION, generate_world, seeds_for
+from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
+
+from .conftest import MakeBody
+
+
+def test_the_same_seeds_give_the_same_bytes(make_body: MakeBody, flat: World) -> None:
+    again = generate_world(make_body(), flat.floorplan_seed, flat.interior_seed)
+    assert again.model_dump_json() == flat.model_dump_json()
+    assert world_mjcf(again) == world_mjcf(flat)
+    assert again.generator_version == GENERATOR_VERSION
+
+
+def test_interiors_of_one_floor_plan_share_its_walls(make_body: MakeBody, flat: World) -> None:
+    other = generate_world(make_body(), flat.floorplan_seed, flat.interior_seed + 1)
+    assert other.floorplan.walls == flat.floorplan.walls
+    assert other.floorplan.passages == flat.floorplan.passages
+    assert other.floorplan.windows == flat.floorplan.windows
+    assert [room.polygon for room in other.floorplan.rooms] == [room.polygon for room in flat.floorplan.rooms]
+    assert other.furniture != flat.furniture
+    assert generate_world(make_body(), flat.floorplan_seed + 1, 2).floorplan.walls != flat.floorplan.walls
+
+
+def test_seeds_differ_between_worlds_and_are_shared_between_interiors() -> None:
+    grid = {(f, i): seeds_for(7, f, i) for f in range(10) for i in range(10)}
+    assert len({seeds[0] for seeds in grid.values()}) == 10
+    assert len({seeds[1] for seeds in grid.values()}) == 100
+    assert all(seeds[0] == grid[f, 0][0] for (f, _), seeds in grid.items())
+    assert seeds_for(8, 0, 0) != seeds_for(7, 0, 0)
+    # Seeds are written down in world.json: they may never change for a released version.
+    assert seeds_for(7, 0, 0) == seeds_for(7, 0, 0)
+    assert all(0 <= seed < 2**32 for seeds in grid.values() for seed in seeds)
+
+
+def test_an_interior_that_fails_is_made_again_from_the_next_sub_seed(
+    make_body: MakeBody, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter([["the first is bad"], ["so is the second"], []])
+    monkeypatch.setattr(generator, "violations", lambda checks: next(answers))
+    world = generate_world(make_body(), 1, 2, settle=False)
+    assert world.interior_attempt == 2
+    monkeypatch.undo()
+    assert world.furniture != generate_world(make_body(), 1, 2, settle=False).furniture
+
+
+def test_giving_up_says_what_was_wrong(make_body: MakeBody, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(generator, "violations", lambda checks: ["Kitchen: its goal is out of a robot's reach"])
+    with pytest.raises(
+        WorldGenerationError, match=r"8 attempts \(floor plan seed 1, interior seed 2\).*Kitchen: its goal"
+    ):
+        generate_world(make_body(), 1, 2, settle=False)
+
+
+kinds = st.lists(st.sampled_from(MODEL_TYPES), max_size=8, unique=True)
+density = st.sampled_from(["Sparse", "Moderate", "Dense"])
+rooms = st.lists(
+    st.tuples(
+        st.sampled_from(ROOM_TYPES), st.sampled_from([10.0, 14.0, 20.0, 35.0, 80.0]), st.sampled_from([1.0, 1.5, 3.0])
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+@st.composite
+def bodies(draw: st.DrawFn) -> WorldTemplateBody:
+    made = [
+        {"Name": f"room {number}", "Type": kind, "DesiredShape": {"Area": area, "AspectRatio": {"x": ratio, "y": 1.0}}}
+        for number, (kind, area, ratio) in enumerate(draw(rooms))
+    ]
+    names = [room["Name"] for room in made]
+    arrangements = [
+        {
+            "Name": f"set {number}",
+            "TargetSet": {"RoomNames": [draw(st.sampled_from(names))]},
+            "SampleSet": {"ModelTypes": draw(kinds)},
+            "DesiredSpatialDensity": draw(density),
+        }
+        for number in range(draw(st.integers(0, 3)))
+    ]
+    floor = {
+        "Floorplan": {"Rooms": made, "Ceiling": {"Height": draw(st.sampled_from([2.4, 3.0, 4.0]))}},
+        "Interior": {"Furniture": {"FurnitureArrangements": arrangements}},
+    }
+    return WorldTemplateBody.model_validate({"Buildings": [{"Floors": [floor]}]})
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(body=bodies(), seed=st.integers(0, 2**32 - 1))
+def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplateBody, seed: int) -> None:
+    world = generate_world(body, seed, seed + 1)
+    assert world.checks is not None
+    assert violations(world.checks) == []
+    assert world.floorplan.ceiling_height_m == body.floorplan.Ceiling.Height
+    assert [room.name for room in world.floorplan.rooms] == [room.Name for room in body.floorplan.Rooms]
+    assert len({item.id for item in world.furniture}) == len(world.furniture)
+    assert World.model_validate_json(world.model_dump_json()) == world
