@@ -21,7 +21,7 @@ _STEPS_PER_SQUARE = 3
 
 _LEAST_STEPS = 20
 _TOLERANCE = log(1.15)
-"""Deviation of a ratio above which the wish counts as missed, in cost only slightly stricter than in the report."""
+"""Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
 
 _MISSED_WISH = 0.3
 _OUTLIER = 1.5
@@ -32,6 +32,7 @@ _DARK = 0.6
 _STRANGE_NEIGHBOURS = 0.8
 _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
 """By number of rooms, the last from there on: with one room, the room's own wish wins."""
+
 _BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
 """Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
 
@@ -158,38 +159,41 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
     """
     judge = Judge(brief)
     visited: dict[Partition, float] = {}
-    valid = complete = False
+    least, complete = inf, False
     for climb in range(MAX_CLIMBS):
-        if valid and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
+        if least < inf and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
             break
-        steps = _climb(judge, dice, any_footprint=climb >= _CLIMBS and not valid)
+        steps = _climb(judge, dice, any_footprint=climb >= _CLIMBS and least == inf)
         visited.update(steps)
         top = min(steps, key=lambda plan: steps[plan])
         if judge.is_valid(top):
-            valid = True
+            least = min(least, steps[top])
             complete = complete or not judge.missed_connections(top)
-    if not valid:
+    if least == inf:
         raise WorldGenerationError(
             f"no partition of {sum(brief.areas_m2):g} m2 into {len(brief.areas_m2)} rooms where every room is wide "
             f"enough and connected was found in {MAX_CLIMBS} attempts"
         )
-    return _mirrored(_choice(judge, visited, dice), dice)
+    good = {plan: cost for plan, cost in visited.items() if cost <= least + _CHOICE_MARGIN}
+    return _mirrored(_choice(judge, good, dice), dice)
 
 
-def _choice(judge: Judge, visited: dict[Partition, float], dice: Random) -> Partition:
+def _choice(judge: Judge, good: dict[Partition, float], dice: Random) -> Partition:
     """One of the good partitions, the better the likelier, each kind of solution counting once."""
-    ranked = sorted((cost, plan) for plan, cost in visited.items())
-    classes: dict[float, list[Partition]] = {}
-    least = inf
-    for cost, plan in ranked:
-        if cost > least + _CHOICE_MARGIN:
-            break
+    kinds: dict[float, list[Partition]] = {}
+    for plan, cost in good.items():
+        # Mirrored and renumbered twins cost the same.
+        kinds.setdefault(round(cost, 2), []).append(plan)
+    least = min(kinds)
+    while True:
+        weights = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in kinds]
+        kind = dice.choices([*kinds], weights)[0]
+        plan = kinds[kind].pop(dice.randrange(len(kinds[kind])))
         if judge.is_valid(plan):
-            least = min(least, cost)
-            # Mirrored and renumbered twins cost the same.
-            classes.setdefault(round(cost, 2), []).append(plan)
-    weights = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in classes]
-    return dice.choice(dice.choices([*classes.values()], weights)[0])
+            return plan
+        # Rarely, among very costly ones: an invalid partition that costs no more than a valid one.
+        if not kinds[kind]:
+            del kinds[kind]
 
 
 def _climb(judge: Judge, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
