@@ -103,7 +103,7 @@ def store_job(
                 "request": wire,
                 "requestIndex": batch[1] if batch else None,
                 "seed": service.new_seed() if seed is None else seed,
-                "video": video_of(request),
+                "video": video_of(request) or "none",
                 "dataSources": data_sources,
                 **_application_names(wire, service),
             },

@@ -65,7 +65,9 @@ def test_a_running_job_can_be_cancelled(service: Service, order: Order, prefect_
     job = call("CreateSimulationJob", order({"DURATION_S": "60"}), service)
 
     def cancel_once_running() -> None:
-        while call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] != "Running":
+        deadline = time.monotonic() + 30
+        while call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] in ("Pending", "Preparing"):
+            assert time.monotonic() < deadline
             time.sleep(0.05)
         service.catalog.request_cancel(job["arn"])
 
