@@ -186,7 +186,8 @@ class _Loop:
     def annotate(self, error: Exception) -> None:
         """Adds where in the run an exception came from."""
         if self._steps:
-            error.add_note(f"in step {self._steps + 1}, at {self._clock.time_s:.3f} s simulated")
+            time_s = self._clock.time_s
+            error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
 
     def finish(self, environment: dm_env.Environment | None) -> Episode:
         report = EnvironmentReport()

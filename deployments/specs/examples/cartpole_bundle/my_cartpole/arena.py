@@ -1,11 +1,13 @@
 """The simulation application: a pole on a cart, to be kept upright for ten seconds."""
 
+# dm_control has no types, so overriding its methods looks wrong to a type checker.
+# pyright: reportIncompatibleMethodOverride=false
+
 import math
 
 import numpy as np
 from dm_control import mujoco
 from dm_control.rl import control
-from dm_env import specs
 
 MODEL = """
 <mujoco model="cartpole">

@@ -1,0 +1,1 @@
+"""An application with everything that goes wrong in applications."""

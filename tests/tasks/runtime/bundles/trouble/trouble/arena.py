@@ -1,0 +1,180 @@
+"""Simulation applications: an environment that counts, and ways to go wrong."""
+
+import faulthandler
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import dm_env
+import numpy as np
+from dm_env import specs
+
+
+class Counting(dm_env.Environment):
+    """Counts to STEPS, waiting WAIT_S each time."""
+
+    def __init__(self, context):
+        self.context = context
+        self.limit = int(context.environment.get("STEPS", "20"))
+        self.wait_s = float(context.environment.get("WAIT_S", "0"))
+        self.count = 0
+
+    def reset(self):
+        self.count = 0
+        return dm_env.restart(np.zeros(1))
+
+    def step(self, action):
+        self.count += 1
+        time.sleep(self.wait_s)
+        self.during_step()
+        make = dm_env.termination if self.count >= self.limit else dm_env.transition
+        return make(reward=0.0, observation=np.full(1, self.count))
+
+    def during_step(self):
+        pass
+
+    def action_spec(self):
+        return specs.Array((1,), float)
+
+    def observation_spec(self):
+        return specs.Array((1,), float)
+
+    def control_timestep(self):
+        return 0.1
+
+
+def _say_busy():
+    Path("busy.new").write_text(str(os.getpid()))
+    Path("busy.new").replace("busy")
+
+
+def make_environment(context):
+    _say_busy()
+    return Counting(context)
+
+
+def _doing(action):
+    """An environment factory whose environment does something in its tenth step."""
+
+    class Doing(Counting):
+        def during_step(self):
+            if self.count == 10:
+                action(self)
+
+    return Doing
+
+
+def _raise(environment):
+    raise ValueError("the table is on fire")
+
+
+def _segfault(environment):
+    faulthandler.disable()
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def _diverge(environment):
+    from dm_control import mujoco
+
+    physics = mujoco.Physics.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+    )
+    with physics.check_invalid_state():
+        physics.data.qvel[0] = np.nan
+        physics.step(3)
+
+
+def _fork(environment):
+    """Leaves two children, and two grandchildren in sessions of their own."""
+    nap = f"import time; time.sleep(1000)  # {environment.context.environment['MARK']}"
+    child = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True); {nap}"
+    for _ in range(2):
+        subprocess.Popen([sys.executable, "-c", child, nap])
+    time.sleep(0.8)
+
+
+def _fill_up(environment):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+    (environment.context.output_dir / "big.bin").write_bytes(bytes(50_000))
+
+
+def _print_a_lot(environment):
+    for i in range(20_000):
+        print(f"line {i} " + "x" * 90)
+        print(f"\x1b[31mwarning {i}\x1b[0m", file=sys.stderr)
+
+
+def _ignore_sigterm(environment):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    _say_busy()
+    while True:
+        time.sleep(0.05)
+
+
+def _hang(environment):
+    _say_busy()
+    time.sleep(1000)
+
+
+def _exit_3(environment):
+    os._exit(3)
+
+
+def _exit_0(environment):
+    sys.exit(0)
+
+
+def _write_to_descriptors(environment):
+    os.write(1, b"from C, to stdout\n")
+    subprocess.run(["sh", "-c", "echo from a program; echo complaint >&2; cat"], check=True)
+
+
+class NoMessage(Counting):
+    def run_result(self):
+        return {"verdict": "MAYBE"}
+
+
+class Judging(Counting):
+    def run_result(self):
+        return {
+            "verdict": "PASS",
+            "summary": f"Counted to {self.count}.",
+            "requirements": [{"name": "counted", "satisfied": np.bool_(True), "detail": "yes"}],
+            "metrics": {"count": np.float32(self.count), "bad": float("nan")},
+            "path": [(i * 0.1, float(i), 0.0) for i in range(2000)],
+            "extra": {
+                "environ": dict(os.environ),
+                "cwd": os.getcwd(),
+                "stdin": sys.stdin.read() if not sys.stdin.closed else None,
+                "main": getattr(sys.modules["__main__"], "__file__", ""),
+                "random": float(np.random.random()),
+                "rng": float(self.context.rng.random()),
+            },
+        }
+
+
+raising = _doing(_raise)
+segfaulting = _doing(_segfault)
+diverging = _doing(_diverge)
+forking = _doing(_fork)
+filling = _doing(_fill_up)
+printing = _doing(_print_a_lot)
+ignoring_sigterm = _doing(_ignore_sigterm)
+hanging = _doing(_hang)
+exiting_3 = _doing(_exit_3)
+exiting_0 = _doing(_exit_0)
+writing = _doing(_write_to_descriptors)
+not_callable = 3
+
+
+class UnableToReset(Counting):
+    def reset(self):
+        raise RuntimeError("cannot reset")
+
+
+def unable(context):
+    raise KeyError("no such map")

@@ -1,0 +1,3 @@
+"""A module that needs something that is not there."""
+
+import a_library_nobody_has  # noqa: F401

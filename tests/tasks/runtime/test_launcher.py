@@ -1,0 +1,344 @@
+"""Real runs in real processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.launcher import Launcher, LaunchError
+
+Plan = Callable[..., RunPlan]
+
+
+def never() -> None:
+    return None
+
+
+def read_result(plan: RunPlan) -> RunResult:
+    return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
+
+
+def pid_of(plan: RunPlan) -> int:
+    """The run's process, as the `trouble` bundle wrote it down."""
+    return int((plan.work_dir / "busy").read_text())
+
+
+def running() -> Iterator[Path]:
+    """The `/proc` folders of all processes that are not merely waiting to be reaped."""
+    for entry in Path("/proc").iterdir():
+        with suppress(OSError):
+            if entry.name.isdigit() and (entry / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
+                yield entry
+
+
+def is_running(pid: int) -> bool:
+    return any(entry.name == str(pid) for entry in running())
+
+
+def children_of(pid: int) -> list[int]:
+    children = []
+    for entry in running():
+        with suppress(OSError):
+            if (entry / "stat").read_text().rpartition(")")[2].split()[1] == str(pid):
+                children.append(int(entry.name))
+    return children
+
+
+def processes_with(text: str) -> list[int]:
+    """Processes that have a text in their command line, wherever they hang in the tree."""
+    found = []
+    for entry in running():
+        with suppress(OSError):
+            if text.encode() in (entry / "cmdline").read_bytes():
+                found.append(int(entry.name))
+    return found
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, "it did not become true in time"
+        time.sleep(0.02)
+
+
+def assert_failed(outcome: RunOutcome, code: str, *texts: str) -> None:
+    assert (outcome.status, outcome.failure_code) == ("Failed", code)
+    assert outcome.failure_reason is not None
+    for text in texts:
+        assert text in outcome.failure_reason
+    assert len(outcome.failure_reason) <= 1024
+
+
+class TestNormalEnds:
+    def test_the_environment_ends_it(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("Judging")
+        outcome = launcher.run(plan, never)
+        assert (outcome.status, outcome.failure_reason, outcome.timed_out) == ("Completed", None, False)
+        assert outcome.started_at < outcome.ended_at
+        result = read_result(plan)
+        assert (result.verdict, result.summary, result.ended_by) == ("PASS", "Counted to 20.", "environment")
+        assert result.sim_time_s == pytest.approx(2.0)
+        assert result.metrics == {"steps": 20.0, "count": 20.0}
+        assert result.extra["not_finite"] == {"bad": "nan"}
+        assert len(result.path) == 600
+        assert (result.path[0][1], result.path[-1][1]) == (0.0, 1999.0)
+        assert result.versions.keys() == {"mujoco", "dm_control", "prefect_robomaker"}
+
+    def test_the_agent_ends_it(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan(agent="leaving_early")
+        assert launcher.run(plan, never).status == "Completed"
+        result = read_result(plan)
+        assert (result.ended_by, result.verdict, result.metrics["steps"]) == ("agent", "NONE", 5.0)
+
+    def test_leaving_with_exit_code_0_is_no_failure(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("exiting_0")
+        assert launcher.run(plan, never).status == "Completed"
+        assert read_result(plan).ended_by == "environment"
+
+    def test_the_built_in_applications_are_the_default(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan(simulation_application=None, robot_application=None)
+        outcome = launcher.run(plan, never)
+        # Without a world there is nothing to drive in: their own clear refusal, not an import error.
+        assert_failed(outcome, "SimulationApplicationCrash", "indoor-navigation", "world")
+
+    def test_surroundings(self, launcher: Launcher, make_plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hush")
+        monkeypatch.setenv("PREFECT_API_KEY", "hush")
+        plan = make_plan("Judging", variables={"MAP": "flat"})
+        launcher.run(plan, never)
+        extra = read_result(plan).extra
+        environ = extra["environ"]
+        assert environ["AWS_ROBOMAKER_SIMULATION_JOB_ID"] == plan.job_id
+        assert environ["AWS_ROBOMAKER_SIMULATION_JOB_ARN"] == plan.job_arn
+        assert environ["AWS_ROBOMAKER_SIMULATION_RUN_ID"] == plan.run_id
+        assert environ["MAP"] == "flat"
+        assert "hush" not in environ.values()
+        assert extra["cwd"] == str(plan.work_dir)
+        assert extra["stdin"] == ""
+        assert "pytest" not in extra["main"]
+
+    def test_a_seed_repeats_a_run(self, launcher: Launcher, make_plan: Plan) -> None:
+        plans = [make_plan("Judging", run_id=f"run-{i}", seed=seed) for i, seed in enumerate((5, 5, 6))]
+        for plan in plans:
+            launcher.run(plan, never)
+        first, again, other = [(read_result(plan).extra["random"], read_result(plan).extra["rng"]) for plan in plans]
+        assert first == again
+        assert first[0] != other[0]
+        assert first[1] != other[1]
+
+    def test_output_goes_to_the_logs(self, launcher: Launcher, make_plan: Plan, capfd: pytest.CaptureFixture) -> None:
+        plan = make_plan("writing")
+        launcher.run(plan, never)
+        assert (plan.output_dir / "logs/stdout.log").read_text() == "from C, to stdout\nfrom a program\n"
+        assert (plan.output_dir / "logs/stderr.log").read_text() == "complaint\n"
+        assert capfd.readouterr() == ("", "")
+
+    def test_much_output_blocks_nothing(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("printing")
+        assert launcher.run(plan, never).status == "Completed"
+        assert (plan.output_dir / "logs/stdout.log").stat().st_size > 2_000_000
+
+    def test_runs_at_the_same_time(self, launcher: Launcher, make_plan: Plan) -> None:
+        plans = [make_plan("Judging", run_id=f"run-{i}", seed=i) for i in range(6)]
+        outcomes: dict[str, RunOutcome] = {}
+
+        def carry_out(plan: RunPlan) -> None:
+            outcomes[plan.run_id] = launcher.run(plan, never)
+
+        threads = [threading.Thread(target=carry_out, args=[plan]) for plan in plans]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(30)
+        assert {outcome.status for outcome in outcomes.values()} == {"Completed"}
+        assert [read_result(plan).seed for plan in plans] == list(range(6))
+
+
+class TestFailures:
+    @pytest.mark.parametrize(
+        ("environment", "agent", "code", "texts"),
+        [
+            ("raising", "make_agent", "SimulationApplicationCrash",
+             ["arena failed in environment.step()", "ValueError: the table is on fire", "in step 10", "arena.py, line"]),
+            ("UnableToReset", "make_agent", "SimulationApplicationCrash", ["environment.reset()", "cannot reset"]),
+            ("unable", "make_agent", "SimulationApplicationCrash", ["making the environment", "KeyError: 'no such map'"]),
+            ("make_environment", "raising", "RobotApplicationCrash",
+             ["driver failed in the agent", "ZeroDivisionError: lost the map", "agent.py, line"]),
+            ("make_environment", "unable", "RobotApplicationCrash", ["driver failed in making the agent", "no wheels"]),
+            ("diverging", "make_agent", "SimulationApplicationCrash", ["PhysicsError", "mjWARN_BADQPOS"]),
+            ("NoMessage", "make_agent", "SimulationApplicationCrash", ["run_result()", "verdict", "'PASS', 'FAIL' or 'NONE'"]),
+            ("exiting_3", "make_agent", "SimulationApplicationCrash", ["exit code 3", "environment.step()"]),
+            ("segfaulting", "make_agent", "SimulationApplicationCrash", ["killed by SIGSEGV", "environment.step()"]),
+            ("make_environment", "killed", "RobotApplicationCrash", ["killed by SIGKILL", "failed in the agent"]),
+            ("filling", "make_agent", "SimulationApplicationCrash", ["File too large"]),
+            ("mking_environment", "make_agent", "SimulationApplicationCrash", ["has no mking_environment", "did you mean make_environment"]),
+            ("make_environment", "make_agnt", "RobotApplicationCrash", ["has no make_agnt", "did you mean make_agent"]),
+            ("not_callable", "make_agent", "SimulationApplicationCrash", ["trouble.arena.not_callable is a int, not a function"]),
+        ],
+    )  # fmt: skip
+    def test_whose_fault_and_why(
+        self, launcher: Launcher, make_plan: Plan, environment: str, agent: str, code: str, texts: list[str]
+    ) -> None:
+        plan = make_plan(environment, agent)
+        assert_failed(launcher.run(plan, never), code, *texts)
+        assert not (plan.output_dir / "result.json").exists()
+
+    def test_the_reason_ends_with_the_log(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("raising")
+        reason = launcher.run(plan, never).failure_reason
+        assert reason is not None
+        log = (plan.output_dir / "logs/stderr.log").read_text()
+        assert reason.splitlines()[-2:] == log.splitlines()[-2:]
+        assert "Last lines of logs/stderr.log:" in reason
+        # The traceback is about the application, not about the runtime that called it.
+        assert "run_episode" not in log
+        assert "arena.py" in log
+
+    def test_a_failed_run_keeps_its_recording(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("raising")
+        launcher.run(plan, never)
+        with (plan.output_dir / "recording.mcap").open("rb") as stream:
+            assert make_reader(stream).get_summary() is not None
+
+    def test_no_recording_unless_asked(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan(record=False)
+        launcher.run(plan, never)
+        assert sorted(path.name for path in plan.output_dir.iterdir()) == ["logs", "result.json"]
+
+
+class TestStopping:
+    @pytest.mark.parametrize("environment", ["make_environment", "hanging", "ignoring_sigterm"])
+    def test_cancel(self, launcher: Launcher, make_plan: Plan, environment: str) -> None:
+        plan = make_plan(environment, variables={"STEPS": "100000", "WAIT_S": "0.01"})
+        asked: list[float] = []
+
+        def stop() -> str | None:
+            if not (plan.work_dir / "busy").exists():
+                return None
+            asked.append(time.monotonic())
+            return "canceled"
+
+        outcome = launcher.run(plan, stop)
+        assert time.monotonic() - asked[0] < 2.0
+        assert (outcome.status, outcome.failure_code) == ("Canceled", None)
+        assert not is_running(pid_of(plan))
+        if environment == "ignoring_sigterm":
+            assert not (plan.output_dir / "result.json").exists()
+        else:  # also when it was interrupted in a call that would not have returned
+            assert read_result(plan).ended_by == "canceled"
+
+    def test_the_end_of_a_batch(self, launcher: Launcher, make_plan: Plan) -> None:
+        outcome = launcher.run(make_plan("hanging"), lambda: "timed out (batch)")
+        assert (outcome.status, outcome.failure_code) == ("Canceled", "BatchTimedOut")
+        assert outcome.failure_reason == "The run was stopped: timed out (batch)."
+
+    @pytest.mark.parametrize("environment", ["make_environment", "hanging"])
+    def test_the_duration_limit_is_a_normal_end(self, launcher: Launcher, make_plan: Plan, environment: str) -> None:
+        plan = make_plan(environment, max_duration_s=0.5, variables={"STEPS": "100000", "WAIT_S": "0.01"})
+        outcome = launcher.run(plan, never)
+        assert (outcome.status, outcome.timed_out, outcome.failure_code) == ("Completed", True, None)
+        assert read_result(plan).ended_by == "duration limit"
+        with (plan.output_dir / "recording.mcap").open("rb") as stream:
+            assert make_reader(stream).get_summary() is not None
+
+    def test_the_duration_limit_of_a_run_that_ignores_it(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("ignoring_sigterm", max_duration_s=0.5)
+        began = time.monotonic()
+        outcome = launcher.run(plan, never)
+        assert (outcome.status, outcome.timed_out) == ("Completed", True)
+        assert 3.4 < time.monotonic() - began < 5.5
+        assert not (plan.output_dir / "result.json").exists()
+        assert not is_running(pid_of(plan))
+
+    def test_grandchildren_in_other_sessions_go_too(self, launcher: Launcher, make_plan: Plan, tmp_path: Path) -> None:
+        plan = make_plan("forking", variables={"MARK": str(tmp_path), "WAIT_S": "0.01"})
+        seen: list[int] = []
+
+        def stop() -> None:
+            seen.append(len(processes_with(str(tmp_path))))
+
+        assert launcher.run(plan, stop).status == "Completed"
+        assert max(seen) == 4
+        assert processes_with(str(tmp_path)) == []
+
+    def test_a_caller_that_fails_takes_the_run_along(self, launcher: Launcher, make_plan: Plan) -> None:
+        plan = make_plan("hanging")
+
+        def stop() -> str | None:
+            if (plan.work_dir / "busy").exists():
+                raise TimeoutError("the thread was interrupted")
+            return None
+
+        with pytest.raises(TimeoutError):
+            launcher.run(plan, stop)
+        wait_until(lambda: not is_running(pid_of(plan)), 2)
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from prefect_robomaker.schemas.simulation_run import RunPlan
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+with open(sys.argv[2], "a") as log:
+    log.write("imported\\n")
+plan = RunPlan.model_validate_json(Path(sys.argv[1]).read_bytes())
+print(Launcher().run(plan, lambda: None).model_dump_json())
+"""
+
+
+class TestParentProcess:
+    @pytest.fixture
+    def start_script(self, tmp_path: Path) -> Callable[[RunPlan], subprocess.Popen[str]]:
+        """Runs a plan from an unguarded script of its own."""
+        (tmp_path / "script.py").write_text(SCRIPT)
+
+        def start(plan: RunPlan) -> subprocess.Popen[str]:
+            (tmp_path / "plan.json").write_text(plan.model_dump_json())
+            arguments = [tmp_path / "script.py", tmp_path / "plan.json", tmp_path / "log"]
+            return subprocess.Popen([sys.executable, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
+
+        return start
+
+    def test_scripts_are_not_run_again(self, start_script, make_plan: Plan, tmp_path: Path) -> None:
+        with start_script(make_plan("Judging")) as process:
+            output, _ = process.communicate(timeout=30)
+        assert json.loads(output)["status"] == "Completed"
+        assert (tmp_path / "log").read_text() == "imported\n"
+
+    def test_killing_the_parent_kills_all(self, start_script, make_plan: Plan) -> None:
+        plan = make_plan("ignoring_sigterm")
+        with start_script(plan) as process:
+            wait_until((plan.work_dir / "busy").exists, 20)
+            [server] = children_of(process.pid)
+            [supervisor] = children_of(server)
+            assert children_of(supervisor) == [pid_of(plan)]
+            os.kill(process.pid, signal.SIGKILL)
+            process.wait()
+        wait_until(lambda: not any(map(is_running, (server, supervisor, pid_of(plan)))), 2)
+
+    def test_a_dead_fork_server_is_replaced(self, make_plan: Plan) -> None:
+        before = set(children_of(os.getpid()))
+        with Launcher() as launcher:
+            launcher.start()
+            [server] = set(children_of(os.getpid())) - before
+            os.kill(server, signal.SIGKILL)
+            wait_until(lambda: not is_running(server), 5)
+            assert launcher.run(make_plan(), never).status == "Completed"
+
+    def test_a_launcher_that_cannot_start_says_why(
+        self, make_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "mujoco.py").write_text("raise ImportError('this mujoco is broken')")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        with Launcher() as launcher, pytest.raises(LaunchError, match="this mujoco is broken"):
+            launcher.run(make_plan(), never)

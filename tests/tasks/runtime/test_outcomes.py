@@ -1,0 +1,78 @@
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from prefect_robomaker.schemas.simulation_run import RunPlan
+from prefect_robomaker.tasks.runtime.outcomes import Exit, failure_reason, judge
+from prefect_robomaker.tasks.runtime.progress import STOP_REASONS, Phase, Progress
+
+Plan = Callable[..., RunPlan]
+FINISHED = Exit(0, None, Phase.FINISHING, {"ended_by": "environment"})
+
+
+@given(st.text(max_size=2000), st.lists(st.text(st.characters(exclude_categories=["Cc", "Zl", "Zp"]), max_size=2000), max_size=30))
+def test_reasons_fit_and_end_with_the_log(head: str, lines: list[str]) -> None:
+    reason = failure_reason(head, "logs/stderr.log", lines)
+    assert len(reason) <= 1024
+    if lines:
+        assert reason.endswith(lines[-1][-300:])
+
+
+def test_short_logs_are_whole() -> None:
+    assert failure_reason("It broke.", "log", ["one", "two"]) == "It broke.\nLast lines of log:\none\ntwo"
+    assert failure_reason("It broke.", "log", []) == "It broke."
+
+
+@pytest.mark.parametrize("stopped_for", ["duration limit", "canceled"])
+def test_an_end_just_before_the_stop_counts(make_plan: Plan, stopped_for: str) -> None:
+    judgement = judge(FINISHED, stopped_for, make_plan())
+    assert (judgement.status, judgement.timed_out) == ("Completed", False)
+
+
+def test_a_crash_while_stopping_is_a_stop(make_plan: Plan) -> None:
+    crashed = Exit(1, None, Phase.STEP, {"error": "boom", "phase": Phase.STEP})
+    assert judge(crashed, "canceled", make_plan()).status == "Canceled"
+    assert judge(crashed, "duration limit", make_plan()).timed_out
+
+
+@pytest.mark.parametrize(
+    ("phase", "code", "text"),
+    [
+        (Phase.MAKE_ENVIRONMENT, "SimulationApplicationCrash", "Simulation application arena failed in making the environment"),
+        (Phase.STEP, "SimulationApplicationCrash", "Simulation application arena failed in environment.step()"),
+        (Phase.AGENT, "RobotApplicationCrash", "Robot application driver failed in the agent"),
+        (Phase.FINISHING, "InternalServiceError", "The runtime failed in writing the outputs"),
+        (Phase.STARTING, "InternalServiceError", "The runtime failed in starting the run"),
+    ],
+)  # fmt: skip
+def test_whose_signal_it_was(make_plan: Plan, phase: Phase, code: str, text: str) -> None:
+    judgement = judge(Exit(None, 11, phase, {}), None, make_plan())
+    assert judgement.failure_code == code
+    assert judgement.failure_reason == f"{text}: killed by SIGSEGV"
+
+
+def test_a_success_that_was_not_finished_is_a_failure(make_plan: Plan) -> None:
+    judgement = judge(Exit(0, None, Phase.AGENT, {}), None, make_plan())
+    assert judgement.failure_code == "RobotApplicationCrash"
+    assert "ended itself with exit code 0 before the run was over" in (judgement.failure_reason or "")
+
+
+def test_a_vanished_supervisor_is_nobodys_application(make_plan: Plan) -> None:
+    assert judge(None, None, make_plan()).failure_code == "InternalServiceError"
+
+
+def test_progress_says_what_was_written() -> None:
+    progress = Progress()
+    assert (progress.phase, progress.stop_reason, progress.read_report()) == (Phase.STARTING, "", {})
+    for phase in Phase:
+        progress.mark(phase)
+        assert progress.phase is phase
+        assert phase.activity
+    for reason in STOP_REASONS:
+        progress.request_stop(reason)
+        assert progress.stop_reason == reason
+    progress.write_report({"error": "ä" * 1000})
+    assert progress.read_report() == {"error": "ä" * 1000}
+    with pytest.raises(ValueError, match="does not fit"):
+        progress.write_report({"error": "x" * 70_000})

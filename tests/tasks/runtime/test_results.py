@@ -1,0 +1,63 @@
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from prefect_robomaker.schemas.simulation_run import Collision, RunResult
+from prefect_robomaker.tasks.runtime.results import (
+    EnvironmentReport,
+    Episode,
+    make_result,
+    read_report,
+    write_result,
+)
+
+
+def episode(report: EnvironmentReport, wall_time_s: float = 0.5) -> Episode:
+    return Episode("environment", report, steps=10, sim_time_s=2.0, wall_time_s=wall_time_s)
+
+
+def test_an_environment_that_judges_nothing() -> None:
+    assert read_report(object()) == EnvironmentReport()
+
+
+def test_numbers_of_numpy_are_welcome_in_dicts() -> None:
+    report = {"verdict": "FAIL", "metrics": {"m": np.float32(0.5), "n": np.int64(3)}, "path": [np.array([0.0, 1.0, 2.0])]}
+    read = read_report(SimpleNamespace(run_result=lambda: report))
+    assert (read.verdict, read.metrics, read.path) == ("FAIL", {"m": 0.5, "n": 3.0}, [(0.0, 1.0, 2.0)])
+
+
+@pytest.mark.parametrize("report", [{"verdict": "MAYBE"}, {"verdct": "PASS"}, None, {"metrics": {"x": "far"}}])
+def test_other_reports_are_refused(report: Any) -> None:
+    with pytest.raises(ValueError, match="run_result\\(\\) returned something that is no EnvironmentReport: \\w+"):
+        read_report(SimpleNamespace(run_result=lambda: report))
+
+
+def test_long_lists_are_cut() -> None:
+    collision = Collision(time_s=0.0, duration_s=0.1, x=0.0, y=0.0, other="wall", max_force_N=1.0)
+    path = [(float(i), 0.0, 0.0) for i in range(601)]
+    result = make_result(episode(EnvironmentReport(collisions=[collision] * 201, path=path)), 1)
+    assert len(result.collisions) == 200
+    assert len(result.path) == 600
+    assert (result.path[0], result.path[-1]) == (path[0], path[-1])
+
+
+def test_written_whole_and_read_back(tmp_path: Path) -> None:
+    report = EnvironmentReport(verdict="PASS", metrics={"a_m": 1.5, "b": float("inf")}, extra={"kept": [1]})
+    result = make_result(episode(report), 7, {"video_error": "no driver"})
+    path = write_result(result, tmp_path)
+    assert RunResult.model_validate_json(path.read_bytes()) == result
+    assert result.real_time_factor == 4.0
+    assert result.extra == {"kept": [1], "video_error": "no driver", "not_finite": {"b": "inf"}}
+    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_what_json_cannot_say_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="cannot be written as JSON"):
+        write_result(make_result(episode(EnvironmentReport(extra={"x": object()})), 1), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_time_no_factor() -> None:
+    assert make_result(episode(EnvironmentReport(), wall_time_s=0.0), 1).real_time_factor == 0.0
