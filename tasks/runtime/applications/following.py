@@ -79,10 +79,12 @@ class PathFollower:
 
     def _advance(self, x: float, y: float) -> None:
         """Moves on to the nearest point, never back."""
-        window = range(self._nearest, min(self._nearest + _SEARCH_POINTS, len(self._points)))
-        self._nearest = min(
-            window, key=lambda index: (self._points[index][0] - x) ** 2 + (self._points[index][1] - y) ** 2
-        )
+        points, best = self._points, math.inf
+        for index in range(self._nearest, min(self._nearest + _SEARCH_POINTS, len(points))):
+            point_x, point_y = points[index]
+            square = (point_x - x) ** 2 + (point_y - y) ** 2
+            if square < best:
+                best, self._nearest = square, index
 
     def _index_at(self, distance_m: float) -> int:
         """Index of the first point at least that far along from the nearest one."""

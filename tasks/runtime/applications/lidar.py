@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 SCAN_RAYS = 360
 SCAN_ANGLE_MIN_RAD = -np.pi
 SCAN_ANGLE_INCREMENT_RAD = 2 * np.pi / SCAN_RAYS
+SCAN_ANGLES_RAD = SCAN_ANGLE_MIN_RAD + SCAN_ANGLE_INCREMENT_RAD * np.arange(SCAN_RAYS, dtype=np.float64)
 SCAN_RANGE_MIN_M = 0.06
-SCAN_RANGE_MAX_M = 6.0
+SCAN_RANGE_MAX_M = 3.5
 SCAN_NOISE_STD_M = 0.005
 
 PROXIMITY_ANGLES_RAD = np.linspace(-np.pi / 3, np.pi / 3, 15)
@@ -25,8 +26,7 @@ _VISIBLE_GROUPS = (0, 1, 2)
 class RangeFinder:
     """Rays in a fan around a robot's vertical axis, blind for the robot's own root body.
 
-    The rays turn with the robot and tilt with it. Everything visible stops a ray, whether it
-    collides or not.
+    The rays turn with the robot and tilt with it.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class RangeFinder:
           height_m: where on that axis.
           angles_rad: directions of the rays, counter-clockwise from the robot's x axis.
           range_max_m: what lies farther away is not seen.
-          hidden_group: geom group that no ray can hit, from `hide_geoms_off_plane`.
+          hidden_group: geom group that no ray can hit, from `hide_geoms_from_lidar`.
         """
         self._model, self._data, self._body_id = model, data, body_id
         self._rotation = data.xmat[body_id].reshape(3, 3)
@@ -74,12 +74,15 @@ class RangeFinder:
         return np.where(seen, self._distances, np.inf)
 
 
-def hide_geoms_off_plane(model: mujoco.MjModel, data: mujoco.MjData, height_m: float, tolerance_m: float) -> int | None:
-    """Moves fixed geoms that a level plane misses to a geom group of their own.
+def hide_geoms_from_lidar(
+    model: mujoco.MjModel, data: mujoco.MjData, height_m: float, tolerance_m: float
+) -> int | None:
+    """Moves fixed geoms that no ray needs to try to a geom group of their own.
 
-    A lidar asks every geom in a world about every ray; most of them (table tops, lintels, drawer
-    fronts) are out of its plane for good. Only groups that renderers show anyway are changed, into
-    one of them that the world does not use, so that pictures stay the same.
+    A lidar asks every geom in a world about every ray, and most of them are out of the question for
+    good: what is above or below its plane (table tops, lintels, drawer fronts), and what is drawn but
+    not solid. Only groups that renderers show anyway are changed, into one of them that the world
+    does not use, so that pictures stay the same.
 
     Args:
       model: its `geom_group` is changed in place.
@@ -96,9 +99,10 @@ def hide_geoms_off_plane(model: mujoco.MjModel, data: mujoco.MjData, height_m: f
     vertical = data.geom_xmat[:, 6:9]
     middle = data.geom_xpos[:, 2] + np.einsum("ij,ij->i", vertical, model.geom_aabb[:, :3])
     reach = np.einsum("ij,ij->i", np.abs(vertical), model.geom_aabb[:, 3:])
-    off = np.abs(middle - height_m) > reach + tolerance_m
-    fixed = model.geom_bodyid == 0
     finite = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    off_plane = finite & (np.abs(middle - height_m) > reach + tolerance_m)
+    drawn_only = (model.geom_contype == 0) & (model.geom_conaffinity == 0)
+    fixed = model.geom_bodyid == 0
     shown = np.isin(model.geom_group, _VISIBLE_GROUPS)
-    model.geom_group[off & fixed & finite & shown] = unused[-1]
+    model.geom_group[fixed & shown & (off_plane | drawn_only)] = unused[-1]
     return unused[-1]

@@ -6,6 +6,8 @@ Built for dm_control's `rl.control.Environment`, which calls the methods in this
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
+# dm_control has no annotations, so that its abstract methods seem to return None.
+# pyright: reportIncompatibleMethodOverride=false
 
 import math
 from collections.abc import Sequence
@@ -209,12 +211,17 @@ class NavigationTask(Task):
         body = model.body(f"{PREFIX}base").id
         self._monitor = CollisionMonitor(model, data, body, [item.id for item in self._world.furniture])
         physics.between_substeps = self._monitor.sample
-        angles = lidar.SCAN_ANGLE_MIN_RAD + lidar.SCAN_ANGLE_INCREMENT_RAD * np.arange(lidar.SCAN_RAYS)
         self._lidar = lidar.RangeFinder(
-            model, data, body, LIDAR_HEIGHT_M, angles, lidar.SCAN_RANGE_MAX_M, physics.off_plane_group
+            model, data, body, LIDAR_HEIGHT_M, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M, physics.unseen_group
         )
         self._bumper = lidar.RangeFinder(
-            model, data, body, lidar.PROXIMITY_HEIGHT_M, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M
+            model,
+            data,
+            body,
+            lidar.PROXIMITY_HEIGHT_M,
+            lidar.PROXIMITY_ANGLES_RAD,
+            lidar.PROXIMITY_RANGE_MAX_M,
+            physics.unseen_group,
         )
 
     def _sense(self) -> None:

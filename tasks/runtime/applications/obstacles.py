@@ -19,9 +19,8 @@ _CELL_M = 0.025
 
 _FORGET_S = 25.0
 
-_SCAN_ANGLES = lidar.SCAN_ANGLE_MIN_RAD + lidar.SCAN_ANGLE_INCREMENT_RAD * np.arange(lidar.SCAN_RAYS)
-_SCAN_COS, _SCAN_SIN = np.cos(_SCAN_ANGLES), np.sin(_SCAN_ANGLES)
-_BUMPER_COS, _BUMPER_SIN = np.cos(lidar.PROXIMITY_ANGLES_RAD), np.sin(lidar.PROXIMITY_ANGLES_RAD)
+_RAYS = np.exp(1j * np.concatenate((lidar.SCAN_ANGLES_RAD, lidar.PROXIMITY_ANGLES_RAD)))
+"""Directions of all rays as complex numbers, which a product turns."""
 
 Pose = tuple[float, float, float]
 
@@ -52,17 +51,17 @@ class ObstacleMemory:
         Returns:
           The unknown points of this measurement within 1.6 m, shape (n, 2), metres.
         """
-        near = np.flatnonzero(scan < _NEAR_M)
-        close = np.flatnonzero(proximity < _NEAR_M)
-        if not near.size and not close.size:
+        ranges = np.concatenate((scan, proximity))
+        near = np.flatnonzero(ranges < _NEAR_M)
+        if not near.size:
             return np.zeros((0, 2))
-        forward = np.concatenate((scan[near] * _SCAN_COS[near], proximity[close] * _BUMPER_COS[close]))
-        left = np.concatenate((scan[near] * _SCAN_SIN[near], proximity[close] * _BUMPER_SIN[close]))
         x, y, yaw = pose
-        c, s = math.cos(yaw), math.sin(yaw)
-        points = np.stack((x + c * forward - s * left, y + s * forward + c * left), axis=1)
+        points = np.array((x, y)) + (ranges[near] * (_RAYS[near] * complex(math.cos(yaw), math.sin(yaw)))).view(
+            np.float64
+        ).reshape(-1, 2)
         unknown = points[self._planner.known_distance(points) > _KNOWN_WITHIN_M]
-        self.add(unknown, now_s)
+        if len(unknown):
+            self.add(unknown, now_s)
         return unknown
 
     def add(self, points: NDArray[np.float64], now_s: float) -> None:

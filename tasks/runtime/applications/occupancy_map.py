@@ -27,12 +27,9 @@ class OccupancyMap:
 
     def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows and columns of the cells that hold points of shape (n, 2), clipped into the map."""
-        scaled = (points - self.origin) / self.resolution_m
         rows, columns = self.free.shape
-        return (
-            np.clip(scaled[:, 1].astype(np.intp), 0, rows - 1),
-            np.clip(scaled[:, 0].astype(np.intp), 0, columns - 1),
-        )
+        column, row = ((points - self.origin) / self.resolution_m).astype(np.intp).T
+        return np.minimum(np.maximum(row, 0), rows - 1), np.minimum(np.maximum(column, 0), columns - 1)
 
     def centers(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Middles of cells, shape (n, 2), metres."""

@@ -68,12 +68,12 @@ class GridPlanner:
         first, last = self._node(start), self._node(goal)
         if first is None or last is None:
             return None
-        distances, before = csgraph.dijkstra(self._graph, indices=last, return_predecessors=True)
-        if not np.isfinite(distances[first]):
+        costs, towards = self._tree(last)
+        if not np.isfinite(costs[first]):
             return None
         nodes = [first]
         while nodes[-1] != last:
-            nodes.append(int(before[nodes[-1]]))
+            nodes.append(int(towards[nodes[-1]]))
         points = self._map.centers(self._rows[nodes], self._columns[nodes])
         points[0] = start
         return smooth(points, self.clearance_at, self._radius_m)
@@ -82,11 +82,10 @@ class GridPlanner:
         """Costs of the ways between places, shape (n, n), infinite where there is none."""
         nodes = [self._node(place) for place in places]
         costs = np.full((len(places), len(places)), np.inf)
-        present = [index for index, node in enumerate(nodes) if node is not None]
-        if present:
-            ends = [nodes[index] for index in present]
-            found = np.atleast_2d(csgraph.dijkstra(self._graph, indices=ends))
-            costs[np.ix_(present, present)] = found[:, ends]
+        for row, end in enumerate(nodes):
+            if end is not None:
+                tree = self._tree(end)[0]
+                costs[row] = [np.inf if node is None else tree[node] for node in nodes]
         return costs
 
     def clearance_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,6 +97,13 @@ class GridPlanner:
         fits = self._clearance >= self._radius_m
         self._rows, self._columns = np.nonzero(fits)
         self._graph = _grid_graph(fits, self._cell_costs(), self._map.resolution_m)
+        self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
+
+    def _tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Costs to a node from every other one, and the next node on the way there; kept until the map changes."""
+        if end not in self._trees:
+            self._trees[end] = csgraph.dijkstra(self._graph, indices=end, return_predecessors=True)
+        return self._trees[end]
 
     def _with_obstacles(self) -> NDArray[np.float64]:
         if len(self._obstacles) == 0:

@@ -9,21 +9,21 @@ from pathlib import Path
 import mujoco
 from dm_control.mujoco import Physics, wrapper
 
-from .lidar import hide_geoms_off_plane
+from .lidar import hide_geoms_from_lidar
 from .robot_scout import LIDAR_HEIGHT_M, PREFIX, build_scout
 
 CONTACT_SAMPLE_STEPS = 5
 """Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
 
 _SCAN_TILT_TOLERANCE_M = 0.1
-"""How far the lidar's plane may rise or sink in a room while the robot rocks."""
+"""How far the lidar's plane may rise or sink in a room while the robot rocks; the bumper's sensors look from within."""
 
 
 class ScenePhysics(Physics):
     """Physics that lets somebody look at it several times within one control step."""
 
-    off_plane_group: int | None = None
-    """Geom group of the fixed things that the lidar cannot hit."""
+    unseen_group: int | None = None
+    """Geom group of the fixed things that neither the lidar nor the bumper's sensors can hit."""
 
     between_substeps: Callable[[], None] | None = None
     """Called after every `CONTACT_SAMPLE_STEPS` steps and at the end of `step`."""
@@ -60,7 +60,7 @@ def assemble(world_xml: Path) -> ScenePhysics:
         raise ValueError(f"{world_xml}: not a world that Scout can be put into: {cause}") from cause
     physics = ScenePhysics.from_model(wrapper.MjModel(model))
     mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
-    physics.off_plane_group = hide_geoms_off_plane(
+    physics.unseen_group = hide_geoms_from_lidar(
         physics.model.ptr, physics.data.ptr, LIDAR_HEIGHT_M, _SCAN_TILT_TOLERANCE_M
     )
     return physics

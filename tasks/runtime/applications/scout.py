@@ -5,14 +5,17 @@ things that its range sensors see and the map does not show, backs out when it i
 room up after a few tries.
 """
 
+import logging
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import dm_env
 import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.errors import LaunchError
+from ....schemas.world import Point
 from ..context import SimulationContext
 from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, nearest_to_path
@@ -21,7 +24,12 @@ from .planner import GridPlanner
 from .robot_scout import MAX_LINEAR_MPS, RADIUS_M
 from .tour import plan_tour
 
+_logger = logging.getLogger(__name__)
+
 _STOP = (0.0, 0.0)
+
+_GOODBYE_S = 1.0
+"""Time between stopping for good and leaving, for an environment that wants to end the run itself."""
 
 _CAREFUL_MPS = 0.25
 _CAREFUL_WITHIN_M = 0.3
@@ -52,18 +60,18 @@ class _Anchor(NamedTuple):
 class Scout:
     """The robot's program: called with every time step, answers with a velocity command."""
 
-    def __init__(self, known: OccupancyMap, goals: NDArray[np.float64]) -> None:
+    def __init__(self, known: OccupancyMap, goals: Mapping[str, Point]) -> None:
         """Prepares for a run.
 
         Args:
           known: the map.
-          goals: one place per room, shape (n, 2), metres.
+          goals: one place per room, metres, by the room's name.
         """
         self._planner = GridPlanner(known, RADIUS_M)
         self._memory = ObstacleMemory(self._planner)
-        self._goals: list[tuple[float, float]] = [(x, y) for x, y in goals.tolist()]
-        self._queue: list[int] | None = None
-        self._put_off: set[int] = set()
+        self._goals = dict(goals)
+        self._queue: list[str] | None = None
+        self._put_off: set[str] = set()
         self._follower: PathFollower | None = None
         self._tries = 0
         self._backing_until_s = -math.inf
@@ -71,8 +79,9 @@ class Scout:
         self._scan_s = -math.inf
         self._speed_limit = MAX_LINEAR_MPS
         self._anchor = _Anchor(0.0, (0.0, 0.0, 0.0))
-        self.given_up: list[int] = []
-        """Goals that could not be reached, by index."""
+        self._done_s = math.inf
+        self.given_up: list[str] = []
+        """Rooms that could not be reached."""
 
     @property
     def done(self) -> bool:
@@ -80,7 +89,11 @@ class Scout:
         return self._queue == []
 
     def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
-        """Decides on forward velocity (m/s) and turning rate (rad/s)."""
+        """Decides on forward velocity (m/s) and turning rate (rad/s).
+
+        Raises:
+          StopIteration: the robot has been standing still for a second with nothing left to do.
+        """
         observation = timestep.observation
         x, y, yaw = observation["pose"].tolist()
         now_s = float(observation["time"])
@@ -100,6 +113,9 @@ class Scout:
         if self._follower is not None and self._follower.arrived:
             self._next_goal()
         if self._follower is None and not self._set_out(pose, now_s):
+            self._done_s = min(self._done_s, now_s)
+            if now_s - self._done_s > _GOODBYE_S:
+                raise StopIteration
             return _STOP
         if self._is_stuck(pose, now_s):
             self._bump(pose, now_s)
@@ -108,10 +124,12 @@ class Scout:
         assert follower is not None
         return follower.command(*pose, speed, self._speed_limit)
 
-    def _order_rooms(self, here: tuple[float, float]) -> list[int]:
+    def _order_rooms(self, here: tuple[float, float]) -> list[str]:
         """Plans the tour; rooms that the map shows no way to come last, since the map may be wrong."""
-        tour = [place - 1 for place in plan_tour(self._planner.distances([here, *self._goals]))]
-        return tour + [goal for goal in range(len(self._goals)) if goal not in tour]
+        rooms = list(self._goals)
+        tour = plan_tour(self._planner.distances([here, *self._goals.values()]))
+        order = [rooms[place - 1] for place in tour]
+        return order + [room for room in rooms if room not in order]
 
     def _set_out(self, pose: Pose, now_s: float) -> bool:
         """Finds a path to the next goal that has one; says whether there is one left."""
@@ -171,6 +189,7 @@ class Scout:
         self._next_goal()
         if goal in self._put_off:
             self.given_up.append(goal)
+            _logger.warning("gave up on %s: no way there that the robot could drive", goal)
         else:
             self._put_off.add(goal)
             self._queue.append(goal)
@@ -192,7 +211,8 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
             'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
             "InvalidInput",
         )
-    missing = {"time", "pose", "velocity", "scan", "proximity", "scan_time"} - set(environment.observation_spec())
+    given: Any = environment.observation_spec()
+    missing = {"time", "pose", "velocity", "scan", "proximity", "scan_time"} - set(given)
     if missing:
         raise LaunchError(
             f"scout needs observations that the environment does not give: {', '.join(sorted(missing))}; "
@@ -203,4 +223,4 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
         known = read_map(context.world_dir / "map.yaml")
     except (OSError, ValueError) as cause:
         raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
-    return Scout(known, np.array([room.goal for room in context.world.floorplan.rooms]))
+    return Scout(known, {room.name: room.goal for room in context.world.floorplan.rooms})
