@@ -8,6 +8,7 @@ import gzip
 import io
 import lzma
 import stat
+import struct
 import tarfile
 import zipfile
 import zlib
@@ -19,8 +20,19 @@ from typing import IO
 
 from ...schemas.errors import BundleError
 
-BROKEN_ARCHIVE = (tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError)
-"""What the standard library raises for damaged archives (and `OSError`, for some of them)."""
+BROKEN_ARCHIVE = (
+    tarfile.TarError,
+    zipfile.BadZipFile,
+    gzip.BadGzipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    NotImplementedError,
+    OverflowError,
+    ValueError,
+)
+"""What the standard library raises for damaged archives."""
 
 _LARGEST_HEADER_BYTES = 1 << 20
 _LONGEST_PADDING_BYTES = 1 << 20

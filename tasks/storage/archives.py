@@ -4,6 +4,7 @@
 Members are written here, one by one, into a fresh folder in which no symbolic link ever exists.
 """
 
+import errno
 import gzip
 import os
 import shutil
@@ -65,7 +66,10 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
                     extraction.add(member)
             except BROKEN_ARCHIVE as error:
                 raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
-            except gzip.BadGzipFile as error:
+            except OSError as error:
+                if error.errno != errno.EINVAL:
+                    raise
+                # A damaged zip sends its reader to a place before the file's beginning.
                 raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
             unpacked.rename(folder)
         finally:

@@ -21,7 +21,7 @@ from uuid import uuid4
 _TOP = "aws_robomaker_worldforge_pkgs"
 _WORLDS = "aws_robomaker_worldforge_worlds/worlds"
 _WORLD_ID = re.compile(r"[A-Za-z0-9_\-]{1,128}")
-_EXPORT_ID = re.compile(r"(?:export-)?([A-Za-z0-9\-]{1,64})")
+_EXPORT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9\-]{0,63}")
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """A zip cannot say less; equal worlds make equal archives."""
 _COMPRESSED_ALREADY = frozenset({".png", ".jpg", ".jpeg", ".gz", ".zip", ".mp4"})
@@ -107,10 +107,10 @@ def export_key(prefix: str, export_id: str) -> str:
     Raises:
       ValueError: that is no id.
     """
-    match = _EXPORT_ID.fullmatch(export_id)
-    if not match:
+    bare_id = export_id.removeprefix("export-")
+    if not _EXPORT_ID.fullmatch(bare_id):
         raise ValueError(f"export id {export_id!r}: expected something like 'export-82856b0yq33y'")
-    name = f"aws-robomaker-worldforge-export-{match[1]}.zip"
+    name = f"aws-robomaker-worldforge-export-{bare_id}.zip"
     return f"{prefix.strip('/')}/{name}" if prefix.strip("/") else name
 
 
