@@ -104,7 +104,7 @@ COVERAGE_CAP: dict[Density, float] = {"Sparse": 0.22, "Moderate": 0.34, "Dense":
 """Share of the floor after which only kinds still missing are added."""
 
 MOST_PIECES: dict[Density, int] = {"Sparse": 10, "Moderate": 16, "Dense": 26}
-"""Pieces per room, however large: every one costs simulation time."""
+"""Pieces in a room of up to 40 m2; larger ones hold more, in proportion to their sides."""
 
 DENSITIES: tuple[Density, ...] = ("Sparse", "Moderate", "Dense")
 

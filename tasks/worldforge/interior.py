@@ -7,7 +7,7 @@ import numpy as np
 
 from ...schemas.world import Floorplan, Furniture, Room, Wish
 from ...schemas.world_template_body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
-from .arrangement import Density, usual_types
+from .arrangement import COVERAGE, Density, usual_types
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
 from .surfaces import choose_surfaces
@@ -76,7 +76,7 @@ def _wishes(
     if arrangement.SampleSet is None:
         return []
     rooms = [work for name, work in done.items() if chosen.get(name) == index]
-    wishes: list[Wish] = []
+    wishes = _density_wishes(arrangement, index, rooms) if arrangement.SampleSet.ModelTypes else []
     for number, kind in enumerate(arrangement.SampleSet.ModelTypes):
         reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
         outcome = "missed" if reason else "satisfied"
@@ -91,3 +91,22 @@ def _wishes(
             )
         )
     return wishes
+
+
+def _density_wishes(arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]) -> list[Wish]:
+    """The wished density: satisfied when every room is about as full as that; nothing for a set without rooms."""
+    density = arrangement.DesiredSpatialDensity
+    wished = COVERAGE[density]
+    # A piece more or less is no different density.
+    short = [work for work in rooms if work.covered_share < 0.9 * wished]
+    found = [f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {wished:.0%}" for work in short]
+    if not rooms:
+        return []
+    return [
+        Wish(
+            path=f"{_PATH}[{index}].DesiredSpatialDensity",
+            wish=f"{density} furniture in {arrangement.Name}",
+            outcome="missed" if found else "satisfied",
+            reason="; ".join(found),
+        )
+    ]

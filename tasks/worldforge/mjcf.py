@@ -48,6 +48,8 @@ def world_mjcf(world: World) -> str:
         "  </option>",
         *_visual(world),
         "  <asset>",
+        '    <texture name="sky" type="skybox" builtin="gradient" width="64" height="384" '
+        'rgb1="0.93 0.95 0.97" rgb2="0.74 0.8 0.86"/>',
         *_materials(world),
         "  </asset>",
         "  <worldbody>",
@@ -103,7 +105,10 @@ def _material(name: str, material: Material) -> Iterator[str]:
     first, second, line = (_numbers(*color[:3]) for color in (material.color, material.second, material.line))
     length, height = material.cell_m
     cells = 2
-    if material.pattern == "speckles":
+    if material.pattern == "tiles":
+        cells = 1
+        look = f'builtin="flat" mark="edge" width="64" height="64" rgb1="{first}" markrgb="{line}"'
+    elif material.pattern == "speckles":
         length = height = 0.5
         look = f'builtin="flat" mark="random" random="0.12" width="128" height="128" rgb1="{first}" markrgb="{line}"'
     else:

@@ -49,12 +49,10 @@ class RoomSpace:
 
     Attributes:
       room: the room.
-      covered_m2: floor under furniture so far.
     """
 
     def __init__(self, room: Room, floorplan: Floorplan) -> None:
         self.room = room
-        self.covered_m2 = 0.0
         xs, ys = zip(*room.polygon, strict=True)
         self.bounds = (min(xs), min(ys), max(xs), max(ys))
         self._outside = _complement(room)
@@ -110,8 +108,6 @@ class RoomSpace:
         self._solids = np.concatenate([self._solids, footprint])
         self._zones[owner] = zone
         self._ways.block(footprint)
-        x0, y0, x1, y1 = footprint[0]
-        self.covered_m2 += float((x1 - x0) * (y1 - y0))
 
     def goal(self) -> Point:
         """The spot nearest to the room's middle that a robot can reach."""

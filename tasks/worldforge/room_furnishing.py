@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 
@@ -80,15 +81,21 @@ class RoomFurnishing:
 
     def _fill(self, kinds: list[str]) -> None:
         scale = max(1.0, self.room.area_m2 / 30.0)
+        most = MOST_PIECES[self.density] * max(1.0, sqrt(self.room.area_m2 / 40.0))
         left = list(kinds)
-        while left and not self._full(COVERAGE) and len(self.items) < MOST_PIECES[self.density]:
+        while left and not self._full(COVERAGE) and len(self.items) < most:
             kind = left[int(self.rng.integers(len(left)))]
             placed = Counter(item.model_type for item in self.items)[kind]
             if placed >= RULES[kind].limit * scale or self._place(kind):
                 left.remove(kind)
 
+    @property
+    def covered_share(self) -> float:
+        """Share of the floor under furniture."""
+        return sum(item.width_m * item.depth_m for item in self.items) / self.room.area_m2
+
     def _full(self, shares: dict[Density, float]) -> bool:
-        return self.space.covered_m2 >= shares[self.density] * self.room.area_m2
+        return self.covered_share >= shares[self.density]
 
     def _place(self, kind: str) -> str:
         """Places one piece; returns why not, or an empty string."""
