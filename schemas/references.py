@@ -19,6 +19,7 @@ from .reference_kinds import TEXT, Anything, Kind, Record, Scalar
 from .reference_typing import ReferenceMistake, infer
 from .request_problems import nearest
 
+MAX_EXPRESSION_CHARACTERS = 2000
 _OPENING = re.compile(r"\$?\$\{\{")
 
 
@@ -135,15 +136,18 @@ def _reference(text: str, start: int) -> tuple[Reference, int]:
     """Reads a reference up to its `}}`: the first one that leaves a whole expression, since `}}` may be part of it."""
     mistake: JMESPathError | None = None
     end = text.find("}}", start)
-    while end >= 0:
+    while 0 <= end <= start + MAX_EXPRESSION_CHARACTERS:
         expression = text[start:end].strip()
         try:
             return Reference(expression, jmespath.compile(expression).parsed), end + 2
         except JMESPathError as error:
             mistake = mistake or error
+        except RecursionError:
+            raise ReferenceMistake("the JMESPath expression is nested too deeply") from None
         end = text.find("}}", end + 1)
     if mistake is None:
-        raise ReferenceMistake("a reference begins with ${{ and is not closed with }}")
+        limit = f" within {MAX_EXPRESSION_CHARACTERS} characters"
+        raise ReferenceMistake(f"a reference begins with ${{{{ and is not closed with }}}}{limit if end >= 0 else ''}")
     hint = (
         '; a name with other characters than letters, digits and _ needs quotes: "…"' if "'-'" in str(mistake) else ""
     )

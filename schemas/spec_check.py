@@ -115,7 +115,8 @@ class _Check:
         """Finds all problems; without any, gives the checked specification."""
         self._check_document()
         nodes = self._step_nodes()
-        scope = {name: self._output_kind(node) for name, node in nodes.items()}
+        # A single step has nothing to refer to.
+        scope = {} if self._hidden else {name: self._output_kind(node) for name, node in nodes.items()}
         steps = {
             name: step for name, node in nodes.items() if (step := self._check_step(name, node, scope)) is not None
         }

@@ -13,6 +13,8 @@ from ...schemas.spec import resolve_input
 from ...schemas.spec_check import load_request
 from .specs import read_text
 
+_BAD_ENDS = {"Failed": 3, "Canceled": 4, "TimedOut": 5}
+
 
 def execute(arguments: argparse.Namespace) -> int:
     """Calls the operation and prints its response."""
@@ -25,7 +27,8 @@ def execute(arguments: argparse.Namespace) -> int:
     sys.stdout.write(_as_yaml(answer) if arguments.output == "yaml" else _as_json(answer))
     if OPERATIONS[operation].is_job and not arguments.wait:
         sys.stderr.write("The job is stored and waits to be performed; --wait carries it to its end here and now.\n")
-    return 0
+        return 0
+    return _BAD_ENDS.get(str(answer.get("status")), 0) if arguments.wait else 0
 
 
 def operation_name(word: str) -> str:

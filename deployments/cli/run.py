@@ -24,7 +24,7 @@ def execute(arguments: argparse.Namespace) -> int:
     settings = Settings.from_environment(os.environ)
     if arguments.report:
         _check_folder(Path(arguments.report))
-    use_server(settings)
+    api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with watcher(steps, os.environ) as listener:
         from ...flows.pipelines import run_spec
@@ -34,7 +34,9 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.output == "json":
         sys.stdout.write(record.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
-        print_summary(record, again(arguments), sys.stdout)
+        # Elsewhere the pages' address is not to be told from the API's.
+        local = api_url.startswith("http://127.0.0.1:")
+        print_summary(record, again(arguments), sys.stdout, server=api_url.removesuffix("/api") if local else "")
     if record.report_path and wanted(arguments.open):
         open_file(record.report_path)
     return record.exit_code

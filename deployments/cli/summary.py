@@ -15,24 +15,25 @@ Cell = tuple[str, str]
 """Text and style."""
 
 
-def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO) -> None:
+def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO, *, server: str = "") -> None:
     """Prints the final block.
 
     Args:
       record: the run.
       command: the command that runs it again.
       stream: where to print.
+      server: address of the Prefect server's pages; empty: not shown.
     """
     from rich.console import Console
     from rich.text import Text
 
     # Paths stay in one piece, however narrow the window: people copy them.
     console = Console(file=stream, highlight=False, soft_wrap=True)
-    for line in summary_lines(record, command):
+    for line in summary_lines(record, command, server=server):
         console.print(Text.assemble(*line) if line else "")
 
 
-def summary_lines(record: RunRecord, command: Sequence[str]) -> list[list[Cell]]:
+def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = "") -> list[list[Cell]]:
     """The final block as lines of styled cells."""
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
@@ -47,6 +48,8 @@ def summary_lines(record: RunRecord, command: Sequence[str]) -> list[list[Cell]]
     if folder := _outputs(record.jobs):
         lines.append(_place("outputs", folder))
     lines.append(_place("record", str(record.run_dir / "run.json")))
+    if server:
+        lines.append(_place("prefect", server))
     lines.append(_place("again", shlex.join(command)))
     return lines
 
@@ -68,7 +71,9 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     lines = []
     for row in rows:
         padded = [(text.ljust(width) + "  ", style) for (text, style), width in zip(row, widths, strict=True)]
-        padded[-1] = row[-1]
+        while padded and not padded[-1][0].strip():
+            padded.pop()
+        padded[-1] = (padded[-1][0].rstrip(), padded[-1][1])
         lines.append([("  ", ""), *padded])
     if len(jobs) > len(shown):
         lines.append([(f"  … and {len(jobs) - len(shown)} more; the report has them all", "dim")])

@@ -125,6 +125,11 @@ def test_a_file_may_be_a_single_operation(text: str) -> None:
     assert resolve_input(step, {}) == {"world": "arn:1"}
 
 
+def test_a_single_operation_has_nothing_to_refer_to() -> None:
+    (problem,) = problems("operation: DescribeWorld\nworld: ${{ worlds.arn }}")
+    assert "no step or variable 'worlds'; this file has no steps to refer to" in problem
+
+
 def test_the_name_member_of_a_single_operation_is_the_operations_own() -> None:
     spec = load_spec("operation: CreateWorldTemplate\nname: my flat\ntemplateBody: {}", "flat.yaml")
     assert spec.name == "flat"

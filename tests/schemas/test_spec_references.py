@@ -99,6 +99,9 @@ def test_kinds(text: str, kind: Kind) -> None:
         ("${{ my-step.arn }}", "not a JMESPath expression: Unknown token '-'"),
         ("${{ worlds.", "not closed with }}"),
         ("${{ }}", "not a JMESPath expression"),
+        ("${{ " + "(" * 900 + "index" + ")" * 900 + " }}", "nested too deeply"),
+        ("${{ " + "!" * 1900 + "index }}", "nested too deeply"),
+        ("${{ '" + "x" * 5000 + "' }}", "not closed with }} within 2000 characters"),
     ],
 )
 def test_mistakes_are_found_before_anything_runs(text: str, mistake: str) -> None:

@@ -2,6 +2,9 @@
 
 import io
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 from ruamel.yaml import YAML
@@ -57,3 +60,15 @@ def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None
     assert ended.code == 0
     assert json.loads(ended.out)["status"] == "Pending"
     assert "--wait carries it to its end" in ended.err
+
+
+def test_a_job_can_be_carried_to_its_end(template: str, home, prefect_server: str) -> None:
+    request = {"template": template, "worldCount": {"floorplanCount": 60, "interiorCountPerFloorplan": 1}}
+    words = ["call", "CreateWorldGenerationJob", "--wait", "--input", json.dumps(request)]
+    environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
+    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
+    ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+    answer = json.loads(ended.stdout)
+    # More worlds than a job may make: the job fails, not the call.
+    assert (answer["status"], answer["failureCode"]) == ("Failed", "AllWorldGenerationFailed")
+    assert ended.returncode == 3

@@ -137,7 +137,7 @@ def record(**changes: Any) -> RunRecord:
 
 def lines(shown: RunRecord) -> list[str]:
     command = ["robomaker", "run", "my spec.yaml"]
-    return ["".join(text for text, _ in line).rstrip() for line in summary_lines(shown, command)]
+    return ["".join(text for text, _ in line) for line in summary_lines(shown, command)]
 
 
 def test_the_final_block() -> None:
