@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 
 from ...schemas.world import Wall, Window, World
-from .materials import FLOORS, OUTSIDE, WALLS
+from .materials import OUTSIDE, WALLS
 from .mjcf import wall_faces
 from .parts import Color, Vector, rgb
 from .placement import room_rects
 from .preview_light import Block, LightMap
+from .preview_palette import Palette
 from .preview_patterns import sample
-from .preview_raster import LEVELS, LIGHT, Raster, View
-from .solids import Solid, solids_of
+from .preview_raster import Raster, View
+from .solids import Solid, solids_of, turn
 
 WIDTH, HEIGHT = 960, 720
 """Size of the picture in pixels."""
@@ -28,7 +29,6 @@ _SUPERSAMPLING = 2
 _AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0
 _CUT_M, _NEAR_CUT_M = 1.0, 0.4
 _MARGIN = 0.045
-_GROUND = np.array(rgb("eeece6")[:3])
 _CUT_COLOR = rgb("fbfaf7")
 _GLASS = rgb("a8d0e0")
 _EDGE_M = 0.06
@@ -38,48 +38,6 @@ Image = NDArray[np.floating[Any]]
 Colors = NDArray[np.uint8]
 
 
-class _Palette:
-    """Colour numbers, each with its red, green, blue as it looks in full light."""
-
-    def __init__(self) -> None:
-        self._colors: list[tuple[float, float, float]] = [tuple(_GROUND)]
-        self._in_shade: list[int] = []
-        self.floors: dict[str, list[int]] = {}
-
-    def add(self, color: Color, shade: float = 1.0) -> int:
-        red, green, blue, _ = color
-        self._colors.append((red * shade, green * shade, blue * shade))
-        return len(self._colors) - 1
-
-    def add_side(self, color: Color, normal: tuple[float, float]) -> int:
-        """An upright face; one that is turned from the light takes no shadow besides."""
-        facing = normal[0] * LIGHT[0] + normal[1] * LIGHT[1]
-        number = self.add(color, 0.8 + 0.16 * facing)
-        if facing <= 0:
-            self._in_shade.append(number)
-        return number
-
-    def add_curved(self, color: Color) -> int:
-        first = len(self._colors)
-        for level in range(LEVELS):
-            self.add(color, 0.62 + 0.42 * (level + 0.5) / LEVELS)
-        return first
-
-    def add_floor(self, name: str) -> int:
-        number = self.add(FLOORS[name].color)
-        self.floors.setdefault(name, []).append(number)
-        return number
-
-    def sunny(self) -> Image:
-        """1 for colours that shadows fall on, 0 for those turned from the light."""
-        sunny = np.ones(len(self._colors), np.float32)
-        sunny[self._in_shade] = 0
-        return sunny
-
-    def table(self) -> Colors:
-        return np.rint(np.clip(np.array(self._colors), 0, 1) * 255).astype(np.uint8)
-
-
 def render_preview(world: World) -> bytes:
     """Draws a world.
 
@@ -87,7 +45,7 @@ def render_preview(world: World) -> bytes:
       A PNG of 960 x 720 pixels.
     """
     raster = Raster(_view(world))
-    palette = _Palette()
+    palette = Palette()
     blocks = _draw_building(world, raster, palette)
     for item in world.furniture:
         for solid in solids_of(item):
@@ -126,7 +84,7 @@ def _view(world: World) -> View:
     return View(_AZIMUTH_DEG, _ELEVATION_DEG, scale, offset, (width, height))
 
 
-def _draw_building(world: World, raster: Raster, palette: _Palette) -> list[Block]:
+def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block]:
     """Draws floors, walls and windows; returns what of it casts shadows."""
     blocks: list[Block] = []
     for room in world.floorplan.rooms:
@@ -144,7 +102,7 @@ def _draw_building(world: World, raster: Raster, palette: _Palette) -> list[Bloc
     return blocks
 
 
-def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: _Palette) -> Block:
+def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: Palette) -> Block:
     right, left = (
         (OUTSIDE if name == "wall_outside" else WALLS[name.removeprefix("wall_")]).color
         for name in wall_faces(wall, world)
@@ -163,7 +121,7 @@ def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: 
     return (*low, *high, top_m)
 
 
-def _draw_window(window: Window, world: World, raster: Raster, palette: _Palette) -> None:
+def _draw_window(window: Window, world: World, raster: Raster, palette: Palette) -> None:
     half = max(wall.thickness_m for wall in world.floorplan.walls if wall.exterior) / 2 + 0.012
     x0, x1 = sorted((window.start[0], window.end[0]))
     y0, y1 = sorted((window.start[1], window.end[1]))
@@ -176,7 +134,7 @@ def _draw_window(window: Window, world: World, raster: Raster, palette: _Palette
     _draw_box(raster, palette, (*low, top - 0.35), (*high, top), _GLASS, {})
 
 
-def _draw_solid(solid: Solid, raster: Raster, palette: _Palette) -> None:
+def _draw_solid(solid: Solid, raster: Raster, palette: Palette) -> None:
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     if solid.shape == "ellipsoid":
         raster.ball(solid.center, (sx / 2, sy / 2, sz / 2), palette.add_curved(solid.color))
@@ -195,7 +153,7 @@ def _draw_solid(solid: Solid, raster: Raster, palette: _Palette) -> None:
 
 
 def _draw_box(
-    raster: Raster, palette: _Palette, low: Vector, high: Vector, color: Color, sides: dict[str, Color]
+    raster: Raster, palette: Palette, low: Vector, high: Vector, color: Color, sides: dict[str, Color]
 ) -> None:
     """Draws the top and the two sides that the camera sees."""
     dx, dy, dz = high[0] - low[0], high[1] - low[1], high[2] - low[2]
@@ -210,9 +168,9 @@ def _draw_box(
         raster.parallelogram(low, (0, dy, 0), (0, 0, dz), west)
 
 
-def _draw_turned_box(solid: Solid, raster: Raster, palette: _Palette) -> None:
+def _draw_turned_box(solid: Solid, raster: Raster, palette: Palette) -> None:
     """Draws all upright sides of a box that does not stand square; the depth buffer sorts them."""
-    c, s = np.cos(solid.yaw), np.sin(solid.yaw)
+    c, s = (round(value, 9) for value in turn(solid.yaw))
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     along, across, up = (sx * c, sx * s, 0.0), (-sy * s, sy * c, 0.0), (0.0, 0.0, sz)
     corner = (x - (along[0] + across[0]) / 2, y - (along[1] + across[1]) / 2, z - sz / 2)
@@ -227,7 +185,7 @@ def _draw_turned_box(solid: Solid, raster: Raster, palette: _Palette) -> None:
         raster.parallelogram(start, edge, up, palette.add_side(solid.color, normal))
 
 
-def _draw_round_front(solid: Solid, raster: Raster, palette: _Palette) -> None:
+def _draw_round_front(solid: Solid, raster: Raster, palette: Palette) -> None:
     """Draws the end of a lying cylinder that looks at the camera: the door of a washing machine."""
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     if solid.axis == "y":
@@ -238,7 +196,7 @@ def _draw_round_front(solid: Solid, raster: Raster, palette: _Palette) -> None:
         raster.disc(end, (0, sy / 2, 0), (0, 0, sz / 2), palette.add_side(solid.color, (side, 0)))
 
 
-def _draw_glass(solid: Solid, raster: Raster, palette: _Palette) -> None:
+def _draw_glass(solid: Solid, raster: Raster, palette: Palette) -> None:
     """Draws a pane as its rim: one sees through the rest."""
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     low, high, rim = (x - sx / 2, y - sy / 2, z - sz / 2), (x + sx / 2, y + sy / 2, z + sz / 2), 0.03
@@ -257,7 +215,7 @@ def _block(solid: Solid) -> Block:
     return x - sx / 2, y - sy / 2, x + sx / 2, y + sy / 2, z + sz / 2
 
 
-def _lay_floors(raster: Raster, palette: _Palette, colors: Colors) -> None:
+def _lay_floors(raster: Raster, palette: Palette, colors: Colors) -> None:
     """Puts the floors' patterns where floors are seen."""
     view = raster.view
     right, away, up, _ = view.axes
@@ -268,7 +226,7 @@ def _lay_floors(raster: Raster, palette: _Palette, colors: Colors) -> None:
         colors[rows, columns] = sample(name, u * right[0] + w * away[0], u * right[1] + w * away[1])
 
 
-def _light(raster: Raster, palette: _Palette, light: LightMap) -> Image:
+def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
     """Brightness of every pixel of the finished picture."""
     view = raster.view
     right, away, up, flat = view.axes

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import ceil, floor
+from math import ceil, floor, sqrt
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,7 @@ class LightMap:
 
 def _cast(heights: Image) -> Image:
     """Height of the shadow over every cell: the highest block towards the light, less the light's slope."""
-    reach = np.hypot(LIGHT[0], LIGHT[1])
+    reach = sqrt(LIGHT[0] ** 2 + LIGHT[1] ** 2)
     drop = LIGHT[2] / reach * _CELL_M
     shade = np.zeros_like(heights)
     for step in range(1, ceil(2.1 / drop)):
