@@ -3,10 +3,12 @@
 Uploads carry their CRC32, which the server checks before it keeps anything; large ones go in parts
 and are looked at again afterwards, size and CRC32 of the whole. One client and one set of transfer
 threads serve the whole process.
+
+`create_only` needs a server that honours `If-None-Match`, as AWS, SeaweedFS, MinIO and versitygw do.
+An uploader that is killed leaves the parts of large files at the server, where nobody sees or needs
+them: let a lifecycle rule of the bucket abort incomplete multipart uploads.
 """
 
-import base64
-import zlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing
 from io import BytesIO
@@ -18,20 +20,21 @@ import boto3
 from boto3.s3.transfer import TransferConfig, create_transfer_manager
 from botocore.config import Config
 from botocore.exceptions import ClientError, IncompleteReadError, ReadTimeoutError, ResponseStreamingError
+from s3transfer.exceptions import S3DownloadFailedError
 from s3transfer.subscribers import BaseSubscriber
 
-from ...schemas.errors import BucketNotFoundError, ChecksumMismatchError, ObjectNotFoundError
+from ...schemas.errors import BucketNotFoundError, ObjectNotFoundError
 from .base import ObjectInfo
+from .checksums import compare, crc32_of, measure
 from .naming import check_bucket, check_key, check_prefix
 from .parallel import WORKERS, run_all
 from .s3_failures import s3_failures
 
 _PART_BYTES = 16 << 20
-_MAX_PARTS = 10_000
-_CHUNK_BYTES = 1 << 20
 _CONFLICTS = 5
 _RESTARTS = 4
-_BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError)
+# The last one is what a transfer makes of an object that is replaced between its parts.
+_BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3DownloadFailedError)
 
 
 class S3Store:
@@ -189,7 +192,7 @@ class S3Store:
 
     def _put(self, bucket: str, key: str, data: bytes, *, create_only: bool) -> ObjectInfo:
         condition = {"IfNoneMatch": "*"} if create_only else {}
-        crc = _base64(zlib.crc32(data))
+        crc = crc32_of(data)
         for last in [False] * _CONFLICTS + [True]:
             try:
                 answer = self._client.put_object(Bucket=bucket, Key=key, Body=data, ChecksumCRC32=crc, **condition)
@@ -203,7 +206,7 @@ class S3Store:
 
     def _put_large(self, bucket: str, key: str, path: Path) -> ObjectInfo:
         with path.open("rb") as file:
-            size, crc = _measure(file)
+            size, crc = measure(file)
         try:
             self._transfers.upload(str(path), bucket, key, extra_args={"ChecksumCRC32": crc}).result()
         except ClientError as error:
@@ -211,7 +214,7 @@ class S3Store:
             if _code(error) != "NoSuchUpload":
                 raise
         answer = self._head(bucket, key)
-        _compare(answer, size, crc, f"{bucket}/{key} as stored at {self._endpoint}")
+        compare(answer, size, crc, f"{bucket}/{key} as stored at {self._endpoint}")
         return _info(bucket, key, answer)
 
     def _head(self, bucket: str, key: str) -> dict[str, Any]:
@@ -233,8 +236,8 @@ class S3Store:
             answer = self._client.get_object(Bucket=bucket, Key=key, ChecksumMode="ENABLED")
             try:
                 self._receive(bucket, key, answer, target)
-            except (ClientError, *_BROKEN_OFF) as error:
-                if last or not _worth_another_try(error):
+            except _BROKEN_OFF:
+                if last:
                     raise
             else:
                 return _info(bucket, key, answer)
@@ -249,7 +252,7 @@ class S3Store:
                 return
         self._transfers.download(bucket, key, target, subscribers=[_Known(answer)]).result()
         target.seek(0)
-        _compare(answer, *_measure(target), f"{bucket}/{key} as fetched from {self._endpoint}")
+        compare(answer, *measure(target), f"{bucket}/{key} as fetched from {self._endpoint}")
 
 
 class _Known(BaseSubscriber):
@@ -270,36 +273,6 @@ def _check(bucket: str, key: str) -> None:
 
 def _info(bucket: str, key: str, answer: dict[str, Any]) -> ObjectInfo:
     return ObjectInfo(bucket, key, answer["ContentLength"], answer["ETag"].strip('"'))
-
-
-def _measure(file: BinaryIO) -> tuple[int, str]:
-    """Size and CRC32 of what is left to read."""
-    size = crc = 0
-    while chunk := file.read(_CHUNK_BYTES):
-        size += len(chunk)
-        crc = zlib.crc32(chunk, crc)
-    return size, _base64(crc)
-
-
-def _compare(answer: dict[str, Any], size: int, crc: str, what: str) -> None:
-    """Compares a HEAD answer with what it should say; not every object has a CRC32 of the whole."""
-    stored = answer.get("ChecksumCRC32") if answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT" else None
-    if answer["ContentLength"] != size:
-        raise ChecksumMismatchError(f"{what}: {answer['ContentLength']} bytes there, {size} here")
-    if stored and stored != crc:
-        raise ChecksumMismatchError(f"{what}: CRC32 {stored} there, {crc} here")
-
-
-def _base64(crc: int) -> str:
-    """A CRC32 as S3 writes it."""
-    return base64.b64encode(crc.to_bytes(4, "big")).decode()
-
-
-def _worth_another_try(error: Exception) -> bool:
-    """Whether a fetch that failed after its first answer should begin again."""
-    return isinstance(error, _BROKEN_OFF) or (
-        isinstance(error, ClientError) and _code(error) in ("PreconditionFailed", "412", "NoSuchKey")
-    )
 
 
 def _code(error: ClientError) -> str:

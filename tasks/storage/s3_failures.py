@@ -16,7 +16,7 @@ from botocore.exceptions import (
     SSOError,
     TokenRetrievalError,
 )
-from s3transfer.exceptions import RetriesExceededError
+from s3transfer.exceptions import RetriesExceededError, S3DownloadFailedError, S3UploadFailedError, S3ValidationError
 
 from ...schemas.errors import (
     BucketNotFoundError,
@@ -50,6 +50,15 @@ _BY_STATUS: dict[int, type[StorageError]] = {
     403: StorageAccessDeniedError,
     507: StorageFullError,
 }
+_CLIENT_ERRORS = (
+    ClientError,
+    BotoCoreError,
+    Boto3Error,
+    RetriesExceededError,
+    S3DownloadFailedError,
+    S3UploadFailedError,
+    S3ValidationError,
+)
 _NO_CREDENTIALS = (
     NoCredentialsError,
     PartialCredentialsError,
@@ -70,7 +79,7 @@ def s3_failures(doing: str, endpoint: str) -> Iterator[None]:
     """
     try:
         yield
-    except (ClientError, BotoCoreError, Boto3Error, RetriesExceededError) as error:
+    except _CLIENT_ERRORS as error:
         raise from_client_error(error, f"cannot {doing} at {endpoint}") from error
     except OSError as error:
         raise from_os_error(error, doing) from error

@@ -220,7 +220,11 @@ def test_special_modes_and_owners_are_dropped(try_to_unpack, tmp_path: Path):
     assert found.st_uid == os.geteuid()
 
 
-@pytest.mark.parametrize("data", [b"", b"\0" * 1024, b"text", b"PK\x03\x04", b"\x1f\x8b", gzip.compress(b"no tar")])
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"\0" * 1024, b"text", b"PK\x03\x04", b"\x1f\x8b", gzip.compress(b"no tar", mtime=0)],
+    ids=["nothing", "zeros", "text", "zip-beginning", "gzip-beginning", "gzip-of-text"],
+)
 def test_what_is_no_archive_is_refused(try_to_unpack, data: bytes):
     with pytest.raises(BundleError):
         try_to_unpack(data)

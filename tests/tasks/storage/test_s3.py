@@ -1,6 +1,7 @@
 """What is particular to S3: credentials, endpoints, checksums of large objects, broken connections."""
 
 import base64
+import io
 import json
 import socket
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import boto3
 import pytest
+from botocore.awsrequest import AWSResponse
 from botocore.exceptions import ClientError
 from s3_server import S3Server
 
@@ -73,6 +75,80 @@ def test_a_large_file_written_to_during_its_upload_is_not_stored(
         s3.head(BUCKET, "torn")
 
 
+def test_a_lost_answer_to_the_completion_of_an_upload_is_no_failure(
+    s3: S3Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Some servers answer a repeated completion with NoSuchUpload; then what is stored decides."""
+    (tmp_path / "large").write_bytes(LARGE)
+    upload = s3._transfers.upload
+    answer = {"Error": {"Code": "NoSuchUpload", "Message": "gone"}, "ResponseMetadata": {"HTTPStatusCode": 404}}
+
+    def upload_and_lose_the_answer(*args, **kwargs):
+        upload(*args, **kwargs).result()
+        raise ClientError(answer, "CompleteMultipartUpload")
+
+    monkeypatch.setattr(s3._transfers, "upload", upload_and_lose_the_answer)
+    assert s3.put_file(BUCKET, "completed", tmp_path / "large") == s3.head(BUCKET, "completed")
+    (tmp_path / "large").write_bytes(LARGE[::-1])
+
+    def upload_nothing(*args, **kwargs):
+        raise ClientError(answer, "CompleteMultipartUpload")
+
+    monkeypatch.setattr(s3._transfers, "upload", upload_nothing)
+    with pytest.raises(ChecksumMismatchError, match="completed"):
+        s3.put_file(BUCKET, "completed", tmp_path / "large")
+
+
+@pytest.mark.parametrize(("conflicts", "stored"), [(2, True), (100, False)])
+def test_conflicting_conditional_writes_are_tried_again(s3_server: S3Server, conflicts: int, stored: bool):
+    store = S3Store(s3_server.endpoint, "us-east-1", s3_server.session())
+    store.ensure_bucket(BUCKET)
+    key = f"conflict-{conflicts}"
+    left = [conflicts]
+
+    def answer_conflict(request, **kwargs):
+        if left[0] == 0:
+            return None
+        left[0] -= 1
+        body = b"<Error><Code>ConditionalRequestConflict</Code><Message>try again</Message></Error>"
+        return AWSResponse(request.url, 409, {}, RawResponse(body))
+
+    store._client.meta.events.register("before-send.s3.PutObject", answer_conflict)
+    if stored:
+        store.put_bytes(BUCKET, key, b"content", create_only=True)
+        assert store.get_bytes(BUCKET, key) == b"content"
+    else:
+        with pytest.raises(StorageError, match="ConditionalRequestConflict"):
+            store.put_bytes(BUCKET, key, b"content", create_only=True)
+
+
+class RawResponse(io.BytesIO):
+    """A body as botocore reads it."""
+
+    def stream(self, **kwargs: object) -> Iterator[bytes]:
+        while chunk := self.read():
+            yield chunk
+
+
+def test_a_large_object_replaced_while_it_is_fetched_arrives_in_one_version(
+    s3: S3Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "old").write_bytes(LARGE)
+    (tmp_path / "new").write_bytes(LARGE[::-1])
+    s3.put_file(BUCKET, "replaced", tmp_path / "old")
+    download = s3._transfers.download
+
+    def replace_and_download(*args, **kwargs):
+        monkeypatch.undo()
+        s3.put_file(BUCKET, "replaced", tmp_path / "new")
+        return download(*args, **kwargs)
+
+    monkeypatch.setattr(s3._transfers, "download", replace_and_download)
+    info = s3.get_file(BUCKET, "replaced", tmp_path / "fetched")
+    assert (tmp_path / "fetched").read_bytes() == LARGE[::-1]
+    assert info == s3.head(BUCKET, "replaced")
+
+
 def test_a_small_object_that_arrives_damaged_is_refused(s3: S3Store, s3_server: S3Server, tmp_path: Path):
     content = b"content" * 1000
     s3.put_bytes(BUCKET, "damaged", content)
@@ -83,6 +159,22 @@ def test_a_small_object_that_arrives_damaged_is_refused(s3: S3Store, s3_server: 
             call(BUCKET, "damaged")
     proxy.close()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_listing_goes_on_past_one_page(s3: S3Store, s3_server: S3Server):
+    keys = [f"pages/{index:02}" for index in range(10)]
+    for key in keys:
+        s3.put_bytes(BUCKET, key, b"")
+    store = S3Store(s3_server.endpoint, "us-east-1", s3_server.session())
+    pages = []
+
+    def small_pages(params: dict, **kwargs: object) -> dict:
+        pages.append(params)
+        return {**params, "MaxKeys": 3}
+
+    store._client.meta.events.register("provide-client-params.s3.ListObjectsV2", small_pages)
+    assert [info.key for info in store.list(BUCKET, "pages/")] == keys
+    assert len(pages) == 4
 
 
 def test_folder_markers_of_consoles_are_no_objects(s3: S3Store, s3_server: S3Server):
