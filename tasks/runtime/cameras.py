@@ -95,9 +95,10 @@ class RayCamera:
         )
         eye, rays = self._rays()
         geoms, distances, normals = self._geoms, self._distances, self._normals
+        housing, reach = self._body_around(data, eye), self._model.vis.map.zfar * self._model.stat.extent
         mujoco.mj_multiRay(
-            self._model, data, eye, rays.ravel(), _GEOMS_SHOWN, True, -1, geoms, distances, normals,
-            len(geoms), self._model.vis.map.zfar * self._model.stat.extent,
+            self._model, data, eye, rays.ravel(), _GEOMS_SHOWN, True, housing, geoms, distances, normals,
+            len(geoms), reach,
         )  # fmt: skip
         shade = 0.45 + 0.55 * np.abs(normals.reshape(-1, 3) @ _LIGHT)
         picture = self._colours[geoms] * shade[:, None]
@@ -106,6 +107,18 @@ class RayCamera:
 
     def close(self) -> None:
         """See `Camera`."""
+
+    def _body_around(self, data: mujoco.MjData, eye: NDArray[np.float64]) -> int:
+        """The body whose geom the eye is in, as cameras are in their housings, or -1.
+
+        OpenGL does not draw surfaces from behind; a ray would hit the housing from inside.
+        """
+        forward = np.asarray(self._scene.camera[0].forward, dtype=float)
+        geom, normal = np.zeros(1, dtype=np.int32), np.zeros(3)
+        mujoco.mj_ray(self._model, data, eye, forward, _GEOMS_SHOWN, True, -1, geom, normal)
+        inside = geom[0] >= 0 and normal @ forward > 0
+        body = int(self._model.geom_bodyid[geom[0]]) if inside else 0
+        return body or -1
 
     def _rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The eye's position, and unit vectors through the pixels, row by row from the top."""

@@ -6,6 +6,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -15,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from ...schemas.base import Model
+from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from ...schemas.world import World
 from . import gl
@@ -109,10 +111,16 @@ def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     video = VideoWatcher(plan.output_dir, run.video_backend) if plan.video != "none" else None
     try:
         episode = _run(plan, recorder, progress, stop, [video] if video else [])
-        progress.mark(Phase.FINISHING)
-    finally:
-        recorder.close()
-        remarks = video.close() if video else {}
+    except BaseException:
+        # What failed first is what counts; a full disk may keep the recording from being closed too.
+        with suppress(RecordingError):
+            recorder.close()
+        if video:
+            video.close()
+        raise
+    progress.mark(Phase.FINISHING)
+    recorder.close()
+    remarks = video.close() if video else {}
     write_result(make_result(episode, plan.seed, remarks), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
 
@@ -157,12 +165,15 @@ def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> 
     traceback.print_exception(type(error), error, trace)
     runtime_fault = isinstance(error, RecordingError)
     phase = Phase.FINISHING if runtime_fault else progress.phase
-    progress.write_report({"error": _describe(error, trace)[:_MAX_ERROR_CHARACTERS], "phase": int(phase)})
+    report: dict[str, Any] = {"error": _describe(error, trace)[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}
+    if isinstance(error, LaunchError):
+        report["code"] = error.failure_code
+    progress.write_report(report)
     (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
 
 
 def _describe(error: BaseException, trace: TracebackType | None) -> str:
-    if isinstance(error, LoadError):
+    if isinstance(error, LoadError | LaunchError):
         return str(error)
     if isinstance(error, SystemExit):
         text = f"called sys.exit({error.code!r})"

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
 from .logs import log_tail
 from .outcomes import Exit, judge
@@ -29,6 +30,7 @@ _POLL_S = 0.1
 _WARM_UP_TIMEOUT_S = 120.0
 _START_TIMEOUT_S = 30.0
 _KILL_TIMEOUT_S = 10.0
+_INTERNAL = "InternalServiceError"
 _FORKSERVER = "prefect_robomaker.tasks.runtime.forkserver"
 _KEPT_VARIABLES = frozenset(
     {
@@ -46,10 +48,6 @@ _DEFAULTS = {
     "PYTHONHASHSEED": "0",
     "MUJOCO_GL": "disable",
 }
-
-
-class LaunchError(RuntimeError):
-    """Runs cannot be started here; the text says why."""
 
 
 class Launcher:
@@ -164,7 +162,7 @@ class _Server:
         if answer != b"ready":
             self.close()
             why = answer.decode(errors="replace") or f"it ended with exit code {process.returncode}"
-            raise LaunchError(f"the process that runs are forked from cannot start: {why}")
+            raise LaunchError(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
 
     def alive(self) -> bool:
         return self._process.poll() is None
@@ -173,7 +171,7 @@ class _Server:
         try:
             socket.send_fds(self._control, [b"r"], [descriptor])
         except OSError as error:
-            raise LaunchError(f"the process that runs are forked from does not listen: {error}") from error
+            raise LaunchError(f"the process that runs are forked from does not listen: {error}", _INTERNAL) from error
 
 
 def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> None:
@@ -287,8 +285,8 @@ def _expect_start(channel: Connection) -> None:
             channel.recv_bytes()
             return
     except (EOFError, OSError) as error:
-        raise LaunchError("the run's supervisor ended before the run began") from error
-    raise LaunchError(f"the run did not begin within {_START_TIMEOUT_S:g} s")
+        raise LaunchError("the run's supervisor ended before the run began", _INTERNAL) from error
+    raise LaunchError(f"the run did not begin within {_START_TIMEOUT_S:g} s", _INTERNAL)
 
 
 def _read_exit(channel: Connection) -> Exit | None:

@@ -71,7 +71,9 @@ def judge(
         return Judgement("Failed", "InternalServiceError", failure_reason(reason, *log))
     phase = Phase(ended.report.get("phase", ended.phase))
     reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}"
-    return Judgement("Failed", _CRASH_CODES[phase.role], failure_reason(reason, *log))
+    # An application that refuses to run on purpose (`LaunchError`) says what kind of failure that is.
+    code = ended.report.get("code", _CRASH_CODES[phase.role])
+    return Judgement("Failed", code, failure_reason(reason, *log))
 
 
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:

@@ -44,7 +44,7 @@ class VideoBackend:
 
 
 def available_video_backends() -> list[VideoBackend]:
-    """Tries every way of rendering, best first; takes a second or two.
+    """Tries every way of rendering, best first; takes a second or two the first time.
 
     Returns:
         EGL (hardware, or Mesa's software), OSMesa, and casting rays, which always works but shows flat
@@ -53,14 +53,17 @@ def available_video_backends() -> list[VideoBackend]:
     return [_probe("egl"), _probe("osmesa"), VideoBackend("rays", works=True, problem="", packages=())]
 
 
-@lru_cache(maxsize=1)
 def best_video_backend() -> str:
-    """Returns the name of the best way that works, found out once per process."""
+    """Returns the name of the best way that works."""
     return next(name for name in _PACKAGES if name == "rays" or _probe(name).works)
 
 
+@lru_cache
 def _probe(name: str) -> VideoBackend:
-    """Makes a picture in a process of its own, since a bad driver may end the process that tries it."""
+    """Makes a picture in a process of its own, since a bad driver may end the process that tries it.
+
+    Found out once: what is installed seldom changes while a process runs.
+    """
     environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
     try:
         attempt = subprocess.run(

@@ -2,6 +2,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
 from prefect_robomaker.tasks.runtime import messages as ros
 from prefect_robomaker.tasks.runtime.cdr import encode
-from rosbags.typesys import Stores, get_typestore
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 numbers = st.floats(allow_nan=False)
 small = st.floats(width=32, allow_nan=False)
 texts = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
-headers = st.builds(
-    ros.Header, st.builds(ros.Time, st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)), texts
-)
+headers = st.builds(ros.Header, st.builds(ros.Time, st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)), texts)
 vectors = st.builds(ros.Vector3, numbers, numbers, numbers)
 quaternions = st.builds(ros.Quaternion, numbers, numbers, numbers, numbers)
 poses = st.builds(ros.Pose, vectors, quaternions)
@@ -56,7 +55,11 @@ def test_clock(header: ros.Header) -> None:
     assert encode(ros.Clock(header.stamp)) == expected(ros.Clock, theirs("rosgraph_msgs/msg/Clock", clock=stamp))
 
 
-@given(st.lists(st.builds(ros.TransformStamped, headers, texts, st.builds(ros.Transform, vectors, quaternions)), max_size=4))
+@given(
+    st.lists(
+        st.builds(ros.TransformStamped, headers, texts, st.builds(ros.Transform, vectors, quaternions)), max_size=4
+    )
+)
 def test_transforms(transforms: list[ros.TransformStamped]) -> None:
     message = theirs(
         "tf2_msgs/msg/TFMessage",
@@ -94,9 +97,7 @@ def test_odometry(header, child, pose, twist, pose_covariance, twist_covariance)
         ),
         twist=theirs(
             "geometry_msgs/msg/TwistWithCovariance",
-            twist=theirs(
-                "geometry_msgs/msg/Twist", linear=vector_of(twist.linear), angular=vector_of(twist.angular)
-            ),
+            twist=theirs("geometry_msgs/msg/Twist", linear=vector_of(twist.linear), angular=vector_of(twist.angular)),
             covariance=np.array(twist_covariance),
         ),
     )

@@ -13,10 +13,15 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+
+from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher, LaunchError
+from prefect_robomaker.tasks.runtime.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
+OK = ""
+SIMULATION = "SimulationApplicationCrash"
+ROBOT = "RobotApplicationCrash"
 
 
 def never() -> None:
@@ -108,7 +113,7 @@ class TestNormalEnds:
         plan = make_plan(simulation_application=None, robot_application=None)
         outcome = launcher.run(plan, never)
         # Without a world there is nothing to drive in: their own clear refusal, not an import error.
-        assert_failed(outcome, "SimulationApplicationCrash", "indoor-navigation", "world")
+        assert_failed(outcome, "InvalidInput", "indoor-navigation", "world")
 
     def test_surroundings(self, launcher: Launcher, make_plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hush")
@@ -167,28 +172,33 @@ class TestFailures:
     @pytest.mark.parametrize(
         ("environment", "agent", "code", "texts"),
         [
-            ("raising", "make_agent", "SimulationApplicationCrash",
-             ["arena failed in environment.step()", "ValueError: the table is on fire", "in step 10", "arena.py, line"]),
-            ("UnableToReset", "make_agent", "SimulationApplicationCrash", ["environment.reset()", "cannot reset"]),
-            ("unable", "make_agent", "SimulationApplicationCrash", ["making the environment", "KeyError: 'no such map'"]),
-            ("make_environment", "raising", "RobotApplicationCrash",
-             ["driver failed in the agent", "ZeroDivisionError: lost the map", "agent.py, line"]),
-            ("make_environment", "unable", "RobotApplicationCrash", ["driver failed in making the agent", "no wheels"]),
-            ("diverging", "make_agent", "SimulationApplicationCrash", ["PhysicsError", "mjWARN_BADQPOS"]),
-            ("NoMessage", "make_agent", "SimulationApplicationCrash", ["run_result()", "verdict", "'PASS', 'FAIL' or 'NONE'"]),
-            ("exiting_3", "make_agent", "SimulationApplicationCrash", ["exit code 3", "environment.step()"]),
-            ("segfaulting", "make_agent", "SimulationApplicationCrash", ["killed by SIGSEGV", "environment.step()"]),
-            ("make_environment", "killed", "RobotApplicationCrash", ["killed by SIGKILL", "failed in the agent"]),
-            ("filling", "make_agent", "SimulationApplicationCrash", ["File too large"]),
-            ("mking_environment", "make_agent", "SimulationApplicationCrash", ["has no mking_environment", "did you mean make_environment"]),
-            ("make_environment", "make_agnt", "RobotApplicationCrash", ["has no make_agnt", "did you mean make_agent"]),
-            ("not_callable", "make_agent", "SimulationApplicationCrash", ["trouble.arena.not_callable is a int, not a function"]),
+            ("raising", OK, SIMULATION, ["arena failed in environment.step()", "ValueError: the table is on fire"]),
+            ("raising", OK, SIMULATION, ["in step 10 (arena.py, line"]),
+            ("UnableToReset", OK, SIMULATION, ["environment.reset()", "cannot reset"]),
+            ("unable", OK, SIMULATION, ["making the environment", "KeyError: 'no such map'"]),
+            ("diverging", OK, SIMULATION, ["PhysicsError", "mjWARN_BADQPOS"]),
+            ("NoMessage", OK, SIMULATION, ["run_result()", "verdict", "'PASS', 'FAIL' or 'NONE'"]),
+            ("exiting_3", OK, SIMULATION, ["exit code 3", "environment.step()"]),
+            ("segfaulting", OK, SIMULATION, ["killed by SIGSEGV", "environment.step()"]),
+            ("filling", OK, SIMULATION, ["File too large"]),
+            ("mking_environment", OK, SIMULATION, ["has no mking_environment", "did you mean make_environment"]),
+            ("not_callable", OK, SIMULATION, ["trouble.arena.not_callable is a int, not a function"]),
+            (OK, "raising", ROBOT, ["driver failed in the agent", "ZeroDivisionError: lost the map", "agent.py, line"]),
+            (OK, "unable", ROBOT, ["driver failed in making the agent", "no wheels"]),
+            (OK, "killed", ROBOT, ["killed by SIGKILL", "failed in the agent"]),
+            (OK, "make_agnt", ROBOT, ["has no make_agnt", "did you mean make_agent"]),
+            (
+                "overfilling",
+                OK,
+                "InternalServiceError",
+                ["The runtime failed in writing the outputs", "File too large"],
+            ),
         ],
-    )  # fmt: skip
+    )
     def test_whose_fault_and_why(
         self, launcher: Launcher, make_plan: Plan, environment: str, agent: str, code: str, texts: list[str]
     ) -> None:
-        plan = make_plan(environment, agent)
+        plan = make_plan(environment or "make_environment", agent or "make_agent")
         assert_failed(launcher.run(plan, never), code, *texts)
         assert not (plan.output_dir / "result.json").exists()
 
@@ -286,6 +296,7 @@ class TestStopping:
 SCRIPT = """
 import sys
 from pathlib import Path
+from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 

@@ -3,6 +3,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from prefect_robomaker.tasks.runtime.loading import LoadError, load_factory
 
 TROUBLE = Path(__file__).parent / "bundles" / "trouble"
@@ -34,12 +35,14 @@ def test_attributes_of_classes() -> None:
 @pytest.mark.parametrize(
     ("attribute", "path", "text"),
     [
-        ("troubl.agent.make_agent", TROUBLE, "the bundle has no package troubl (needed for troubl.agent.make_agent), did you mean trouble?; it contains trouble"),
-        ("trouble.agnt.make_agent", TROUBLE, "trouble has no agnt (needed for trouble.agnt.make_agent), did you mean agent?; it has agent, arena, broken"),
+        ("troubl.agent.make_agent", TROUBLE, "the bundle has no package troubl (needed for troubl.agent.make_agent)"),
+        ("troubl.agent.make_agent", TROUBLE, "did you mean trouble?; it contains trouble"),
+        ("trouble.agnt.make_agent", TROUBLE, "trouble has no agnt (needed for trouble.agnt.make_agent), did you mean"),
+        ("trouble.agnt.make_agent", TROUBLE, "did you mean agent?; it has agent, arena, broken"),
         ("trouble.agent.make", TROUBLE, "trouble.agent has no make (needed for trouble.agent.make)"),
-        ("trouble.broken.make_agent", TROUBLE, "importing trouble.broken failed: No module named 'a_library_nobody_has'"),
+        ("trouble.broken.make_agent", TROUBLE, "importing trouble.broken failed: No module named 'a_lib"),
         ("trouble.arena.not_callable", TROUBLE, "trouble.arena.not_callable is a int, not a function"),
-        ("json.dumps", TROUBLE, "not from the bundle: another application or an installed package has the name json too"),
+        ("json.dumps", TROUBLE, "not from the bundle: another application or an installed"),
         ("no_such_package.x", None, "there is no installed package no_such_package"),
         ("make_agent", None, "'make_agent' is not a dotted path like `package.module.make_environment`"),
         ("my-nav.make", None, "'my-nav.make' is not a dotted path"),

@@ -12,6 +12,7 @@ from dm_control import mujoco
 from dm_control.rl import control
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+
 from prefect_robomaker.tasks.runtime.loop import RunStopped, run_episode
 from prefect_robomaker.tasks.runtime.progress import Phase
 from prefect_robomaker.tasks.runtime.recording import McapRecorder, NullRecorder

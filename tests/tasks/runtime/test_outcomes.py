@@ -3,6 +3,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.tasks.runtime.outcomes import Exit, failure_reason, judge
 from prefect_robomaker.tasks.runtime.progress import STOP_REASONS, Phase, Progress
@@ -11,7 +12,10 @@ Plan = Callable[..., RunPlan]
 FINISHED = Exit(0, None, Phase.FINISHING, {"ended_by": "environment"})
 
 
-@given(st.text(max_size=2000), st.lists(st.text(st.characters(exclude_categories=["Cc", "Zl", "Zp"]), max_size=2000), max_size=30))
+@given(
+    st.text(max_size=2000),
+    st.lists(st.text(st.characters(exclude_categories=["Cc", "Zl", "Zp"]), max_size=2000), max_size=30),
+)
 def test_reasons_fit_and_end_with_the_log(head: str, lines: list[str]) -> None:
     reason = failure_reason(head, "logs/stderr.log", lines)
     assert len(reason) <= 1024
@@ -39,7 +43,7 @@ def test_a_crash_while_stopping_is_a_stop(make_plan: Plan) -> None:
 @pytest.mark.parametrize(
     ("phase", "code", "text"),
     [
-        (Phase.MAKE_ENVIRONMENT, "SimulationApplicationCrash", "Simulation application arena failed in making the environment"),
+        (Phase.RESET, "SimulationApplicationCrash", "Simulation application arena failed in environment.reset()"),
         (Phase.STEP, "SimulationApplicationCrash", "Simulation application arena failed in environment.step()"),
         (Phase.AGENT, "RobotApplicationCrash", "Robot application driver failed in the agent"),
         (Phase.FINISHING, "InternalServiceError", "The runtime failed in writing the outputs"),

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from prefect_robomaker.schemas.simulation_run import Collision, RunResult
 from prefect_robomaker.tasks.runtime.results import (
     EnvironmentReport,
@@ -23,14 +24,18 @@ def test_an_environment_that_judges_nothing() -> None:
 
 
 def test_numbers_of_numpy_are_welcome_in_dicts() -> None:
-    report = {"verdict": "FAIL", "metrics": {"m": np.float32(0.5), "n": np.int64(3)}, "path": [np.array([0.0, 1.0, 2.0])]}
+    report = {
+        "verdict": "FAIL",
+        "metrics": {"m": np.float32(0.5), "n": np.int64(3)},
+        "path": [np.array([0.0, 1.0, 2.0])],
+    }
     read = read_report(SimpleNamespace(run_result=lambda: report))
     assert (read.verdict, read.metrics, read.path) == ("FAIL", {"m": 0.5, "n": 3.0}, [(0.0, 1.0, 2.0)])
 
 
 @pytest.mark.parametrize("report", [{"verdict": "MAYBE"}, {"verdct": "PASS"}, None, {"metrics": {"x": "far"}}])
 def test_other_reports_are_refused(report: Any) -> None:
-    with pytest.raises(ValueError, match="run_result\\(\\) returned something that is no EnvironmentReport: \\w+"):
+    with pytest.raises(ValueError, match=r"run_result\(\) returned something that is no EnvironmentReport: \w+"):
         read_report(SimpleNamespace(run_result=lambda: report))
 
 

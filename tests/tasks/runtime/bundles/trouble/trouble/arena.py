@@ -2,6 +2,7 @@
 
 import faulthandler
 import os
+import random
 import resource
 import signal
 import subprocess
@@ -12,6 +13,8 @@ from pathlib import Path
 import dm_env
 import numpy as np
 from dm_env import specs
+
+from prefect_robomaker.tasks.runtime.messages import Header, JointState, Time
 
 
 class Counting(dm_env.Environment):
@@ -91,7 +94,9 @@ def _diverge(environment):
 def _fork(environment):
     """Leaves two children, and two grandchildren in sessions of their own."""
     nap = f"import time; time.sleep(1000)  # {environment.context.environment['MARK']}"
-    child = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True); {nap}"
+    child = (
+        f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True); {nap}"
+    )
     for _ in range(2):
         subprocess.Popen([sys.executable, "-c", child, nap])
     time.sleep(0.8)
@@ -100,6 +105,13 @@ def _fork(environment):
 def _fill_up(environment):
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
     (environment.context.output_dir / "big.bin").write_bytes(bytes(50_000))
+
+
+def _overfill(environment):
+    """Records more than the disk holds."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+    noise = np.random.default_rng(0).random(1_000_000)
+    environment.context.recorder.write("/noise", JointState(Header(Time(0, 0), ""), (), noise), 0.0)
 
 
 def _print_a_lot(environment):
@@ -148,10 +160,10 @@ class Judging(Counting):
             "path": [(i * 0.1, float(i), 0.0) for i in range(2000)],
             "extra": {
                 "environ": dict(os.environ),
-                "cwd": os.getcwd(),
+                "cwd": str(Path.cwd()),
                 "stdin": sys.stdin.read() if not sys.stdin.closed else None,
                 "main": getattr(sys.modules["__main__"], "__file__", ""),
-                "random": float(np.random.random()),
+                "random": random.random() + np.random.mtrand.random_sample(),
                 "rng": float(self.context.rng.random()),
             },
         }
@@ -162,6 +174,7 @@ segfaulting = _doing(_segfault)
 diverging = _doing(_diverge)
 forking = _doing(_fork)
 filling = _doing(_fill_up)
+overfilling = _doing(_overfill)
 printing = _doing(_print_a_lot)
 ignoring_sigterm = _doing(_ignore_sigterm)
 hanging = _doing(_hang)

@@ -1,0 +1,211 @@
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import av
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from prefect_robomaker.tasks.runtime.cameras import GlCamera, RayCamera
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video import VideoWatcher, choose_view
+from prefect_robomaker.tasks.runtime.video_backends import available_video_backends, best_video_backend
+
+MODEL = """
+<mujoco>
+  <asset>
+    <texture name="checks" type="2d" builtin="checker" rgb1="0 .8 0" rgb2="0 .6 0" width="64" height="64"/>
+    <material name="checks" texture="checks" texrepeat="4 4"/>
+  </asset>
+  <visual><headlight ambient=".5 .5 .5" diffuse=".5 .5 .5"/></visual>
+  <worldbody>
+    <camera name="top" pos="0 0 4"/>
+    <camera name="side" pos="0 -4 .3" xyaxes="1 0 0 0 0 1"/>
+    <geom type="plane" size="9 9 .1" material="checks"/>
+    <geom name="red" type="box" size=".5 .5 .3" pos="-.8 0 .3" rgba="1 0 0 1"/>
+    <geom name="collision" type="box" size="9 9 1" pos="0 0 1" rgba="1 1 1 1" group="3"/>
+    <body pos=".8 0 .3"><freejoint/><geom type="box" size=".5 .5 .3" rgba="0 0 1 1" gap="1"/></body>
+  </worldbody>
+</mujoco>
+"""
+BACKEND_NAMES = ["egl", "osmesa", "rays"]
+
+
+@pytest.fixture
+def physics() -> Any:
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return SimpleNamespace(model=model, data=data)
+
+
+def dominant(picture: Any, row: float, column: float) -> str:
+    pixel = picture[int(row * picture.shape[0]), int(column * picture.shape[1])].astype(int)
+    return ["red", "green", "blue"][int(np.argmax(pixel))]
+
+
+def looks_right(picture: Any) -> bool:
+    return [dominant(picture, 0.5, column) for column in (0.33, 0.5, 0.67)] == ["red", "green", "blue"]
+
+
+class TestRays:
+    def test_sees_what_opengl_sees(self, physics: Any) -> None:
+        picture = RayCamera(physics.model, 160, 120).picture(physics.data, choose_view(physics.model, "top"))
+        assert picture.shape == (120, 160, 3)
+        assert looks_right(picture)
+
+    def test_up_is_up(self, physics: Any) -> None:
+        picture = RayCamera(physics.model, 160, 120).picture(physics.data, choose_view(physics.model, "side"))
+        assert dominant(picture, 0.1, 0.5) == "blue"  # the sky
+        assert dominant(picture, 0.9, 0.5) == "green"
+
+    def test_a_camera_in_its_housing_looks_out_of_it(self) -> None:
+        model = mujoco.MjModel.from_xml_string("""
+            <mujoco><worldbody>
+              <body>
+                <freejoint/><geom type="box" size=".1 .1 .1" rgba="0 1 0 1"/><camera name="eye" pos="0 0 .05"/>
+              </body>
+              <geom type="box" size="3 3 .1" pos="0 0 -2" rgba="1 0 0 1"/>
+            </worldbody></mujoco>""")
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        picture = RayCamera(model, 80, 60).picture(data, choose_view(model, "eye"))
+        assert dominant(picture, 0.5, 0.5) == "red"
+
+    def test_free_view(self, physics: Any) -> None:
+        model = mujoco.MjModel.from_xml_string(
+            "<mujoco><worldbody><geom size='1' rgba='1 0 0 1'/></worldbody></mujoco>"
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        picture = RayCamera(model, 80, 60).picture(data, choose_view(model, None))
+        assert dominant(picture, 0.5, 0.5) == "red"
+
+
+def test_a_camera_that_is_not_there(physics: Any) -> None:
+    with pytest.raises(ValueError, match="video_camera is 'chase', but the model's cameras are: top, side"):
+        choose_view(physics.model, "chase")
+
+
+TAKE_PICTURES = """
+import sys, mujoco, numpy as np
+from prefect_robomaker.tasks.runtime.cameras import GlCamera, RayCamera
+from prefect_robomaker.tasks.runtime.video import choose_view
+
+model = mujoco.MjModel.from_xml_path(sys.argv[1])
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+before = model.vis.quality.offsamples
+for name in ("top", "side"):
+    for kind in (GlCamera, RayCamera):
+        camera = kind(model, 320, 240)
+        np.save(f"{sys.argv[2]}/{kind.__name__}-{name}", camera.picture(data, choose_view(model, name)))
+        camera.close()
+assert model.vis.quality.offsamples == before
+"""
+
+
+@pytest.mark.parametrize("name", ["egl", "osmesa"])
+def test_opengl_and_rays_agree(name: str, tmp_path: Path) -> None:
+    """In a process of its own, which may choose its OpenGL."""
+    [backend] = [item for item in available_video_backends() if item.name == name]
+    if not backend.works:
+        pytest.skip(f"{name} does not work on this machine: {backend.problem}")
+    (tmp_path / "take.py").write_text(TAKE_PICTURES)
+    (tmp_path / "model.xml").write_text(MODEL)
+    arguments = [sys.executable, *(str(tmp_path / item) for item in ("take.py", "model.xml", ""))]
+    subprocess.run(arguments, check=True, env={**os.environ, "MUJOCO_GL": name})
+    # From the side only what is below the horizon: this model's sky is black in OpenGL.
+    for view, rows in (("top", slice(None)), ("side", slice(135, None))):
+        drawn, cast = (np.load(tmp_path / f"{kind.__name__}-{view}.npy")[rows] for kind in (GlCamera, RayCamera))
+        assert (drawn.argmax(axis=2) == cast.argmax(axis=2)).mean() > 0.98
+
+
+class TestVideoWatcher:
+    def film(self, physics: Any, folder: Path, until_s: float, step_s: float = 0.02) -> dict[str, Any]:
+        watcher = VideoWatcher(folder, "rays")
+        environment = SimpleNamespace(physics=physics, video_camera="top")
+        for i in range(round(until_s / step_s) + 1):
+            if i * step_s >= watcher.next_time_s - 5e-7:
+                watcher.watch(environment, i * step_s)
+        return watcher.close()
+
+    @pytest.mark.parametrize("step_s", [0.02, 0.5])
+    def test_length_and_content(self, physics: Any, tmp_path: Path, step_s: float) -> None:
+        assert self.film(physics, tmp_path, 2.0, step_s) == {"video_backend": "rays"}
+        with av.open(str(tmp_path / "video.mp4")) as container:
+            [stream] = container.streams.video
+            assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+            assert stream.average_rate == 15
+            frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert len(frames) == 31
+        assert looks_right(frames[-1])
+        assert looks_right(np.asarray(Image.open(tmp_path / "poster.png")))
+        assert sorted(item.name for item in tmp_path.iterdir()) == ["poster.png", "video.mp4"]
+
+    def test_a_film_that_cannot_be_written_says_so(
+        self, physics: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        remarks = self.film(physics, tmp_path / "gone", 0.5)
+        assert "No such file or directory" in remarks["video_error"]
+        assert "No video: it could not be made with rays." in capsys.readouterr().err
+
+    def test_nothing_to_film(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert VideoWatcher(tmp_path, "rays").close() == {"video_error": "the environment has no `physics` to film"}
+        assert "No video" in capsys.readouterr().err
+
+    def test_a_new_model_gets_a_new_camera(self, physics: Any, tmp_path: Path) -> None:
+        watcher = VideoWatcher(tmp_path, "rays")
+        watcher.watch(SimpleNamespace(physics=physics), 0.0)
+        model = mujoco.MjModel.from_xml_string(MODEL.replace("1 0 0 1", "0 0 1 1"))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        watcher.watch(SimpleNamespace(physics=SimpleNamespace(model=model, data=data)), 1 / 15)
+        watcher.close()
+        assert dominant(np.asarray(Image.open(tmp_path / "poster.png")), 0.5, 0.33) == "blue"
+
+
+def test_backends_of_this_machine() -> None:
+    backends = available_video_backends()
+    assert [item.name for item in backends] == BACKEND_NAMES
+    for item in backends:
+        assert item.works == (item.problem == "")
+        assert item.packages or item.name == "rays"
+    assert best_video_backend() == next(item.name for item in backends if item.works)
+
+
+def test_a_run_with_video(launcher: Launcher, make_plan: Any) -> None:
+    bundle = Path(__file__).parents[3] / "deployments/specs/examples/cartpole_bundle"
+    plan = make_plan(path=bundle, video="always", variables={"TIME_LIMIT_S": "1"})
+    plan = plan.model_copy(
+        update={
+            "simulation_application": plan.simulation_application.model_copy(
+                update={"attribute": "my_cartpole.arena.make_environment"}
+            ),
+            "robot_application": plan.robot_application.model_copy(
+                update={"attribute": "my_cartpole.agent.make_agent"}
+            ),
+        }
+    )
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    result = json.loads((plan.output_dir / "result.json").read_text())
+    assert result["extra"] == {"video_backend": best_video_backend()}
+    with av.open(str(plan.output_dir / "video.mp4")) as container:
+        assert len(list(container.decode(video=0))) == 16
+    size = (320, 240) if best_video_backend() == "rays" else (640, 480)
+    with Image.open(plan.output_dir / "poster.png") as poster:
+        assert poster.size == size
+
+
+def test_a_run_without_physics_says_why_there_is_no_video(launcher: Launcher, make_plan: Any) -> None:
+    plan = make_plan(video="always")
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    result = json.loads((plan.output_dir / "result.json").read_text())
+    assert result["extra"] == {"video_error": "the environment has no `physics` to film"}
+    assert "No video" in (plan.output_dir / "logs/stderr.log").read_text()
