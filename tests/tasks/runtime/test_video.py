@@ -209,3 +209,17 @@ def test_a_run_without_physics_says_why_there_is_no_video(launcher: Launcher, ma
     result = json.loads((plan.output_dir / "result.json").read_text())
     assert result["extra"] == {"video_error": "the environment has no `physics` to film"}
     assert "No video" in (plan.output_dir / "logs/stderr.log").read_text()
+
+
+def test_applications_may_render_themselves(launcher: Launcher, make_plan: Any) -> None:
+    if best_video_backend() == "rays":
+        pytest.skip("no OpenGL on this machine")
+    plan = make_plan("rendering", variables={"MUJOCO_GL": best_video_backend()})
+    outcome = launcher.run(plan, lambda: None)
+    assert outcome.status == "Completed", outcome.failure_reason
+    assert (plan.output_dir / "logs/stdout.log").read_text() == "[True, True]\n"
+
+
+def test_rendering_without_opengl_is_the_applications_failure(launcher: Launcher, make_plan: Any) -> None:
+    outcome = launcher.run(make_plan("rendering"), lambda: None)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "SimulationApplicationCrash")

@@ -114,6 +114,19 @@ def _overfill(environment):
     environment.context.recorder.write("/noise", JointState(Header(Time(0, 0), ""), (), noise), 0.0)
 
 
+def _render(environment):
+    """Renders for itself, both ways that there are."""
+    import mujoco
+    from dm_control.mujoco import Physics
+
+    physics = Physics.from_xml_string("<mujoco><worldbody><geom size='1' rgba='1 0 0 1'/></worldbody></mujoco>")
+    renderer = mujoco.Renderer(physics.model.ptr, 48, 64)
+    renderer.update_scene(physics.data.ptr)
+    pictures = physics.render(48, 64, camera_id=-1), renderer.render()
+    renderer.close()
+    print([bool(picture.any()) for picture in pictures])
+
+
 def _print_a_lot(environment):
     for i in range(20_000):
         print(f"line {i} " + "x" * 90)
@@ -175,6 +188,7 @@ diverging = _doing(_diverge)
 forking = _doing(_fork)
 filling = _doing(_fill_up)
 overfilling = _doing(_overfill)
+rendering = _doing(_render)
 printing = _doing(_print_a_lot)
 ignoring_sigterm = _doing(_ignore_sigterm)
 hanging = _doing(_hang)
