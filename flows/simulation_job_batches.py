@@ -1,6 +1,5 @@
 """Simulation job batches: many jobs, never more than `maxConcurrency` at once."""
 
-from collections import Counter
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any
@@ -128,6 +127,7 @@ class BatchRun:
         self._arn = batch.arn
         policy = batch.document["batchPolicy"]
         self._requests = batch.document["request"]["createSimulationJobRequests"]
+        self._failed = len(batch.document["failed"])
         self._concurrency = min(policy["maxConcurrency"], len(self._requests))
         self._deadline = batch.created_at + timedelta(seconds=policy["timeoutInSeconds"])
 
@@ -141,7 +141,7 @@ class BatchRun:
         if self._batch.status == "Pending":
             self._lease.transition("start")
         limit = self._batch.document["batchPolicy"]["maxConcurrency"]
-        with self._service.activated(), Slots(f"robomaker-{self._batch.id}", limit) as slots:
+        with self._service.activated(), Slots(f"robomaker-{self._batch.id}", limit, self._concurrency) as slots:
             with ThreadPoolTaskRunner(max_workers=self._concurrency) as runner:
                 futures = [
                     runner.submit(simulate_request, {"batch": self, "index": index, "slots": slots})
@@ -184,13 +184,14 @@ class BatchRun:
         def add(document: dict[str, Any]) -> dict[str, Any]:
             return {**document, "failed": {**document["failed"], str(index): failure}}
 
-        self._lease.update(add)
+        self._failed = len(self._lease.update(add).document["failed"])
 
     def report(self) -> None:
         """Tells whoever watches how many requests are in which state."""
-        counts = Counter(job.status.lower() for job in self._service.catalog.children(self._arn, kind="simulation-job"))
-        failed = len(self._service.catalog.get(self._arn).document["failed"])
-        waiting = len(self._requests) - counts.total() - failed
+        statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
+        counts = {status.lower(): count for status, count in statuses.items()}
+        failed = self._failed
+        waiting = len(self._requests) - sum(counts.values()) - failed
         self._service.report_progress(
             Progress({**counts, "not created": failed, "pending": waiting}, len(self._requests))
         )

@@ -1,8 +1,11 @@
 """Slots of a batch: a Prefect global concurrency limit that belongs to one batch.
 
-The limit holds across every machine that performs the batch, shows in Prefect's UI and can be
-changed there while the batch runs. One performer takes its slots one request at a time: a SQLite
-server answers a single request in about 12 ms, and several at once only after about 2 s.
+The limit holds across every machine that performs the batch, shows in Prefect's UI, and may be
+lowered there while the batch runs. A slot is a lease on the server. Taking one per job would make
+the jobs wait: a SQLite server takes up to two seconds for a write while task runs are being
+recorded. So a performer takes its slots when it starts, before there is anything to record, and
+hands them from job to job; every few seconds it looks whether the limit has been lowered, and gives
+slots back if so.
 """
 
 import logging
@@ -19,46 +22,47 @@ from prefect.exceptions import ObjectNotFound
 
 _LEASE_S = 60.0  # the shortest lease the server grants
 _RENEW_S = 20.0
-_POLL_S = 0.5
+_LOOK_S = 5.0
+_WAIT_S = 0.25
 
 _logger = logging.getLogger(__name__)
 
 
 class Slots:
-    """The slots of one batch; use as a context manager, which keeps the leases alive.
+    """The slots that this performer holds of one batch; use as a context manager.
 
     Args:
       name: name of the global concurrency limit; equal on every machine that performs the batch.
       limit: how many slots there are.
+      wanted: how many this performer can use at once.
     """
 
-    def __init__(self, name: str, limit: int) -> None:
+    def __init__(self, name: str, limit: int, wanted: int) -> None:
         self.name = name
-        self.limit = limit
-        self._leases: set[UUID] = set()
-        self._one_request = threading.Lock()
+        self._limit = limit
+        self._wanted = wanted
+        self._free: list[UUID] = []
+        self._used: set[UUID] = set()
+        self._changed = threading.Condition()
         self._closed = threading.Event()
         self._client: SyncPrefectClient | None = None
-        self._renewer = threading.Thread(target=self._renew_leases, name=f"slots {name}", daemon=True)
+        self._keeper = threading.Thread(target=self._keep, name=f"slots {name}", daemon=True)
 
     def __enter__(self) -> "Slots":
         self._client = get_client(sync_client=True).__enter__()
-        self._client.upsert_global_concurrency_limit_by_name(self.name, self.limit)
-        self._renewer.start()
+        self._connection.upsert_global_concurrency_limit_by_name(self.name, self._limit)
+        self._take_what_there_is()
+        self._keeper.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._closed.set()
-        self._renewer.join()
+        self._keeper.join()
+        for lease in (*self._free, *self._used):
+            self._give_back(lease)
         self._connection.__exit__(kind, error, traceback)
-
-    @property
-    def _connection(self) -> SyncPrefectClient:
-        if self._client is None:
-            raise RuntimeError("slots are used inside a `with` block")
-        return self._client
 
     @contextmanager
     def hold(self, should_stop: Callable[[], bool]) -> Iterator[bool]:
@@ -70,51 +74,87 @@ class Slots:
         Yields:
           Whether a slot is held; false only when `should_stop` ended the wait.
         """
-        lease = self._acquire(should_stop)
+        lease = self._borrow(should_stop)
         try:
             yield lease is not None
         finally:
             if lease is not None:
-                self._release(lease)
+                with self._changed:
+                    self._used.discard(lease)
+                    self._free.append(lease)
+                    self._changed.notify()
 
     def remove(self) -> None:
         """Deletes the limit; called once, when the batch has ended."""
         try:
-            with self._one_request:
-                self._connection.delete_global_concurrency_limit_by_name(self.name)
+            self._connection.delete_global_concurrency_limit_by_name(self.name)
         except ObjectNotFound:
             _logger.debug("limit %s was removed already", self.name)
+        self._free.clear()
+        self._used.clear()
 
-    def _acquire(self, should_stop: Callable[[], bool]) -> UUID | None:
-        while not should_stop():
-            try:
-                with self._one_request:
-                    answer = self._connection.increment_concurrency_slots_with_lease(
-                        names=[self.name], slots=1, mode="concurrency", lease_duration=_LEASE_S
-                    )
-                lease = UUID(answer.json()["lease_id"])
-                self._leases.add(lease)
-                return lease
-            except httpx.HTTPStatusError as error:
-                if error.response.status_code != httpx.codes.LOCKED:
-                    raise
-            time.sleep(_POLL_S)
+    @property
+    def _connection(self) -> SyncPrefectClient:
+        if self._client is None:
+            raise RuntimeError("slots are used inside a `with` block")
+        return self._client
+
+    def _borrow(self, should_stop: Callable[[], bool]) -> UUID | None:
+        with self._changed:
+            while not should_stop():
+                if self._free:
+                    lease = self._free.pop()
+                    self._used.add(lease)
+                    return lease
+                self._changed.wait(_WAIT_S)
         return None
 
-    def _release(self, lease: UUID) -> None:
-        self._leases.discard(lease)
-        try:
-            with self._one_request:
-                self._connection.release_concurrency_slots_with_lease(lease_id=lease)
-        except (httpx.HTTPError, ObjectNotFound) as error:
-            # The lease runs out by itself; a finished job is not failed for it.
-            _logger.warning("slot of %s not released at once: %s", self.name, error)
+    def _keep(self) -> None:
+        """Keeps the leases alive and their number right, until closed."""
+        renewed_at = time.monotonic()
+        while not self._closed.wait(_LOOK_S):
+            try:
+                if time.monotonic() - renewed_at >= _RENEW_S:
+                    self._renew()
+                    renewed_at = time.monotonic()
+                self._follow_limit()
+            except (httpx.HTTPError, ObjectNotFound) as error:
+                _logger.warning("limit %s cannot be looked after: %s", self.name, error)
 
-    def _renew_leases(self) -> None:
-        while not self._closed.wait(_RENEW_S):
-            for lease in tuple(self._leases):
-                try:
-                    with self._one_request:
-                        self._connection.renew_concurrency_lease(lease_id=lease, lease_duration=_LEASE_S)
-                except (httpx.HTTPError, ObjectNotFound) as error:
-                    _logger.warning("lease on a slot of %s not renewed: %s", self.name, error)
+    def _renew(self) -> None:
+        for lease in (*self._free, *self._used):
+            self._connection.renew_concurrency_lease(lease_id=lease, lease_duration=_LEASE_S)
+
+    def _follow_limit(self) -> None:
+        """Gives slots back that the limit no longer has, and takes more if there are more to have."""
+        self._limit = self._connection.read_global_concurrency_limit_by_name(self.name).limit
+        while surplus := self._surplus():
+            self._give_back(surplus)
+        self._take_what_there_is()
+
+    def _surplus(self) -> UUID | None:
+        """A free slot above the limit; slots in use are given back when their jobs have ended."""
+        with self._changed:
+            too_many = len(self._free) + len(self._used) > self._limit
+            return self._free.pop() if too_many and self._free else None
+
+    def _take_what_there_is(self) -> None:
+        while len(self._free) + len(self._used) < min(self._wanted, self._limit):
+            try:
+                answer = self._connection.increment_concurrency_slots_with_lease(
+                    names=[self.name], slots=1, mode="concurrency", lease_duration=_LEASE_S
+                )
+            except httpx.HTTPStatusError as error:
+                if error.response.status_code == httpx.codes.LOCKED:
+                    return  # another performer has them, or a dead one whose leases have not run out
+                raise
+            with self._changed:
+                self._free.append(UUID(answer.json()["lease_id"]))
+                self._changed.notify()
+
+    def _give_back(self, lease: UUID) -> None:
+        try:
+            self._connection.release_concurrency_slots_with_lease(lease_id=lease)
+        except (httpx.HTTPError, ObjectNotFound) as error:
+            # The lease runs out by itself; nothing is failed for it.
+            _logger.warning("a slot of %s is not released at once: %s", self.name, error)

@@ -48,7 +48,7 @@ def sleeper(service: Service, tmp_path: Path) -> dict[str, Any]:
     """The applications of a job request that does nothing for a while."""
     archive = tmp_path / "sleeper.tar.gz"
     bundle = tmp_path / "bundle"
-    shutil.copytree(Path(__file__).parent.parent / "applications", bundle, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(Path(__file__).parent / "applications", bundle, ignore=shutil.ignore_patterns("__pycache__"))
     pack_tar_gz(bundle, archive)
     service.store.ensure_bucket("applications")
     service.store.put_file("applications", "sleeper.tar.gz", archive)

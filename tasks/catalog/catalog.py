@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Engine, RowMapping, and_, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Engine, RowMapping, and_, delete, func, insert, or_, select, update
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.arns import ResourceArn
@@ -161,6 +161,12 @@ class Catalog:
             return tuple(
                 resource_of(row) for row in connection.execute(query.order_by(resources.c.sequence)).mappings()
             )
+
+    def count_children(self, parent: str, kind: str) -> dict[str, int]:
+        """How many resources of a kind that came from a parent are in each status."""
+        query = select(resources.c.status, func.count()).where(resources.c.parent == parent, resources.c.kind == kind)
+        with self._transaction(self._engine) as connection:
+            return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.status))}
 
     def list(
         self,
