@@ -5,8 +5,8 @@ import math
 from .planner import Path
 from .robot_scout import MAX_ANGULAR_RADPS, MAX_LINEAR_MPS
 
-_LOOKAHEAD_MIN_M = 0.18
-_LOOKAHEAD_PER_MPS_S = 0.42
+_LOOKAHEAD_MIN_M = 0.10
+_LOOKAHEAD_PER_MPS_S = 0.55
 _TURN_ON_SPOT_RAD = 0.95
 _TURNED_RAD = 0.25
 _TURN_GAIN = 3.5

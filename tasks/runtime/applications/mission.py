@@ -9,7 +9,7 @@ from ..results import EnvironmentReport
 from .telemetry import RobotState
 
 HARD_COLLISION_N = 20.0
-"""Normal force from which a touch counts as a crash: what it takes to stop Scout's 3 kg from a fifth of its speed."""
+"""Normal force above which a touch counts as a crash: Scout's bumper reaches it at about 0.12 m/s against a wall."""
 
 TIPPED_OVER_RAD = math.radians(35)
 

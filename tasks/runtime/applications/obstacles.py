@@ -70,6 +70,22 @@ class ObstacleMemory:
             self._seen_s[column, row] = now_s
 
 
+def free_ahead(scan: NDArray[np.float32], proximity: NDArray[np.float32], half_width_m: float) -> float:
+    """How far a disc at the sensors' place can go straight on before it touches something; metres.
+
+    Args:
+      scan: the lidar's ranges, metres.
+      proximity: the bumper's ranges, metres.
+      half_width_m: the disc's radius.
+    """
+    ranges = np.concatenate((scan, proximity))
+    hits = ranges[near := np.flatnonzero(ranges < _NEAR_M)] * _RAYS[near]
+    hits = hits[(np.abs(hits.imag) < half_width_m) & (hits.real > 0)]
+    if not hits.size:
+        return math.inf
+    return float((hits.real - np.sqrt(half_width_m**2 - hits.imag**2)).min())
+
+
 def nearest_to_path(points: NDArray[np.float64], path: list[tuple[float, float]]) -> float:
     """Smallest distance between points of shape (n, 2) and the points of a path; infinite without any."""
     if len(points) == 0 or not path:

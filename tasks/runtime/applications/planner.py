@@ -1,5 +1,7 @@
 """Plans ways for a disc over an occupancy map, away from walls where there is room."""
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
@@ -14,11 +16,26 @@ COMFORT_M = 0.38
 _NARROWNESS_COST = 5.0
 """How many times more a way costs that just fits, added to one that is comfortable."""
 
+_PUSHING_COST = 40.0
+"""How many times more a way costs that leads through an obstacle besides the map."""
+
 _SNAP_M = 0.5
 """How far a start or a goal may lie from a cell where the disc fits."""
 
 Path = NDArray[np.float64]
 """Points of shape (n, 2), metres."""
+
+WayKind = Literal["free", "tight", "pushing"]
+"""`free`: with a margin; `tight`: it just fits; `pushing`: through things that the map does not know."""
+
+_MARGIN_M: dict[WayKind, float] = {"free": 0.03, "tight": 0.005, "pushing": 0.005}
+
+
+class Way(NamedTuple):
+    """A way from here to there."""
+
+    path: Path
+    kind: WayKind
 
 
 class GridPlanner:
@@ -27,35 +44,37 @@ class GridPlanner:
     Obstacles that the map does not know can be added and taken back.
     """
 
-    def __init__(self, known: OccupancyMap, radius_m: float, margin_m: float = 0.01) -> None:
+    def __init__(self, known: OccupancyMap, radius_m: float) -> None:
         """Prepares the map as it is.
 
         Args:
           known: the map.
           radius_m: the disc's radius.
-          margin_m: what has to be free around it besides.
         """
         self._map = known
-        self._radius_m = radius_m + margin_m
-        distance = np.asarray(ndimage.distance_transform_edt(known.free, sampling=known.resolution_m))
-        # From the middle of a cell to the face of the nearest one that is not free.
-        self.known_clearance = np.maximum(distance - known.resolution_m / 2, 0.0)
+        self._radius_m = radius_m
+        self._known_clearance = _clearance(known.free, known.resolution_m)
+        self._clearance = self._known_clearance
         self._obstacles = np.zeros((0, 2))
-        self._rebuild()
+        self._grids: dict[WayKind, _Grid] = {}
 
     def set_obstacles(self, points: NDArray[np.float64]) -> None:
         """Replaces the obstacles besides the map by points of shape (n, 2)."""
         if len(points) == 0 and len(self._obstacles) == 0:
             return
         self._obstacles = points
-        self._rebuild()
+        free = np.ones_like(self._map.free)
+        free[self._map.cells(points)] = False
+        around = _clearance(free, self._map.resolution_m) if len(points) else np.inf
+        self._clearance = np.minimum(self._known_clearance, around)
+        self._grids.clear()
 
     def known_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of points from what the map shows, metres, to half a cell."""
-        return self.known_clearance[self._map.cells(points)]
+        """Distance of points of shape (n, 2) from what the map shows, metres, to half a cell."""
+        return self._known_clearance[self._map.cells(points)]
 
-    def plan(self, start: tuple[float, float], goal: tuple[float, float]) -> Path | None:
-        """Finds a way.
+    def plan(self, start: tuple[float, float], goal: tuple[float, float]) -> Way | None:
+        """Finds a way of the first kind that there is: free, tight, pushing.
 
         Args:
           start: where the disc's middle is; when the disc does not fit there, the way begins at the
@@ -63,28 +82,22 @@ class GridPlanner:
           goal: where it should be, likewise.
 
         Returns:
-          The way, or nothing when there is none.
+          The way, or nothing when there is none on the map alone.
         """
-        first, last = self._node(start), self._node(goal)
-        if first is None or last is None:
-            return None
-        costs, towards = self._tree(last)
-        if not np.isfinite(costs[first]):
-            return None
-        nodes = [first]
-        while nodes[-1] != last:
-            nodes.append(int(towards[nodes[-1]]))
-        points = self._map.centers(self._rows[nodes], self._columns[nodes])
-        points[0] = start
-        return smooth(points, self.clearance_at, self._radius_m)
+        for kind in _MARGIN_M:
+            path = self._path(kind, start, goal)
+            if path is not None:
+                return Way(path, kind)
+        return None
 
     def distances(self, places: list[tuple[float, float]]) -> NDArray[np.float64]:
-        """Costs of the ways between places, shape (n, n), infinite where there is none."""
-        nodes = [self._node(place) for place in places]
+        """Costs of the free ways between places, shape (n, n), infinite where there is none."""
+        grid = self._grid("free")
+        nodes = [grid.node(place) for place in places]
         costs = np.full((len(places), len(places)), np.inf)
         for row, end in enumerate(nodes):
             if end is not None:
-                tree = self._tree(end)[0]
+                tree = grid.tree(end)[0]
                 costs[row] = [np.inf if node is None else tree[node] for node in nodes]
         return costs
 
@@ -92,39 +105,64 @@ class GridPlanner:
         """Clearance around points of shape (n, 2), obstacles included; metres."""
         return self._clearance[self._map.cells(points)]
 
-    def _rebuild(self) -> None:
-        self._clearance = self._with_obstacles()
-        fits = self._clearance >= self._radius_m
-        self._rows, self._columns = np.nonzero(fits)
-        self._graph = _grid_graph(fits, self._cell_costs(), self._map.resolution_m)
+    def _path(self, kind: WayKind, start: tuple[float, float], goal: tuple[float, float]) -> Path | None:
+        if kind == "pushing" and len(self._obstacles) == 0:
+            return None
+        grid = self._grid(kind)
+        first, last = grid.node(start), grid.node(goal)
+        if first is None or last is None:
+            return None
+        costs, towards = grid.tree(last)
+        if not np.isfinite(costs[first]):
+            return None
+        nodes = [first]
+        while nodes[-1] != last:
+            nodes.append(int(towards[nodes[-1]]))
+        points = grid.centers[nodes]
+        points[0] = start
+        clearance = self.known_distance if kind == "pushing" else self.clearance_at
+        return smooth(points, clearance, self._radius_m + _MARGIN_M[kind])
+
+    def _grid(self, kind: WayKind) -> "_Grid":
+        if kind not in self._grids:
+            needed_m = self._radius_m + _MARGIN_M[kind]
+            clearance = self._known_clearance if kind == "pushing" else self._clearance
+            lacking = np.clip((COMFORT_M - clearance) / (COMFORT_M - needed_m), 0.0, 1.0)
+            costs = 1.0 + _NARROWNESS_COST * lacking**2
+            if kind == "pushing":
+                costs = costs + _PUSHING_COST * (self._clearance < self._radius_m)
+            self._grids[kind] = _Grid(self._map, clearance >= needed_m, costs)
+        return self._grids[kind]
+
+
+class _Grid:
+    """The graph of the cells that a disc fits in."""
+
+    def __init__(self, known: OccupancyMap, fits: NDArray[np.bool_], costs: NDArray[np.float64]) -> None:
+        rows, columns = np.nonzero(fits)
+        self.centers = known.centers(rows, columns)
+        self._graph = _grid_graph(fits, costs, known.resolution_m)
         self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
 
-    def _tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Costs to a node from every other one, and the next node on the way there; kept until the map changes."""
+    def node(self, place: tuple[float, float]) -> int | None:
+        """The node nearest to a place, if one is near."""
+        if len(self.centers) == 0:
+            return None
+        squares = ((self.centers - place) ** 2).sum(axis=1)
+        nearest = int(np.argmin(squares))
+        return nearest if squares[nearest] <= _SNAP_M**2 else None
+
+    def tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Costs to a node from every other one, and the next node on the way there."""
         if end not in self._trees:
             self._trees[end] = csgraph.dijkstra(self._graph, indices=end, return_predecessors=True)
         return self._trees[end]
 
-    def _with_obstacles(self) -> NDArray[np.float64]:
-        if len(self._obstacles) == 0:
-            return self.known_clearance
-        free = np.ones_like(self._map.free)
-        free[self._map.cells(self._obstacles)] = False
-        distance = np.asarray(ndimage.distance_transform_edt(free, sampling=self._map.resolution_m))
-        return np.minimum(self.known_clearance, np.maximum(distance - self._map.resolution_m / 2, 0.0))
 
-    def _cell_costs(self) -> NDArray[np.float64]:
-        lacking = np.clip((COMFORT_M - self._clearance) / (COMFORT_M - self._radius_m), 0.0, 1.0)
-        return 1.0 + _NARROWNESS_COST * lacking**2
-
-    def _node(self, place: tuple[float, float]) -> int | None:
-        """The node nearest to a place, if one is near."""
-        if len(self._rows) == 0:
-            return None
-        centers = self._map.centers(self._rows, self._columns)
-        squares = ((centers - place) ** 2).sum(axis=1)
-        nearest = int(np.argmin(squares))
-        return nearest if squares[nearest] <= _SNAP_M**2 else None
+def _clearance(free: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float64]:
+    """From the middles of cells to the face of the nearest one that is not free."""
+    distance = np.asarray(ndimage.distance_transform_edt(free, sampling=resolution_m))
+    return np.maximum(distance - resolution_m / 2, 0.0)
 
 
 def _grid_graph(fits: NDArray[np.bool_], costs: NDArray[np.float64], resolution_m: float) -> sparse.csr_array:

@@ -16,7 +16,7 @@ RADIUS_M = 0.17
 """Of the body, seen from above; nothing sticks out of it."""
 
 WHEEL_RADIUS_M = 0.04
-TRACK_WIDTH_M = 0.26
+TRACK_WIDTH_M = 0.22
 """Distance between the points where the wheels touch the floor."""
 
 LIDAR_HEIGHT_M = 0.13
@@ -33,6 +33,9 @@ WHEELS = ("wheel_left", "wheel_right")
 _SERVO_GAIN = 0.2
 _SERVO_TORQUE_NM = 0.15
 """Two wheels push with at most 7.5 N: they stall against furniture instead of climbing it."""
+
+_BUMPER_SOLREF = (0.06, 1.0)
+"""The body yields like a sprung bumper: 70 N when it hits a wall at full speed, where a stiff one takes 200 N."""
 
 _DARK = (0.13, 0.14, 0.16, 1.0)
 _SHELL = (0.93, 0.94, 0.95, 1.0)
@@ -72,9 +75,17 @@ def build_scout() -> mujoco.MjSpec:
 def _add_chassis(base: mujoco.MjsBody) -> None:
     """Adds what collides: a disc with the drive and the battery in it, and the lidar's housing."""
     base.add_geom(
-        name="chassis", type=_CYLINDER, pos=[0, 0, 0.062], size=[RADIUS_M, 0.036, 0], mass=2.5, rgba=_SHELL,
+        name="chassis",
+        type=_CYLINDER,
+        pos=[0, 0, 0.062],
+        size=[RADIUS_M, 0.036, 0],
+        mass=2.5,
+        rgba=_SHELL,
+        # Its own softness and slipperiness count, whatever it touches.
+        priority=1,
+        solref=_BUMPER_SOLREF,
         friction=[0.3, 0.005, 0.0001],
-    )  # fmt: skip
+    )
     base.add_geom(name="lidar", type=_CYLINDER, pos=[0, 0, 0.135], size=[0.045, 0.027, 0], mass=0.15, rgba=_DARK)
 
 

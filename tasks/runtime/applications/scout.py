@@ -18,9 +18,9 @@ from ....schemas.errors import LaunchError
 from ....schemas.world import Point
 from ..context import SimulationContext
 from .following import PathFollower
-from .obstacles import ObstacleMemory, Pose, nearest_to_path
+from .obstacles import ObstacleMemory, Pose, free_ahead, nearest_to_path
 from .occupancy_map import OccupancyMap, read_map
-from .planner import GridPlanner
+from .planner import GridPlanner, WayKind
 from .robot_scout import MAX_LINEAR_MPS, RADIUS_M
 from .tour import plan_tour
 
@@ -31,13 +31,19 @@ _STOP = (0.0, 0.0)
 _GOODBYE_S = 1.0
 """Time between stopping for good and leaving, for an environment that wants to end the run itself."""
 
+_SPEED_LIMIT_MPS: dict[WayKind, float] = {"free": MAX_LINEAR_MPS, "tight": 0.2, "pushing": 0.09}
+
 _CAREFUL_MPS = 0.25
 _CAREFUL_WITHIN_M = 0.3
+_CREEPING_MPS = 0.08
+_CLOSING_S = 0.45
+"""Speed is limited such that what is straight ahead is at least this far away in time."""
+
 _LOOK_AHEAD_M = 1.0
 _BLOCKED_WITHIN_M = RADIUS_M
 _REPLAN_PERIOD_S = 0.6
 
-_TRIES = 4
+_TRIES = 3
 """Times a room is tried again after getting stuck or finding no way, before it is put off or given up."""
 
 _STUCK_S = 1.5
@@ -73,6 +79,7 @@ class Scout:
         self._queue: list[str] | None = None
         self._put_off: set[str] = set()
         self._follower: PathFollower | None = None
+        self._way_kind: WayKind = "free"
         self._tries = 0
         self._backing_until_s = -math.inf
         self._planned_s = -math.inf
@@ -122,7 +129,7 @@ class Scout:
             return _STOP
         follower = self._follower
         assert follower is not None
-        return follower.command(*pose, speed, self._speed_limit)
+        return follower.command(*pose, speed, min(self._speed_limit, _SPEED_LIMIT_MPS[self._way_kind]))
 
     def _order_rooms(self, here: tuple[float, float]) -> list[str]:
         """Plans the tour; rooms that the map shows no way to come last, since the map may be wrong."""
@@ -135,10 +142,10 @@ class Scout:
         """Finds a path to the next goal that has one; says whether there is one left."""
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))
-            path = self._planner.plan(pose[:2], self._goals[self._queue[0]])
+            way = self._planner.plan(pose[:2], self._goals[self._queue[0]])
             self._planned_s = now_s
-            if path is not None:
-                self._follower = PathFollower(path)
+            if way is not None:
+                self._follower, self._way_kind = PathFollower(way.path), way.kind
                 self._anchor = _Anchor(now_s, pose)
                 return True
             self._leave_goal()
@@ -146,14 +153,16 @@ class Scout:
 
     def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
         """Slows down for unknown things near the path and plans again when one is on it."""
-        unknown = self._memory.see(pose, observation["scan"], observation["proximity"], now_s)
-        self._speed_limit = MAX_LINEAR_MPS
+        scan, proximity = observation["scan"], observation["proximity"]
+        unknown = self._memory.see(pose, scan, proximity, now_s)
+        self._speed_limit = max(_CREEPING_MPS, free_ahead(scan, proximity, RADIUS_M) / _CLOSING_S)
         if self._follower is None or len(unknown) == 0:
             return
         gap_m = nearest_to_path(unknown, self._follower.ahead(_LOOK_AHEAD_M))
         if gap_m < _CAREFUL_WITHIN_M:
-            self._speed_limit = _CAREFUL_MPS
-        if gap_m < _BLOCKED_WITHIN_M and now_s - self._planned_s >= _REPLAN_PERIOD_S:
+            self._speed_limit = min(self._speed_limit, _CAREFUL_MPS)
+        blocked = gap_m < _BLOCKED_WITHIN_M and self._way_kind != "pushing"
+        if blocked and now_s - self._planned_s >= _REPLAN_PERIOD_S:
             self._follower = None
 
     def _is_stuck(self, pose: Pose, now_s: float) -> bool:

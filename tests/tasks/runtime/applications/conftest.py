@@ -123,7 +123,7 @@ def write_map(folder: Path) -> None:
     (folder / "map.pgm").write_bytes(f"P5\n{cols} {rows}\n255\n".encode() + image[::-1].tobytes())
     (folder / "map.yaml").write_text(
         f"image: map.pgm\nmode: trinary\nresolution: {res}\norigin: [{ox}, {oy}, 0.0]\nnegate: 0\n"
-        "occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
 
 

@@ -1,0 +1,127 @@
+import dm_env
+import numpy as np
+import pytest
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+
+
+def test_observations_and_actions_are_as_specified(make_context) -> None:
+    environment = make_environment(make_context())
+    specs = environment.observation_spec()
+    timestep = environment.reset()
+    assert timestep.first()
+    for _ in range(6):
+        assert set(timestep.observation) == set(specs)
+        for name, spec in specs.items():
+            spec.validate(timestep.observation[name])
+        timestep = environment.step(environment.action_spec().maximum)
+    assert environment.control_timestep() == pytest.approx(0.05)
+    assert float(timestep.observation["time"]) == pytest.approx(0.3)
+
+
+def test_scans_come_five_times_a_second(make_context) -> None:
+    environment = make_environment(make_context())
+    times = {float(environment.reset().observation["scan_time"])}
+    times |= {float(environment.step((0.1, 0.0)).observation["scan_time"]) for _ in range(20)}
+    assert sorted(times) == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+def test_starts_at_the_origin_with_a_heading_of_the_runs_seed(make_context) -> None:
+    headings = set()
+    for seed in (1, 1, 2):
+        x, y, yaw = make_environment(make_context(seed=seed)).reset().observation["pose"]
+        assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-6)
+        headings.add(float(yaw))
+    assert len(headings) == 2
+
+
+def test_standing_still_after_driving_ends_the_run(make_context) -> None:
+    environment = make_environment(make_context())
+    environment.reset()
+    environment.step((0.1, 0.0))
+    steps = 1
+    timestep = environment.step((0.0, 0.0))
+    while not timestep.last():
+        steps += 1
+        timestep = environment.step((0.0, 0.0))
+    assert steps * 0.05 == pytest.approx(10.0, abs=0.1)
+    assert timestep.discount == 0.0
+
+
+def test_the_time_limit_comes_from_the_environment_variables(make_context) -> None:
+    environment = make_environment(make_context(environment={"ROBOMAKER_SIM_TIME_LIMIT_S": "1.5"}))
+    timestep: dm_env.TimeStep = environment.reset()
+    while not timestep.last():
+        timestep = environment.step((0.0, 1.0))
+    report = environment.run_result()
+    assert report.metrics["sim_time_s"] == pytest.approx(1.5)
+    assert report.verdict == "FAIL"
+    assert "within_time_limit" in {item.name for item in report.requirements if not item.satisfied}
+
+
+@pytest.mark.parametrize("text", ["soon", "-3", "0", "nan", "inf"])
+def test_a_wrong_time_limit_is_named(make_context, text: str) -> None:
+    with pytest.raises(LaunchError, match=f"ROBOMAKER_SIM_TIME_LIMIT_S: '{text}' is not a limit"):
+        make_environment(make_context(environment={"ROBOMAKER_SIM_TIME_LIMIT_S": text}))
+
+
+def test_without_a_world_it_says_where_to_name_one(make_context) -> None:
+    with pytest.raises(LaunchError, match="worldConfigs") as error:
+        make_environment(make_context(with_world=False))
+    assert error.value.failure_code == "InvalidInput"
+
+
+def test_a_world_that_is_no_mjcf_is_refused(make_context) -> None:
+    context = make_context()
+    (context.world_dir / "world.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    with pytest.raises(LaunchError, match=r"world\.xml: not a world that Scout can be put into"):
+        make_environment(context)
+
+
+@pytest.mark.parametrize("action", [(1.0,), (np.nan, 0.0), "ab", None])
+def test_a_wrong_action_is_refused(make_context, action) -> None:
+    environment = make_environment(make_context())
+    environment.reset()
+    with pytest.raises(ValueError, match="action"):
+        environment.step(action)
+
+
+def test_there_is_no_report_before_a_run(make_context) -> None:
+    with pytest.raises(RuntimeError, match="call reset first"):
+        make_environment(make_context()).run_result()
+
+
+def test_records_what_a_robot_publishes(make_context, memory_recorder) -> None:
+    environment = make_environment(make_context(recorder=memory_recorder))
+    assert environment.records_itself
+    environment.reset()
+    for _ in range(40):
+        timestep = environment.step((0.3, 0.5))
+    counts = {}
+    for topic, _, _ in memory_recorder.messages:
+        counts[topic] = counts.get(topic, 0) + 1
+    assert counts == {"/tf_static": 1, "/clock": 41, "/tf": 41, "/odom": 41, "/joint_states": 41, "/scan": 11}
+    last = {topic: message for topic, message, _ in memory_recorder.messages}
+    x, y, yaw = timestep.observation["pose"]
+    position = last["/odom"].pose.position
+    assert (position.x, position.y) == pytest.approx((x, y))
+    orientation = last["/odom"].pose.orientation
+    assert 2 * np.arctan2(orientation.z, orientation.w) == pytest.approx(yaw)
+    assert last["/odom"].twist.linear.x == pytest.approx(0.3, abs=0.03)
+    assert last["/scan"].ranges is timestep.observation["scan"]
+    assert last["/tf"].transforms[0].child_frame_id == "base_link"
+
+
+def test_a_second_run_starts_afresh(make_context) -> None:
+    environment = make_environment(make_context())
+    environment.reset()
+    for _ in range(60):
+        environment.step((0.5, 0.3))
+    first = environment.run_result()
+    environment.reset()
+    environment.step((0.1, 0.0))
+    second = environment.run_result()
+    assert first.metrics["distance_m"] > 0.5
+    assert second.metrics["distance_m"] < 0.1
+    assert second.metrics["sim_time_s"] == pytest.approx(0.05)

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from prefect_robomaker.tasks.runtime.applications import lidar
+from prefect_robomaker.tasks.runtime.applications.obstacles import ObstacleMemory, free_ahead, nearest_to_path
+from prefect_robomaker.tasks.runtime.applications.occupancy_map import OccupancyMap
+from prefect_robomaker.tasks.runtime.applications.planner import GridPlanner
+
+NOTHING = np.full(lidar.PROXIMITY_ANGLES_RAD.shape, np.inf, np.float32)
+
+
+@pytest.fixture
+def memory() -> ObstacleMemory:
+    free = np.zeros((80, 80), np.bool_)
+    free[10:70, 10:70] = True
+    return ObstacleMemory(GridPlanner(OccupancyMap(free, 0.05, (-2.0, -2.0)), 0.17))
+
+
+def scan(**ranges: float) -> np.ndarray:
+    """A scan with ranges ahead, left, behind."""
+    rays = {"ahead": 180, "left": 270, "behind": 0}
+    values = np.full(lidar.SCAN_RAYS, np.inf, np.float32)
+    for where, distance in ranges.items():
+        values[rays[where]] = distance
+    return values
+
+
+def test_unknown_things_are_placed_in_the_map_and_walls_are_left_out(memory: ObstacleMemory) -> None:
+    # Looking north from (0.5, 0): the wall at x = -1.5 is on the left, 2 m away; something stands 0.8 m ahead.
+    seen = memory.see((0.5, 0.0, np.pi / 2), scan(ahead=0.8, left=1.55), NOTHING, 1.0)
+    assert seen == pytest.approx(np.array([[0.5, 0.8], [-1.05, 0.0]]), abs=1e-6)
+    wall = memory.see((0.0, 0.0, np.pi / 2), scan(left=1.5), NOTHING, 1.0)
+    assert len(wall) == 0
+
+
+def test_the_bumpers_sensors_count_as_well(memory: ObstacleMemory) -> None:
+    proximity = NOTHING.copy()
+    proximity[7] = 0.4
+    assert memory.see((0.0, 0.0, 0.0), scan(), proximity, 1.0) == pytest.approx(np.array([[0.4, 0.0]]), abs=1e-6)
+
+
+def test_things_are_forgotten_after_a_while(memory: ObstacleMemory) -> None:
+    memory.see((0.0, 0.0, 0.0), scan(ahead=0.8), NOTHING, 1.0)
+    assert len(memory.points(20.0)) == 1
+    assert len(memory.points(40.0)) == 0
+
+
+def test_free_way_ahead_is_measured_from_the_rim() -> None:
+    assert free_ahead(scan(ahead=0.5), NOTHING, 0.17) == pytest.approx(0.33)
+    assert free_ahead(scan(left=0.5, behind=0.3), NOTHING, 0.17) == np.inf
+
+
+def test_distance_to_a_path() -> None:
+    path = [(0.0, 0.0), (1.0, 0.0)]
+    assert nearest_to_path(np.array([[1.0, 0.5], [3.0, 0.0]]), path) == pytest.approx(0.5)
+    assert nearest_to_path(np.zeros((0, 2)), path) == np.inf

@@ -1,0 +1,112 @@
+import logging
+from typing import Any
+
+import dm_env
+import numpy as np
+import pytest
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation, make_environment
+from prefect_robomaker.tasks.runtime.applications.scout import Scout, make_agent
+from prefect_robomaker.tasks.runtime.context import SimulationContext
+
+
+def run(context: SimulationContext) -> tuple[IndoorNavigation, Scout, list[Any]]:
+    """Returns environment, agent and every pose."""
+    environment = make_environment(context)
+    agent = make_agent(context, environment)
+    timestep = environment.reset()
+    poses = []
+    while not timestep.last():
+        try:
+            timestep = environment.step(agent(timestep))
+        except StopIteration:
+            break
+        poses.append(timestep.observation["pose"])
+    return environment, agent, poses
+
+
+def test_visits_every_room_without_touching_anything(make_context) -> None:
+    environment, agent, _ = run(make_context(seed=3))
+    report = environment.run_result()
+    assert report.verdict == "PASS", report.summary
+    assert report.collisions == []
+    assert all(room.visited for room in report.rooms)
+    assert agent.given_up == []
+    assert report.metrics["sim_time_s"] < 40
+    assert report.metrics["mean_speed_mps"] > 0.3
+    assert len(report.path) <= 600
+    assert report.path[0][1:] == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+def test_the_same_seed_gives_the_same_run_to_the_last_bit_recorded_or_not(make_context, memory_recorder) -> None:
+    loose = [("Toy_1", 0.45, 1.3, 0.05)]
+    first = np.array(run(make_context(seed=5, loose=loose))[2])
+    second = np.array(run(make_context(seed=5, loose=loose, recorder=memory_recorder))[2])
+    other = np.array(run(make_context(seed=6, loose=loose))[2])
+    assert first.tobytes() == second.tobytes()
+    assert first.tobytes() != other.tobytes()
+
+
+@pytest.mark.parametrize("half_side_m", [0.04, 0.12], ids=["below the lidar", "seen by the lidar"])
+def test_drives_around_things_that_the_map_does_not_show(make_context, half_side_m: float) -> None:
+    # In the way from the hall into the living room, and in the middle of the hall.
+    loose = [("Toy_1", 0.2, 1.5, half_side_m), ("Toy_2", 2.5, -0.1, half_side_m)]
+    environment, _, _ = run(make_context(seed=2, loose=loose))
+    report = environment.run_result()
+    assert report.verdict == "PASS", report.summary
+    assert report.metrics["max_collision_force_N"] < 20
+
+
+def test_gives_up_a_room_behind_a_blocked_door_and_says_so(make_context, caplog) -> None:
+    context = make_context(seed=1)
+    path = context.world_dir / "world.xml"
+    door = '<geom name="wall-door" type="box" pos="0.45 1 1" size="0.45 0.05 1"/>'
+    other = '<geom name="wall-other" type="box" pos="3 2.95 1" size="0.05 0.45 1"/>'
+    path.write_text(path.read_text().replace("<worldbody>", f"<worldbody>{door}{other}"))
+    with caplog.at_level(logging.WARNING):
+        environment, agent, _ = run(context)
+    report = environment.run_result()
+    assert agent.given_up == ["living"]
+    assert "gave up on living" in caplog.text
+    assert {room.name: room.visited for room in report.rooms} == {"hall": True, "living": False, "kitchen": True}
+    assert report.verdict == "FAIL"
+    assert report.metrics["max_collision_force_N"] < 20
+    assert report.metrics["sim_time_s"] < 120
+
+
+def test_leaves_when_there_is_nothing_left_to_do(make_context) -> None:
+    context = make_context()
+    agent = make_agent(context, make_environment(context))
+    observation = make_environment(context).reset().observation
+    agent._queue = []
+    for step in range(21):
+        action = agent(dm_env.transition(0.0, observation | {"time": np.array(step * 0.05)}))
+        assert action.tolist() == [0.0, 0.0]
+        assert agent.done
+    with pytest.raises(StopIteration):
+        agent(dm_env.transition(0.0, observation | {"time": np.array(1.1)}))
+
+
+def test_without_a_world_it_says_where_to_name_one(make_context) -> None:
+    environment = make_environment(make_context())
+    with pytest.raises(LaunchError, match="worldConfigs"):
+        make_agent(make_context(with_world=False), environment)
+
+
+def test_an_environment_of_another_kind_is_refused(make_context) -> None:
+    class Other(IndoorNavigation):
+        def observation_spec(self) -> dict[str, Any]:
+            return {"time": None, "pose": None}
+
+    environment = make_environment(make_context())
+    environment.__class__ = Other
+    with pytest.raises(LaunchError, match="does not give: proximity, scan, scan_time, velocity"):
+        make_agent(make_context(), environment)
+
+
+def test_a_missing_map_is_named(make_context) -> None:
+    context = make_context()
+    (context.world_dir / "map.yaml").unlink()
+    with pytest.raises(LaunchError, match=r"cannot read the world's map.*map\.yaml"):
+        make_agent(context, make_environment(context))
