@@ -37,28 +37,22 @@ class ObstacleMemory:
         self._seen_s = {cell: seen_s for cell, seen_s in self._seen_s.items() if now_s - seen_s <= _FORGET_S}
         return np.array(list(self._seen_s), dtype=np.float64).reshape(-1, 2) * _CELL_M
 
-    def see(
-        self, pose: Pose, scan: NDArray[np.float32], proximity: NDArray[np.float32], now_s: float
-    ) -> NDArray[np.float64]:
+    def see(self, pose: Pose, hits: NDArray[np.complex128], now_s: float) -> NDArray[np.float64]:
         """Takes in a measurement.
 
         Args:
           pose: x, y in metres and yaw in radians, of the measurement.
-          scan: the lidar's ranges, metres.
-          proximity: the bumper's ranges, metres.
+          hits: what was hit, from `near_hits`.
           now_s: time.
 
         Returns:
-          The unknown points of this measurement within 1.6 m, shape (n, 2), metres.
+          Those of the hits that the map does not show, as points of shape (n, 2), metres.
         """
-        ranges = np.concatenate((scan, proximity))
-        near = np.flatnonzero(ranges < _NEAR_M)
-        if not near.size:
+        if not hits.size:
             return np.zeros((0, 2))
         x, y, yaw = pose
-        points = np.array((x, y)) + (ranges[near] * (_RAYS[near] * complex(math.cos(yaw), math.sin(yaw)))).view(
-            np.float64
-        ).reshape(-1, 2)
+        turned = hits * complex(math.cos(yaw), math.sin(yaw)) + complex(x, y)
+        points = turned.view(np.float64).reshape(-1, 2)
         unknown = points[self._planner.known_distance(points) > _KNOWN_WITHIN_M]
         if len(unknown):
             self.add(unknown, now_s)
@@ -70,20 +64,32 @@ class ObstacleMemory:
             self._seen_s[column, row] = now_s
 
 
-def free_ahead(scan: NDArray[np.float32], proximity: NDArray[np.float32], half_width_m: float) -> float:
-    """How far a disc at the sensors' place can go straight on before it touches something; metres.
+def near_hits(scan: NDArray[np.float32], proximity: NDArray[np.float32]) -> NDArray[np.complex128]:
+    """Where rays of the lidar and the bumper's sensors ended within 1.6 m.
 
     Args:
       scan: the lidar's ranges, metres.
       proximity: the bumper's ranges, metres.
-      half_width_m: the disc's radius.
+
+    Returns:
+      Points in the robot's frame, metres: forward is the real part, left the imaginary one.
     """
     ranges = np.concatenate((scan, proximity))
-    hits = ranges[near := np.flatnonzero(ranges < _NEAR_M)] * _RAYS[near]
-    hits = hits[(np.abs(hits.imag) < half_width_m) & (hits.real > 0)]
-    if not hits.size:
+    near = np.flatnonzero(ranges < _NEAR_M)
+    return _RAYS[near] * ranges[near].astype(np.float64)
+
+
+def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:
+    """How far a disc can go straight on before it touches one of `near_hits`; metres.
+
+    Args:
+      hits: points in the robot's frame.
+      half_width_m: the disc's radius.
+    """
+    ahead = hits[(np.abs(hits.imag) < half_width_m) & (hits.real > 0)]
+    if not ahead.size:
         return math.inf
-    return float((hits.real - np.sqrt(half_width_m**2 - hits.imag**2)).min())
+    return float((ahead.real - np.sqrt(half_width_m**2 - ahead.imag**2)).min())
 
 
 def nearest_to_path(points: NDArray[np.float64], path: list[tuple[float, float]]) -> float:

@@ -18,7 +18,7 @@ from ....schemas.errors import LaunchError
 from ....schemas.world import Point
 from ..context import SimulationContext
 from .following import PathFollower
-from .obstacles import ObstacleMemory, Pose, free_ahead, nearest_to_path
+from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path
 from .occupancy_map import OccupancyMap, read_map
 from .planner import GridPlanner, WayKind
 from .robot_scout import MAX_LINEAR_MPS, RADIUS_M
@@ -153,9 +153,9 @@ class Scout:
 
     def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
         """Slows down for unknown things near the path and plans again when one is on it."""
-        scan, proximity = observation["scan"], observation["proximity"]
-        unknown = self._memory.see(pose, scan, proximity, now_s)
-        self._speed_limit = max(_CREEPING_MPS, free_ahead(scan, proximity, RADIUS_M) / _CLOSING_S)
+        hits = near_hits(observation["scan"], observation["proximity"])
+        unknown = self._memory.see(pose, hits, now_s)
+        self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, RADIUS_M) / _CLOSING_S)
         if self._follower is None or len(unknown) == 0:
             return
         gap_m = nearest_to_path(unknown, self._follower.ahead(_LOOK_AHEAD_M))

@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.obstacles import ObstacleMemory, free_ahead, nearest_to_path
+from prefect_robomaker.tasks.runtime.applications.obstacles import (
+    ObstacleMemory,
+    free_ahead,
+    near_hits,
+    nearest_to_path,
+)
 from prefect_robomaker.tasks.runtime.applications.occupancy_map import OccupancyMap
 from prefect_robomaker.tasks.runtime.applications.planner import GridPlanner
 
@@ -27,27 +32,28 @@ def scan(**ranges: float) -> np.ndarray:
 
 def test_unknown_things_are_placed_in_the_map_and_walls_are_left_out(memory: ObstacleMemory) -> None:
     # Looking north from (0.5, 0): the wall at x = -1.5 is on the left, 2 m away; something stands 0.8 m ahead.
-    seen = memory.see((0.5, 0.0, np.pi / 2), scan(ahead=0.8, left=1.55), NOTHING, 1.0)
+    seen = memory.see((0.5, 0.0, np.pi / 2), near_hits(scan(ahead=0.8, left=1.55, behind=1.7), NOTHING), 1.0)
     assert seen == pytest.approx(np.array([[0.5, 0.8], [-1.05, 0.0]]), abs=1e-6)
-    wall = memory.see((0.0, 0.0, np.pi / 2), scan(left=1.5), NOTHING, 1.0)
+    wall = memory.see((0.0, 0.0, np.pi / 2), near_hits(scan(left=1.5), NOTHING), 1.0)
     assert len(wall) == 0
 
 
 def test_the_bumpers_sensors_count_as_well(memory: ObstacleMemory) -> None:
     proximity = NOTHING.copy()
     proximity[7] = 0.4
-    assert memory.see((0.0, 0.0, 0.0), scan(), proximity, 1.0) == pytest.approx(np.array([[0.4, 0.0]]), abs=1e-6)
+    seen = memory.see((0.0, 0.0, 0.0), near_hits(scan(), proximity), 1.0)
+    assert seen == pytest.approx(np.array([[0.4, 0.0]]), abs=1e-6)
 
 
 def test_things_are_forgotten_after_a_while(memory: ObstacleMemory) -> None:
-    memory.see((0.0, 0.0, 0.0), scan(ahead=0.8), NOTHING, 1.0)
+    memory.see((0.0, 0.0, 0.0), near_hits(scan(ahead=0.8), NOTHING), 1.0)
     assert len(memory.points(20.0)) == 1
     assert len(memory.points(40.0)) == 0
 
 
 def test_free_way_ahead_is_measured_from_the_rim() -> None:
-    assert free_ahead(scan(ahead=0.5), NOTHING, 0.17) == pytest.approx(0.33)
-    assert free_ahead(scan(left=0.5, behind=0.3), NOTHING, 0.17) == np.inf
+    assert free_ahead(near_hits(scan(ahead=0.5), NOTHING), 0.17) == pytest.approx(0.33)
+    assert free_ahead(near_hits(scan(left=0.5, behind=0.3), NOTHING), 0.17) == np.inf
 
 
 def test_distance_to_a_path() -> None:
