@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, ResourceNotFoundException
+from ..schemas.errors import InvalidParameterException
 from ..schemas.ids import new_id
 from ..schemas.operations import seed_of, video_of
 from ..schemas.simulation_jobs import (
@@ -17,6 +17,7 @@ from ..schemas.simulation_jobs import (
     SimulationJob,
     SimulationJobOrder,
 )
+from ..schemas.simulation_run import ApplicationRole
 from ..tasks.catalog import ClientToken, Resource
 from ..tasks.data_sources import resolve_data_sources
 from ..tasks.run_plans import find_application, world_arn
@@ -59,12 +60,9 @@ def batch_describe_simulation_job(
     request: BatchDescribeSimulationJobRequest, service: Service
 ) -> BatchDescribeSimulationJobResponse:
     """Tells how several simulation jobs stand."""
-    jobs, missing = [], []
-    for arn in request.jobs:
-        try:
-            jobs.append(SimulationJob.model_validate(describe(service.catalog.get(arn, kind=KIND))))
-        except ResourceNotFoundException:
-            missing.append(arn)
+    found = {arn: job for arn, job in service.catalog.get_many(request.jobs).items() if job.kind == KIND}
+    jobs = [SimulationJob.model_validate(describe(found[arn])) for arn in request.jobs if arn in found]
+    missing = [arn for arn in request.jobs if arn not in found]
     return BatchDescribeSimulationJobResponse(jobs=jobs, unprocessedJobs=missing)
 
 
@@ -82,9 +80,12 @@ def store_job(
     Raises:
       ResourceNotFoundException: an application or world does not exist.
       InvalidParameterException: data cannot be read, or an application cannot be started so.
+      IdempotentParameterMismatchException: the token was used for another request.
     """
+    if (earlier := service.made_before(token)) is not None:
+        return earlier
     wire = request.to_wire()
-    _check_applications(wire, service)
+    applications = {f"{role}ApplicationNames": _applications(wire, role, service) for role in ("robot", "simulation")}
     if (world := world_arn(wire)) is not None:
         service.catalog.get(world, kind="world")
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
@@ -105,7 +106,7 @@ def store_job(
                 "seed": service.new_seed() if seed is None else seed,
                 "video": video_of(request) or "none",
                 "dataSources": data_sources,
-                **_application_names(wire, service),
+                **applications,
             },
         ),
         token=token,
@@ -157,32 +158,27 @@ def summary(job: Resource) -> dict[str, Any]:
     }
 
 
-def _check_applications(request: Mapping[str, Any], service: Service) -> None:
-    for role in ("robot", "simulation"):
-        for index, config in enumerate(request.get(f"{role}Applications") or []):
-            place = f"{role}Applications[{index}]"
-            application = find_application(config["application"], role, config.get("applicationVersion"), service)
-            launch = config["launchConfig"]
-            if launch.get("command"):
-                raise InvalidParameterException(
-                    f"{place}.launchConfig.command: {launch['command']!r} cannot be run here yet; "
-                    "give packageName and launchFile, a dotted attribute such as my_nav and arena.make_environment"
-                )
-            if application.document.get("sources") and not (launch.get("packageName") and launch.get("launchFile")):
-                raise InvalidParameterException(
-                    f"{place}.launchConfig: packageName and launchFile have to say what of the archive is started, "
-                    "such as my_nav and arena.make_environment"
-                )
+def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Service) -> list[str]:
+    """Names of the applications of a role, all of which can be started."""
+    names = []
+    for index, config in enumerate(request.get(f"{role}Applications") or []):
+        application = find_application(config["application"], role, config.get("applicationVersion"), service)
+        _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
+        names.append(application.name)
+    return names
 
 
-def _application_names(request: Mapping[str, Any], service: Service) -> dict[str, list[str]]:
-    return {
-        f"{role}ApplicationNames": [
-            find_application(config["application"], role, None, service).name
-            for config in request.get(f"{role}Applications") or []
-        ]
-        for role in ("robot", "simulation")
-    }
+def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
+    if launch.get("command"):
+        raise InvalidParameterException(
+            f"{place}.command: {launch['command']!r} cannot be run here yet; "
+            "give packageName and launchFile, a dotted attribute such as my_nav and arena.make_environment"
+        )
+    if application.document.get("sources") and not (launch.get("packageName") and launch.get("launchFile")):
+        raise InvalidParameterException(
+            f"{place}: packageName and launchFile have to say what of the archive is started, "
+            "such as my_nav and arena.make_environment"
+        )
 
 
 def __getattr__(name: str) -> Any:

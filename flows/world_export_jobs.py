@@ -31,12 +31,19 @@ def perform_world_export_job(arn: str, service: Service) -> None:
 @operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")
 def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> CreateWorldExportJobResponse:
     """Stores an export job for worlds that exist."""
+    token = ClientToken.of("CreateWorldExportJob", request)
+    answer = _described(service.made_before(token) or _stored(request, token, service))
+    del answer["worlds"], answer["failureReason"]
+    return CreateWorldExportJobResponse.model_validate(answer)
+
+
+def _stored(request: CreateWorldExportJobRequest, token: ClientToken | None, service: Service) -> Resource:
     if request.outputLocation.s3Bucket is None:
         raise InvalidParameterException("outputLocation.s3Bucket: has to be given; the archive is put there")
     for world in request.worlds:
         service.catalog.get(world, kind="world")
     job_id = new_id("export", service.chance)
-    job = service.catalog.create(
+    return service.catalog.create(
         Resource.new(
             arn=service.arn(KIND, job_id),
             kind=KIND,
@@ -46,11 +53,8 @@ def create_world_export_job(request: CreateWorldExportJobRequest, service: Servi
             tags=request.tags or {},
             document={"request": request.to_wire()},
         ),
-        token=ClientToken.of("CreateWorldExportJob", request),
+        token=token,
     )
-    answer = _described(job)
-    del answer["worlds"], answer["failureReason"]
-    return CreateWorldExportJobResponse.model_validate(answer)
 
 
 @operation("DescribeWorldExportJob")

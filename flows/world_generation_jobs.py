@@ -17,7 +17,6 @@ from ..tasks.service import Progress, Service
 from .operation import flows_of, operation
 
 KIND = "world-generation-job"
-MAX_WORLDS = 50
 
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
@@ -30,10 +29,16 @@ def create_world_generation_job(
     request: CreateWorldGenerationJobRequest, service: Service
 ) -> CreateWorldGenerationJobResponse:
     """Stores a generation job; the template's body is kept as it is now."""
+    token = ClientToken.of("CreateWorldGenerationJob", request)
+    job = service.made_before(token) or _stored(request, token, service)
+    return CreateWorldGenerationJobResponse.model_validate(_described(job))
+
+
+def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None, service: Service) -> Resource:
     template = service.catalog.get(request.template, kind="world-template")
     seed = seed_of(request)
     job_id = new_id("generation", service.chance)
-    job = service.catalog.create(
+    return service.catalog.create(
         Resource.new(
             arn=service.arn(KIND, job_id),
             kind=KIND,
@@ -47,9 +52,8 @@ def create_world_generation_job(
                 "seed": service.new_seed() if seed is None else seed,
             },
         ),
-        token=ClientToken.of("CreateWorldGenerationJob", request),
+        token=token,
     )
-    return CreateWorldGenerationJobResponse.model_validate(_described(job))
 
 
 @operation("DescribeWorldGenerationJob")
@@ -90,10 +94,6 @@ def _generate(lease: Lease, service: Service) -> None:
     total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
     if lease.job.status == "Pending":
         lease.transition("start")
-    if total > MAX_WORLDS:
-        reason = f"worldCount asks for {total} worlds; a job makes 1 to {MAX_WORLDS}"
-        lease.transition("fail", failureCode="AllWorldGenerationFailed", failureReason=reason)
-        return
     _end(lease, total, _generate_missing(lease.job, total, service), service)
 
 

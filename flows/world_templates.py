@@ -24,10 +24,22 @@ _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to f
 @operation("CreateWorldTemplate")
 def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
     """Checks and stores a template body."""
+    token = ClientToken.of("CreateWorldTemplate", request)
+    resource = service.made_before(token) or _stored(request, token, service)
+    return CreateWorldTemplateResponse(
+        arn=resource.arn,
+        clientRequestToken=request.clientRequestToken,
+        createdAt=resource.created_at,
+        name=request.name,
+        tags=dict(resource.tags),
+    )
+
+
+def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, service: Service) -> Resource:
     text = request.templateBody or _read_body(request.templateLocation, service)
     body = parse_template_body(text)
     template_id = new_id("template", service.chance)
-    resource = service.catalog.create(
+    return service.catalog.create(
         Resource.new(
             arn=service.arn("world-template", template_id),
             kind="world-template",
@@ -37,14 +49,7 @@ def create_world_template(request: CreateWorldTemplateRequest, service: Service)
             tags=request.tags or {},
             document={"templateBody": text, "version": body.Version, "clientRequestToken": request.clientRequestToken},
         ),
-        token=ClientToken.of("CreateWorldTemplate", request),
-    )
-    return CreateWorldTemplateResponse(
-        arn=resource.arn,
-        clientRequestToken=request.clientRequestToken,
-        createdAt=resource.created_at,
-        name=request.name,
-        tags=dict(resource.tags),
+        token=token,
     )
 
 

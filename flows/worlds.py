@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ..schemas.common import filter_values
 from ..schemas.worlds import DescribeWorldRequest, DescribeWorldResponse, ListWorldsRequest, ListWorldsResponse
 from ..tasks.catalog import Resource
 from ..tasks.service import Service
@@ -20,10 +21,9 @@ def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeW
 @operation("ListWorlds")
 def list_worlds(request: ListWorldsRequest, service: Service) -> ListWorldsResponse:
     """Lists worlds, newest first."""
-    filters = {item.name or "": item.values or [] for item in request.filters or ()}
     page = service.catalog.list(
         "world",
-        filters=filters,
+        filters=filter_values(request.filters),
         limit=request.maxResults or _PAGE,
         after=request.nextToken,
     )

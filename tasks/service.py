@@ -17,7 +17,7 @@ from pathlib import Path
 from ..schemas.arns import resource_arn
 from ..schemas.settings import Settings
 from .builtins import register_builtins
-from .catalog import Catalog
+from .catalog import Catalog, ClientToken, Resource
 from .storage import open_store
 from .storage.base import ObjectStore
 
@@ -93,6 +93,14 @@ class Service:
     def arn(self, kind: str, resource_id: str) -> str:
         """The ARN of a resource of this service."""
         return resource_arn(self.settings.region, self.settings.account, kind, resource_id)
+
+    def made_before(self, token: ClientToken | None) -> Resource | None:
+        """What an earlier call with the same token made: repeating it succeeds whatever has changed since.
+
+        Raises:
+          IdempotentParameterMismatchException: the earlier call was another request.
+        """
+        return self.catalog.made_before(token, self.settings.account)
 
     def new_seed(self) -> int:
         """A seed for a job whose request gives none; it is recorded with the job."""

@@ -79,7 +79,8 @@ class Catalog:
 
     def _create(self, resource: NewResource, token: ClientToken | None, unique_name: bool) -> Resource:
         with self._transaction(self._writer) as connection:
-            if token is not None and (earlier := repeated(connection, token, resource)) is not None:
+            account = ResourceArn.parse(resource.arn).account
+            if token is not None and (earlier := repeated(connection, token, account)) is not None:
                 return earlier
             check_free(connection, resource, unique_name)
             now = self._now()
@@ -102,7 +103,7 @@ class Catalog:
                 connection.execute(
                     insert(client_tokens).values(
                         operation=token.operation,
-                        account=ResourceArn.parse(resource.arn).account,
+                        account=account,
                         token=token.token,
                         request_hash=token.request_hash,
                         arn=resource.arn,
@@ -146,6 +147,21 @@ class Catalog:
                 for row in connection.execute(select(*COLUMNS).where(resources.c.arn.in_(chunk))).mappings():
                     found[row["arn"]] = resource_of(row)
         return found
+
+    def made_before(self, token: ClientToken | None, account: str) -> Resource | None:
+        """The resource that an earlier call with this token added; asked before anything else is checked.
+
+        Args:
+          token: the caller's token; `None`: there was no such call.
+          account: whose token it is.
+
+        Raises:
+          IdempotentParameterMismatchException: that call was another request.
+        """
+        if token is None:
+            return None
+        with self._transaction(self._engine) as connection:
+            return repeated(connection, token, account)
 
     def find(self, kind: str, name: str) -> Resource | None:
         """The newest resource of a kind and name."""

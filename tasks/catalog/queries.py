@@ -5,7 +5,6 @@ from typing import Any, cast
 
 from sqlalchemy import ColumnElement, Connection, CursorResult, RowMapping, and_, or_, select
 
-from ...schemas.arns import ResourceArn
 from ...schemas.errors import (
     IdempotentParameterMismatchException,
     InvalidParameterException,
@@ -77,15 +76,15 @@ def list_conditions(kind: str, filters: Mapping[str, Sequence[str]]) -> list[Col
     return conditions
 
 
-def repeated(connection: Connection, token: ClientToken, resource: NewResource) -> Resource | None:
-    """The resource that an earlier call with the same token added.
+def repeated(connection: Connection, token: ClientToken, account: str) -> Resource | None:
+    """The resource that an earlier call of an account with the same token added.
 
     Raises:
       IdempotentParameterMismatchException: that call was another request.
     """
     query = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
         client_tokens.c.operation == token.operation,
-        client_tokens.c.account == ResourceArn.parse(resource.arn).account,
+        client_tokens.c.account == account,
         client_tokens.c.token == token.token,
     )
     earlier = connection.execute(query).mappings().one_or_none()
