@@ -80,7 +80,9 @@ Version = Annotated[str, text(1, 255, r"(\$LATEST)|[0-9]*")]
 ClientRequestToken = Annotated[str, text(1, 64, r"[a-zA-Z0-9_\-=]*")]
 JobDuration = Annotated[int, Field(ge=1, le=MAX_DURATION_S)]
 Architecture = Literal["X86_64", "ARM64", "ARMHF"]
-Seed = Annotated[int, Field(ge=0)]
+MAX_SEED = 2**63 - 1
+"""Largest seed: what databases, manifests and other programs hold as a whole number."""
+Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 
 # References
 

@@ -20,6 +20,7 @@ from pydantic import ValidationError
 
 from . import errors
 from .base import Shape
+from .common import MAX_SEED
 from .request_problems import RequestProblem, nearest, problems_of
 from .robot_applications import CreateRobotApplicationRequest, CreateRobotApplicationResponse
 from .simulation_applications import CreateSimulationApplicationRequest, CreateSimulationApplicationResponse
@@ -288,8 +289,8 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> in
     tag = (request.tags or {}).get(SEED_TAG)
     if tag is None:
         return request.seed
-    if not re.fullmatch("[0-9]+", tag):
-        raise _INVALID(f"tags.{SEED_TAG} is {tag!r}; it has to be a whole number from 0")
+    if not re.fullmatch("[0-9]+", tag) or int(tag) > MAX_SEED:
+        raise _INVALID(f"tags.{SEED_TAG} is {tag!r}; it has to be a whole number from 0 to {MAX_SEED}")
     return _agreed("seed", SEED_TAG, request.seed, int(tag))
 
 

@@ -1,6 +1,7 @@
 """Says in plain words what is wrong with a request: member, value, what would be right."""
 
 import difflib
+import re
 import types
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -49,7 +50,23 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
       error: what validation raised.
       model: the model it was validated against.
     """
-    return [_problem(details, model) for details in error.errors(include_url=False)]
+    found = error.errors(include_url=False)
+    misspelt = misspelt_members(found)
+    return [
+        _problem(details, model) for details in found if details["type"] != "missing" or details["loc"] not in misspelt
+    ]
+
+
+def misspelt_members(found: Iterable[ErrorDetails]) -> set[Location]:
+    """Where members are missing only because their names are misspelt: one mistake is told once."""
+    details = list(found)
+    unknown = [each["loc"] for each in details if each["type"] == "extra_forbidden"]
+    return {
+        each["loc"]
+        for each in details
+        if each["type"] == "missing"
+        and any(loc[:-1] == each["loc"][:-1] and nearest(str(loc[-1]), [str(each["loc"][-1])]) for loc in unknown)
+    }
 
 
 def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
@@ -70,12 +87,20 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    """A value as the one who wrote it knows it."""
+    if isinstance(value, dict):
+        return f"a mapping with {_shortened(', '.join(map(str, value)))}" if value else "an empty mapping"
+    if isinstance(value, list) and (not value or any(isinstance(each, list | dict) for each in value)):
+        return f"a list of {len(value)}" if value else "an empty list"
+    words = {None: "null", True: "true", False: "false"}
+    return words[value] if value is None or isinstance(value, bool) else _shortened(repr(value))
+
+
+def _shortened(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:70]}… ({len(text)} characters)"
 
 
 _WANTED = {
-    "string_pattern_mismatch": "it has to match {pattern} as a whole",
     "string_too_short": "its length has to be at least {min_length}",
     "string_too_long": "its length may be at most {max_length}",
     "too_short": "its length has to be at least {min_length}",
@@ -95,9 +120,33 @@ _WANTED = {
 def _wanted(details: ErrorDetails) -> str:
     context = dict(details.get("ctx", {}))
     if "pattern" in context:
-        context["pattern"] = context["pattern"].removeprefix("^(?:").removesuffix(")$")
+        return f"it has to be {pattern_in_words(context['pattern'])}"
     template = _WANTED.get(details["type"])
     return template.format_map(context) if template else details["msg"]
+
+
+_PATTERNS = {
+    r"arn:.*": "an ARN, such as arn:aws:robomaker:us-east-1:000000000000:world/my-world",
+    r"arn:.*|[a-zA-Z0-9_\-]+": "an ARN, or a name of letters, digits, - and _",
+    r"arn:aws:iam::\w+:role/.*": "the ARN of a role, such as arn:aws:iam::000000000000:role/name",
+    r"(\$LATEST)|[0-9]*": "$LATEST or a number",
+    r"[a-z0-9][a-z0-9.\-]*[a-z0-9]": "of small letters, digits, . and -, with a letter or digit at both ends",
+    r"[a-zA-Z_][a-zA-Z0-9_]*": "of letters, digits and _, with no digit in front",
+    r"[A-Z_][A-Z0-9_]*": "of capital letters, digits and _, with no digit in front",
+    r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}": "of letters, digits, - and _, with a letter or digit in front",
+}
+_CHARACTERS = re.compile(r"\[a-zA-Z0-9(.*)\][*+]")
+
+
+def pattern_in_words(pattern: str) -> str:
+    """What text has to be to match one of the patterns in use here."""
+    plain = re.sub(r"\^(?:\(\?:(.*)\)|(.*))\$", r"\1\2", pattern)
+    if match := _CHARACTERS.fullmatch(plain):
+        others = ["spaces" if each == " " else each for each in re.sub(r"\\(.)", r"\1", match[1])]
+        return "of letters, digits, " + ", ".join(others[:-1]) + f" and {others[-1]}"
+    if re.fullmatch(r"[\w.]+(\|[\w.]+)+", plain):
+        return " or ".join(plain.split("|"))
+    return _PATTERNS.get(plain, f"text that matches {plain} as a whole")
 
 
 def _members(model: type[BaseModel] | None) -> list[str]:

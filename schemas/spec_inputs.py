@@ -105,6 +105,9 @@ class InputCheck:
         if construct := for_each_of(node):
             return self._for_each(construct, location, annotation, scope)
         if isinstance(node, MappingNode):
+            if isinstance(kind_of(annotation), ListOf) and (key := _misspelt_for_each(node)):
+                self._report((*location, key), f"is not known; did you mean '{FOR_EACH}'?", at_key=True)
+                return self._unknown(location, annotation)
             return {
                 key: self._walk(value, (*location, key), _inner(annotation, key), scope)
                 for key, value in node.entries.items()
@@ -150,10 +153,15 @@ class InputCheck:
             self._report((*location, *problem.location), problem.message, at_key=problem.about_key)
         item = self._source_item(construct.entries[FOR_EACH], (*location, FOR_EACH), scope)
         value = construct.entries.get("value")
-        if value is None:
-            return _Placeholder(annotation)
+        if value is None or any(problem.location == ("as",) for problem in problems):
+            return self._unknown(location, annotation)
         inner_scope = {**scope, variable_of(construct): item, INDEX: WHOLE_NUMBER}
         return [self._walk(value, (*location, 0), _inner(annotation, 0), inner_scope)]
+
+    def _unknown(self, location: Location, annotation: Any) -> _Placeholder:
+        """Stands for what cannot be checked before something else is put right."""
+        self._references.append(location)
+        return _Placeholder(annotation)
 
     def _construct_problems(self, construct: MappingNode, scope: Scope) -> list[RequestProblem]:
         problems = [
@@ -163,11 +171,15 @@ class InputCheck:
             for key in construct.entries
             if key not in FOR_EACH_KEYS
         ]
-        if "value" not in construct.entries:
+        if "value" not in construct.entries and not any(nearest("value", [key]) for key in construct.entries):
             problems.append(RequestProblem((), "forEach needs a value: the entry to make for each of the list's"))
         variable = variable_of(construct)
         if not is_step_name(variable):
-            problems.append(RequestProblem(("as",), f"is {variable!r}; letters, digits and _ would be right"))
+            problems.append(
+                RequestProblem(
+                    ("as",), f"is {variable!r}; letters, digits and _, with no digit in front, would be right"
+                )
+            )
         if variable in scope or variable == INDEX:
             problems.append(RequestProblem(("as",), f"{variable!r} already means something else; choose another name"))
         return problems
@@ -181,7 +193,7 @@ class InputCheck:
         if isinstance(source, ScalarNode) and isinstance(source.value, str):
             kind = self._kind(source.value, location, scope)
         if kind is None or not isinstance(kind, ListOf | Anything):
-            found = _described(kind) if kind else "neither"
+            found = f"{source.value}, {_described(kind)}" if kind and isinstance(source, ScalarNode) else "neither"
             self._report(location, f"is {found}; it has to be a list or a reference to one: ${{{{ step.list }}}}")
         return kind.item if isinstance(kind, ListOf) else ANYTHING
 
@@ -248,12 +260,19 @@ def _described(kind: Kind) -> str:
 def _inner(annotation: Any, step: str | int) -> Any:
     """What a member or entry of something so annotated has to be."""
     core = without_none(annotation)
+    if get_origin(core) is (list if isinstance(step, str) else dict):
+        return Any  # the wrong kind of collection; its entries are not to be blamed
     if isinstance(core, type) and issubclass(core, BaseModel):
         member = core.model_fields.get(str(step))
         return member.rebuild_annotation() if member else Any
     if get_origin(core) in (list, dict):
         return get_args(core)[-1]
     return Any
+
+
+def _misspelt_for_each(node: MappingNode) -> str | None:
+    """The key of a mapping that was meant to be `forEach`."""
+    return next((key for key in node.entries if key not in FOR_EACH_KEYS and nearest(FOR_EACH, [key])), None)
 
 
 def _fill(value: Any, texts: tuple[str, ...]) -> Any:

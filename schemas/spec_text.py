@@ -134,6 +134,8 @@ def parse(text: str, filename: str) -> Node:
         mark = error.problem_mark or error.context_mark
         place = Place(filename, mark.line + 1, mark.column + 1) if mark else start
         message = ", ".join(part for part in (error.context, error.problem) if part)
+        if "'\\t'" in message:
+            message += "; indent with spaces, not with tabs"
         if "${{" in (text.splitlines() or [""])[min(place.line, text.count("\n") + 1) - 1]:
             message += '; inside braces or brackets a reference needs quotes: "${{ … }}"'
         raise SpecError([Problem(place, "", f"this is not YAML: {message}")]) from error

@@ -73,5 +73,6 @@ def _is_deep(document: Any) -> bool:
 
 def show(value: Any) -> str:
     """A value as short printable text."""
-    text = json.dumps(value, default=repr)
+    text = json.dumps(value, default=repr, ensure_ascii=False)
+    text = text if text.isprintable() else json.dumps(value, default=repr)
     return text if len(text) <= _MAX_SHOWN_CHARACTERS else text[: _MAX_SHOWN_CHARACTERS - 4] + " ..."

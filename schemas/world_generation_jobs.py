@@ -20,6 +20,8 @@ WorldGenerationJobErrorCode = Literal[
 ]
 FloorplanCount = Annotated[int, Field(ge=1)]
 InteriorCountPerFloorplan = Annotated[int, Field(ge=1)]
+MAX_WORLDS = 50
+"""Worlds that one job may make."""
 
 
 class WorldCount(Shape):
@@ -34,6 +36,11 @@ class WorldCount(Shape):
     def _both(self) -> Self:
         if self.floorplanCount is None or self.interiorCountPerFloorplan is None:
             raise ValueError("floorplanCount and interiorCountPerFloorplan both have to be given, each at least 1")
+        if (total := self.floorplanCount * self.interiorCountPerFloorplan) > MAX_WORLDS:
+            raise ValueError(
+                f"{self.floorplanCount} floor plans with {self.interiorCountPerFloorplan} interiors each are {total} "
+                f"worlds; a job may make at most {MAX_WORLDS}"
+            )
         return self
 
 

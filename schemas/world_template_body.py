@@ -17,6 +17,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from .base import Model
 from .errors import InvalidParameterException
+from .request_problems import misspelt_members, pattern_in_words
 from .strict_json import load_strict, show
 from .world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
 from .world_template_rules import FLOORPLAN_PATH as FLOORPLAN_PATH
@@ -260,7 +261,9 @@ def parse_template_body(text: str) -> WorldTemplateBody:
         try:
             body = WorldTemplateBody.model_validate(document)
         except ValidationError as error:
-            problems = [_explain(detail) for detail in error.errors(include_url=False)]
+            found = error.errors(include_url=False)
+            misspelt = misspelt_members(found)
+            problems = [_explain(each) for each in found if each["type"] != "missing" or each["loc"] not in misspelt]
         else:
             problems = list(rule_problems(body))
             if not problems:
@@ -284,7 +287,7 @@ def _version_problems(document: Any) -> Iterator[str]:
     elif document.get("Version", "1") == "2":
         yield 'Version: "2": version 2 bodies (hinged doors) are not supported yet; "1" would be right'
     elif document.get("Version", "1") != "1":
-        yield f'Version: {show(document["Version"])}: no such version; "1" would be right'
+        yield f'Version: {show(document["Version"])}: no such version; "1", in quotes, would be right'
 
 
 def _null_problems(value: Any, path: str = "") -> Iterator[str]:
@@ -315,14 +318,41 @@ def _explain(detail: ErrorDetails) -> str:
         known = _members_at(detail["loc"][:-1])
         advice = _suggestion(str(detail["loc"][-1]), known) or f"known here: {', '.join(known)}"
         return f"{path}: unknown member; {advice}"
-    message = detail["msg"].removeprefix("Input should be ")
-    if detail["type"] == "literal_error" and isinstance(detail["input"], str):
-        expected = tuple(re.findall("'([^']+)'", detail["ctx"]["expected"])) if "ctx" in detail else ()
+    return f"{path}: {show(detail['input'])}: {_advice(detail)}"
+
+
+_RIGHT = {
+    "greater_than_equal": "{ge:g} or more",
+    "less_than_equal": "{le:g} or less",
+    "too_short": "{min_length} or more entries",
+    "too_long": "at most {max_length} entries",
+    "string_too_short": "{min_length} or more characters",
+    "string_too_long": "at most {max_length} characters",
+    "string_type": "text",
+    "list_type": "a list",
+    "model_type": "an object",
+}
+
+
+def _advice(detail: ErrorDetails) -> str:
+    """What would be right in place of a value."""
+    kind, context = detail["type"], dict(detail.get("ctx", {}))
+    if kind == "literal_error" and isinstance(detail["input"], str):
+        expected = tuple(re.findall("'([^']+)'", context["expected"]))
         if advice := _suggestion(detail["input"], expected):
-            return f"{path}: {show(detail['input'])}: {advice}"
-    if message != detail["msg"]:
-        message += " would be right"
-    return f"{path}: {show(detail['input'])}: {message}"
+            return advice
+    if kind == "string_pattern_mismatch":
+        return f"text {pattern_in_words(context['pattern'])} would be right"
+    if kind == "float_type":
+        return "a number without quotes would be right" if _is_number(detail["input"]) else "a number would be right"
+    if kind in _RIGHT:
+        return f"{_RIGHT[kind].format_map(context)} would be right"
+    message = detail["msg"].removeprefix("Input should be ")
+    return message if message == detail["msg"] else f"{message} would be right"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, str) and re.fullmatch(r"\d+(\.\d+)?", value) is not None
 
 
 def _members_at(location: tuple[int | str, ...]) -> tuple[str, ...]:

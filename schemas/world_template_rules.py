@@ -28,7 +28,9 @@ def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
     for index, name in enumerate(names):
         if name in names[:index]:
             path = f"{FLOORPLAN_PATH}.Rooms[{index}].Name"
-            yield f"{path}: {show(name)}: taken by Rooms[{names.index(name)}]; names must be unique"
+            yield f"{path}: {show(name)}: taken by Rooms[{names.index(name)}]; a name of its own would be right"
+    if len(set(names)) < len(names):
+        return  # which room a name means is open
     yield from _connection_problems(body.floorplan.DesiredConnections, names)
     for section, sets in (
         ("Flooring.MaterialSets", body.interior.Flooring.MaterialSets),
@@ -41,7 +43,8 @@ def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
 
 def _target_problems(target: "TemplateTargetSet", names: tuple[str, ...], path: str) -> Iterator[str]:
     if (target.RoomNames is None) == (target.RoomTypes is None):
-        yield f"{path}: {'neither' if target.RoomNames is None else 'both'}; RoomNames or RoomTypes would be right"
+        has = "neither RoomNames nor" if target.RoomNames is None else "both RoomNames and"
+        yield f"{path}: has {has} RoomTypes; one of the two would be right"
     for index, name in enumerate(target.RoomNames or []):
         if name not in names:
             yield _no_such_room(f"{path}.RoomNames[{index}]", name, names)
@@ -69,7 +72,8 @@ def _connection_problems(connections: "list[DesiredConnection]", names: tuple[st
         for name in connection.Location:
             degree[name] += 1
             if degree[name] == MAX_CONNECTIONS_PER_ROOM + 1:
-                yield f"{path}.Location: {show(name)} has more than {MAX_CONNECTIONS_PER_ROOM} connections"
+                most = f"more than {MAX_CONNECTIONS_PER_ROOM} connections"
+                yield f"{path}.Location: {show(name)} has {most}; leave one out"
         before = kinds.setdefault(connection.pair, set())
         if before and (connection.ConnectionType == "Opening" or "Opening" in before):
             rule = "one Opening alone, or several Doorways, would be right for one pair of rooms"

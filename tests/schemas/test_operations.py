@@ -97,11 +97,15 @@ def test_commands_may_have_several_lines() -> None:
     ("operation", "data", "expected"),
     [
         ("CreateSimulationJob", job(iamRole=...), "iamRole: is missing; it is required: ARN of the role"),
-        ("CreateSimulationJob", job(iamRole="admin"), r"iamRole: is 'admin'; it has to match arn:aws:iam::"),
+        (
+            "CreateSimulationJob",
+            job(iamRole="admin"),
+            r"iamRole: is 'admin'; it has to be the ARN of a role, such as arn:aws:iam::",
+        ),
         ("CreateSimulationJob", job(maxJobDurationInSeconds=0), "maxJobDurationInSeconds: is 0; .* at least 1"),
         ("CreateSimulationJob", job(maxJobDurationInSeconds=1209601), "it may be at most 1209600"),
         ("CreateSimulationJob", job(maxJobDurationInSeconds="300"), "is '300'; it has to be a whole number"),
-        ("CreateSimulationJob", job(maxJobDurationInSeconds=True), "is True; it has to be a whole number"),
+        ("CreateSimulationJob", job(maxJobDurationInSeconds=True), "is true; it has to be a whole number"),
         ("CreateSimulationJob", job(failureBehaviour="Fail"), "failureBehaviour: is not known; .* 'failureBehavior'"),
         ("CreateSimulationJob", job(failureBehavior="fail"), "is 'fail'; it has to be 'Fail' or 'Continue'"),
         ("CreateSimulationJob", job(simulationApplications=...), "at least one of robotApplications and simulat"),
@@ -111,8 +115,8 @@ def test_commands_may_have_several_lines() -> None:
             "simulationApplications: is .*length has to be at least 1",
         ),
         ("CreateSimulationJob", job(tags={"aws:x": "1"}), "tags: tag keys that begin with 'aws:' are reserved"),
-        ("CreateSimulationJob", job(tags={"k": "ä"}), "tags.k: is 'ä'; it has to match"),
-        ("CreateSimulationJob", job(tags={"@": ""}), "tags.@: the key is '@'; it has to match"),
+        ("CreateSimulationJob", job(tags={"k": "ä"}), "tags.k: is 'ä'; it has to be of letters"),
+        ("CreateSimulationJob", job(tags={"@": ""}), "tags.@: the key is '@'; it has to be of letters"),
         ("CreateSimulationJob", job(outputLocation={"s3Prefix": ""}), "outputLocation.s3Prefix: .* at least 1"),
         ("CreateSimulationJob", job(seed=-1), "seed: is -1; it has to be at least 0"),
         ("CreateSimulationJob", job(video="on"), "video: is 'on'; it has to be 'none' or 'always'"),
@@ -129,7 +133,7 @@ def test_commands_may_have_several_lines() -> None:
         (
             "CreateSimulationJob",
             app(launchConfig={"environmentVariables": {"lower": "x"}}),
-            "environmentVariables.lower: the key is 'lower'; it has to match",
+            "environmentVariables.lower: the key is 'lower'; it has to be of capital letters",
         ),
         (
             "CreateSimulationJob",
