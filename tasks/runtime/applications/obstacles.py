@@ -19,7 +19,7 @@ _CELL_M = 0.025
 
 _FORGET_S = 25.0
 
-_RAYS = np.exp(1j * np.concatenate((lidar.SCAN_ANGLES_RAD, lidar.PROXIMITY_ANGLES_RAD)))
+_RAYS: NDArray[np.complex128] = np.exp(1j * np.concatenate((lidar.SCAN_ANGLES_RAD, lidar.PROXIMITY_ANGLES_RAD)))
 """Directions of all rays as complex numbers, which a product turns."""
 
 Pose = tuple[float, float, float]
@@ -76,7 +76,7 @@ def near_hits(scan: NDArray[np.float32], proximity: NDArray[np.float32]) -> NDAr
     """
     ranges = np.concatenate((scan, proximity))
     near = np.flatnonzero(ranges < _NEAR_M)
-    return _RAYS[near] * ranges[near].astype(np.float64)
+    return _RAYS[near] * ranges[near].astype(np.complex128)
 
 
 def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:
