@@ -1,0 +1,62 @@
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from prefect.client.orchestration import SyncPrefectClient, get_client
+
+from prefect_robomaker.tasks import slots as slots_module
+from prefect_robomaker.tasks.slots import Slots
+
+pytestmark = pytest.mark.usefixtures("prefect_server")
+
+
+@pytest.fixture
+def client(prefect_server: str) -> Iterator[SyncPrefectClient]:
+    with get_client(sync_client=True) as client:
+        yield client
+
+
+@pytest.fixture(autouse=True)
+def _look_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(slots_module, "_LOOK_S", 0.2)
+
+
+def never() -> bool:
+    return False
+
+
+def wait_for(condition: Callable[[], bool], timeout_s: float = 20.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.05)
+
+
+def test_the_limit_shows_on_the_server_while_it_is_used(client: SyncPrefectClient) -> None:
+    with Slots("shows", 3, 2) as slots:
+        limit = client.read_global_concurrency_limit_by_name("shows")
+        with slots.hold(never) as held:
+            assert held
+        assert (limit.limit, limit.active_slots) == (3, 2)
+        slots.remove()
+
+    assert "shows" not in {limit.name for limit in client.read_global_concurrency_limits()}
+
+
+def test_a_performer_that_takes_over_does_not_wait_for_the_slots_of_a_dead_one() -> None:
+    with Slots("taken-over", 2, 2), Slots("taken-over", 2, 2) as successor:
+        with successor.hold(never) as first, successor.hold(never) as second:
+            assert (first, second) == (True, True)
+        successor.remove()
+
+
+def test_a_limit_that_is_lowered_on_the_server_is_obeyed(client: SyncPrefectClient) -> None:
+    with Slots("lowered", 2, 2) as slots:
+        client.upsert_global_concurrency_limit_by_name("lowered", 1)
+        wait_for(lambda: client.read_global_concurrency_limit_by_name("lowered").active_slots == 1)
+
+        with slots.hold(never) as first:
+            gave_up = time.monotonic() + 1.0
+            with slots.hold(lambda: time.monotonic() > gave_up) as second:
+                assert (first, second) == (True, False)
+        slots.remove()
