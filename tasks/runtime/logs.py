@@ -2,6 +2,7 @@
 
 import os
 import re
+import stat
 import sys
 from io import TextIOWrapper
 from pathlib import Path
@@ -47,11 +48,14 @@ def log_tail(output_dir: Path) -> tuple[str, list[str]]:
 
 def _last_lines(path: Path) -> list[str]:
     try:
-        with path.open("rb") as log:
+        # The application may have put a link or a FIFO there: neither is followed or waited for.
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as log:
+            if not stat.S_ISREG(os.fstat(log.fileno()).st_mode):
+                return []
             size = log.seek(0, os.SEEK_END)
             log.seek(max(0, size - _TAIL_BYTES))
-            data = log.read()
-    except FileNotFoundError:
+            data = log.read(_TAIL_BYTES)
+    except OSError:
         return []
     lines = data.decode(errors="replace").splitlines()
     if size > _TAIL_BYTES and len(lines) > 1:

@@ -124,8 +124,11 @@ def run_episode(
     try:
         mark(Phase.MAKE_ENVIRONMENT)
         environment = make_environment()
+        _check_environment(environment)
         mark(Phase.MAKE_AGENT)
         agent = make_agent(environment)
+        if not callable(agent):
+            raise TypeError(f"the agent is {_shown(agent)}; it has to be a function of a time step")
         if recorder.enabled and not getattr(environment, "records_itself", False):
             watchers = (JointStateWatcher(recorder), *watchers)
         loop.run(environment, agent, watchers)
@@ -160,7 +163,7 @@ class _Loop:
         mark(Phase.RESET)
         began = self._wall_clock()
         try:
-            timestep = environment.reset()
+            timestep = _checked_timestep(environment.reset(), "reset")
             self._clock = clock = _SimulatedClock(environment, watchers)
             clock.tick()
             while not timestep.last():
@@ -176,7 +179,7 @@ class _Loop:
                     return
                 self.agent_runs = False
                 mark(step_phase)
-                timestep = environment.step(action)
+                timestep = _checked_timestep(environment.step(action), "step")
                 self._steps += 1
                 clock.tick()
             self.ended_by = "environment"
@@ -204,6 +207,21 @@ class _Loop:
                     raise
         time_s = self._clock.time_s or self._steps * _control_timestep(environment)
         return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s)
+
+
+def _check_environment(environment: Any) -> None:
+    if not all(callable(getattr(environment, method, None)) for method in ("reset", "step")):
+        raise TypeError(f"the environment is {_shown(environment)}; it has to be a dm_env.Environment")
+
+
+def _checked_timestep(timestep: Any, method: str) -> dm_env.TimeStep:
+    if isinstance(timestep, dm_env.TimeStep):
+        return timestep
+    raise TypeError(f"environment.{method}() returned {_shown(timestep)}; it has to return a dm_env.TimeStep")
+
+
+def _shown(value: object) -> str:
+    return "None" if value is None else f"of type {type(value).__name__}"
 
 
 class _SimulatedClock:
