@@ -40,16 +40,18 @@ _DEPRECATED: dict[str, bool] = {"deprecated": True}
 ARCHIVE_SUFFIXES = (".zip", ".tar.gz")
 
 
-def _no_reserved_variables(variables: dict[str, str]) -> dict[str, str]:
+def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
     if reserved := sorted(name for name in variables if name.startswith("AWS")):
         raise ValueError(f"variables that begin with AWS are reserved; rename {', '.join(reserved)}")
+    if with_nul := sorted(name for name, value in variables.items() if "\0" in value):
+        raise ValueError(f"no variable can hold a NUL character; remove it from {', '.join(with_nul)}")
     return variables
 
 
 EnvironmentVariableMap = Annotated[
     dict[EnvironmentVariableKey, EnvironmentVariableValue],
     Field(max_length=20),
-    AfterValidator(_no_reserved_variables),
+    AfterValidator(_possible_variables),
 ]
 
 
