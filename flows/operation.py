@@ -78,11 +78,29 @@ class Operation:
     def perform(self, arn: str, service: Service) -> dict[str, Any]:
         """Carries a stored job to its end and returns its final description.
 
-        Called again for the same job, by whomever, it goes on where the job stands.
+        Called again for the same job, by whomever, it goes on where the job stands. An interruption
+        (Ctrl-C, the end or cancellation of the flow run) cancels the job, and goes on once it has ended.
         """
-        if self.performer is None or self.describe is None:
+        if self.performer is None:
             raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to perform")
-        self.performer(arn, service)
+        try:
+            self.performer(arn, service)
+        except Exception:
+            raise
+        except BaseException:  # Ctrl-C, or a worker's termination signal: nothing is left half done
+            service.catalog.request_cancel(arn)
+            self.performer(arn, service)
+            raise
+        return self.described(arn, service)
+
+    def described(self, arn: str, service: Service) -> dict[str, Any]:
+        """How a job of this operation stands.
+
+        Raises:
+          ResourceNotFoundException: there is no such job.
+        """
+        if self.describe is None:
+            raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to describe")
         member = "batch" if "batch" in self.shape_of(self.describe).request.model_fields else "job"
         return registry()[self.describe].answer({member: arn}, service)
 

@@ -4,14 +4,14 @@
 for a caller in this process who watches.
 """
 
-import time
 from collections.abc import Callable
 from contextvars import ContextVar
+from datetime import datetime
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..schemas.errors import RobomakerError, ServiceError
+from ..schemas.errors import ConfigurationError, RobomakerError, ServiceError
 from ..schemas.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.report import RunState
 from ..schemas.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
@@ -23,6 +23,19 @@ from .operation import perform_flow, registry
 
 if TYPE_CHECKING:
     from prefect import Flow
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a run; what it had begun has been cancelled, and the report says so.
+
+    Args:
+      record: the record of the run.
+    """
+
+    def __init__(self, record: RunRecord) -> None:
+        super().__init__()
+        self.record = record
+
 
 _BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
 # From worst to best: what several steps or jobs make of a run.
@@ -40,6 +53,9 @@ def run_spec(checked: CheckedSpec, settings: Settings, listener: ProgressListene
 
     Returns:
       The record of the run, whose `exit_code` says how it ended; the report is written.
+
+    Raises:
+      RunInterrupted: Ctrl-C was pressed.
     """
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
@@ -49,6 +65,10 @@ def run_spec(checked: CheckedSpec, settings: Settings, listener: ProgressListene
         # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
         with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
             pipeline_flow()(spec=spec_path, return_state=True)
+    except KeyboardInterrupt:
+        if run.has_ended:
+            raise RunInterrupted(run.record()) from None
+        raise
     finally:
         _current.reset(token)
     return run.record()
@@ -103,9 +123,14 @@ class PipelineRun:
         """A run of a file, which nobody watches.
 
         Raises:
+          ConfigurationError: there is no such file.
           SpecError: the specification has problems.
         """
-        checked = load_spec(path.read_text(), str(path))
+        try:
+            text = path.read_text()
+        except OSError as error:
+            raise ConfigurationError(f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}") from error
+        checked = load_spec(text, str(path))
         return cls(checked, Service.current(), _log, str(path))
 
     def run(self) -> RunRecord:
@@ -120,6 +145,11 @@ class PipelineRun:
         finally:
             self._record = self._finish()
         return self._record
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether there is a record."""
+        return self._record is not None
 
     def record(self) -> RunRecord:
         """The record of the run, once it has ended.
@@ -140,33 +170,46 @@ class PipelineRun:
 
     def _run_step(self, name: str) -> bool:
         """Runs a step; answers whether the next may start."""
-        step = self._checked.steps[name]
-        self._listener(StepStarted(name, step.operation))
-        started, started_at = time.monotonic(), self._service.clock()
-        status, error, output = "Completed", None, {}
+        self._listener(StepStarted(name, self._checked.steps[name].operation))
+        started_at = self._service.clock()
         try:
             output = self._call(name)
-            status = output.get("status", "Completed")
         except RobomakerError as problem:
-            status, error = "Failed", _in_words(problem)
-        if error is None and status in _BAD_ENDS:
-            error = output.get("failureReason")
+            return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), _in_words(problem))
+        except Exception:
+            raise
+        except BaseException:
+            self._note_end(name, started_at, "Canceled", self._cancelled(name), "interrupted")
+            raise
+        status = output.get("status", "Completed")
+        reason = output.get("failureReason") if status in _BAD_ENDS else None
+        return self._note_end(name, started_at, status, output, reason)
+
+    def _note_end(
+        self, name: str, started_at: datetime, status: str, output: dict[str, Any], error: str | None
+    ) -> bool:
+        """Records the end of a step; answers whether the next may start."""
         self._outputs[name] = output
         arn = output.get("arn")
-        self._steps.append(
-            StepRecord(
-                name=name,
-                operation=step.operation,
-                status=status,
-                started_at=started_at,
-                ended_at=self._service.clock(),
-                arn=arn,
-                output=output,
-                error=error,
-            )
+        ended_at = self._service.clock()
+        step = StepRecord(
+            name=name,
+            operation=self._checked.steps[name].operation,
+            status=status,
+            started_at=started_at,
+            ended_at=ended_at,
+            arn=arn,
+            output=output,
+            error=error,
         )
-        self._listener(StepEnded(name, status, time.monotonic() - started, error or arn or ""))
+        self._steps.append(step)
+        self._listener(StepEnded(name, status, (ended_at - started_at).total_seconds(), error or arn or ""))
         return status not in _BAD_ENDS
+
+    def _cancelled(self, name: str) -> dict[str, Any]:
+        """What is left of a step that was interrupted: how the job that it made stands."""
+        entry, output = registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
+        return entry.described(output["arn"], self._service) if entry.performer and output else output
 
     def _call(self, name: str) -> dict[str, Any]:
         """Calls a step's operation; jobs are performed to their end."""
@@ -176,6 +219,7 @@ class PipelineRun:
         output = self._reused(step.operation, step.if_exists, request) or entry.answer(request, self._service)
         if entry.performer is None:
             return output
+        self._outputs[name] = output
 
         def watch(progress: Progress) -> None:
             self._listener(StepProgress(name, dict(progress.counts), progress.total))

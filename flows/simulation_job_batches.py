@@ -6,7 +6,7 @@ from typing import Any
 
 from ..schemas.errors import ServiceError
 from ..schemas.ids import new_id
-from ..schemas.lifecycles import batch_outcome
+from ..schemas.lifecycles import batch_outcome, is_terminal
 from ..schemas.simulation_job_batches import (
     DescribeSimulationJobBatchRequest,
     DescribeSimulationJobBatchResponse,
@@ -22,13 +22,14 @@ from .simulation_jobs import store_job, summary
 
 KIND = "simulation-job-batch"
 MAX_TIMEOUT_S = 1_209_600
-_WATCH_S = 0.25
 _END_EVENTS: Mapping[str, str] = {
     "Completed": "complete",
     "Failed": "fail",
     "TimedOut": "timed_out",
     "Canceled": "canceled",
 }
+# What befalls a batch whose jobs have to stop, by their failure code.
+_STOPS: Mapping[str, str] = {"BatchCanceled": "cancel", "BatchTimedOut": "time_out"}
 # What becomes of a request that the service's own checks refuse for good.
 _FAILURE_CODES: Mapping[str, str] = {
     "ResourceNotFoundException": "ResourceNotFound",
@@ -128,40 +129,48 @@ class BatchRun:
         policy = batch.document["batchPolicy"]
         self._requests = batch.document["request"]["createSimulationJobRequests"]
         self._failed = len(batch.document["failed"])
-        self._concurrency = min(policy["maxConcurrency"], len(self._requests))
         self._deadline = batch.created_at + timedelta(seconds=policy["timeoutInSeconds"])
 
     def run(self) -> None:
         """Runs every request that has not ended and settles the batch."""
-        from prefect.task_runners import ThreadPoolTaskRunner
-
-        from ..tasks.simulation import simulate_request
-        from ..tasks.slots import Slots
-
         if self._batch.status == "Pending":
             self._lease.transition("start")
-        limit = self._batch.document["batchPolicy"]["maxConcurrency"]
-        with self._service.activated(), Slots(f"robomaker-{self._batch.id}", limit, self._concurrency) as slots:
-            with ThreadPoolTaskRunner(max_workers=self._concurrency) as runner:
-                futures = [
-                    runner.submit(simulate_request, {"batch": self, "index": index, "slots": slots})
-                    for index in range(len(self._requests))
-                ]
-                try:
-                    while waiting := [future for future in futures if not future.state.is_final()]:
-                        self._note_stop()
-                        waiting[0].wait(timeout=_WATCH_S)
-                    for future in futures:
-                        future.result()
-                except BaseException:  # Ctrl-C, a worker's termination signal: no job is left running
-                    self._service.catalog.request_cancel(self._arn)
-                    raise
-            slots.remove()
+        if unfinished := self._unfinished():
+            self._run_requests(unfinished)
         self._settle()
+
+    def _unfinished(self) -> list[int]:
+        """The requests that still have to be seen to: once the batch has to stop, only those that are jobs."""
+        jobs = _jobs_by_request(self._batch, self._service)
+        stopping = self.why_stop() is not None
+        failed = self._batch.document["failed"]
+        return [
+            index
+            for index in range(len(self._requests))
+            if (index in jobs and not is_terminal("simulation-job", jobs[index].status))
+            or (index not in jobs and str(index) not in failed and not stopping)
+        ]
+
+    def _run_requests(self, indices: list[int]) -> None:
+        from ..tasks.simulation import simulate_request
+        from ..tasks.slots import Slots
+        from ..tasks.task_pool import run_tasks
+
+        limit = self._batch.document["batchPolicy"]["maxConcurrency"]
+        with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
+            run_tasks(
+                simulate_request,
+                [{"batch": self, "index": index, "slots": slots} for index in indices],
+                workers=min(limit, len(indices)),
+                job_arn=self._arn,
+                service=self._service,
+                look=self._note_stop,
+            )
+            slots.remove()
 
     def why_stop(self) -> str | None:
         """The failure code with which the batch's jobs have to stop, if they have to."""
-        if self._service.catalog.cancel_requested(self._arn):
+        if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
             return "BatchCanceled"
         return "BatchTimedOut" if self._service.clock() >= self._deadline else None
 
@@ -179,10 +188,14 @@ class BatchRun:
 
     def fail_request(self, index: int, code: str, reason: str) -> None:
         """Records that a request never becomes a job."""
+        self._fail_requests([index], code, reason)
+
+    def _fail_requests(self, indices: list[int], code: str, reason: str) -> None:
         failure = {"failureCode": code, "failureReason": reason[:1024], "failedAt": self._service.clock().isoformat()}
+        added = {str(index): failure for index in indices}
 
         def add(document: dict[str, Any]) -> dict[str, Any]:
-            return {**document, "failed": {**document["failed"], str(index): failure}}
+            return {**document, "failed": {**document["failed"], **added}}
 
         self._failed = len(self._lease.update(add).document["failed"])
 
@@ -198,18 +211,20 @@ class BatchRun:
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""
-        event = {"BatchCanceled": "cancel", "BatchTimedOut": "time_out"}.get(self.why_stop() or "")
+        event = _STOPS.get(self.why_stop() or "")
         if event and self._status() in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)
 
     def _settle(self) -> None:
-        status = self._status()
         jobs = _jobs_by_request(self._batch, self._service)
         failed = self._service.catalog.get(self._arn).document["failed"]
         pending = [i for i in range(len(self._requests)) if i not in jobs and str(i) not in failed]
-        for index in pending:
+        if pending or any(job.document.get("failureCode") in _STOPS for job in jobs.values()):
+            self._note_stop()  # the last jobs may have ended before anybody looked why
+        status = self._status()
+        if pending:
             code = {"Canceling": "BatchCanceled", "TimingOut": "BatchTimedOut"}.get(status, "InternalServiceError")
-            self.fail_request(index, code, "the batch ended before a job was made of this request")
+            self._fail_requests(pending, code, "the batch ended before a job was made of this request")
         failures = self._service.catalog.get(self._arn).document["failed"].values()
         end = batch_outcome(
             pending=0,

@@ -22,6 +22,7 @@ from ..tasks.catalog import ClientToken, Resource
 from ..tasks.data_sources import resolve_data_sources
 from ..tasks.run_plans import find_application, world_arn
 from ..tasks.service import Progress, Service
+from ..tasks.uploads import check_output_location
 from .operation import flows_of, operation
 
 KIND = "simulation-job"
@@ -31,9 +32,9 @@ _DEFAULT_COMPUTE = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLim
 def perform_simulation_job(arn: str, service: Service) -> None:
     """Runs the job's simulation in a process of its own and stores its outputs."""
     from ..tasks.simulation import simulate
+    from ..tasks.task_pool import run_tasks
 
-    with service.activated():
-        simulate(arn)
+    run_tasks(simulate, [{"arn": arn}], workers=1, job_arn=arn, service=service)
     status = service.catalog.get(arn).status
     service.report_progress(Progress({status.lower(): 1}, 1))
 
@@ -88,6 +89,7 @@ def store_job(
     applications = {f"{role}ApplicationNames": _applications(wire, role, service) for role in ("robot", "simulation")}
     if (world := world_arn(wire)) is not None:
         service.catalog.get(world, kind="world")
+    check_output_location(wire.get("outputLocation"))
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)
     job_id = new_id("sim", service.chance)

@@ -1,12 +1,15 @@
 """World export jobs: worlds packed into one archive."""
 
+import logging
 from typing import Any
 
+from ..schemas.common import shorten
 from ..schemas.errors import (
+    BucketNotFoundError,
     InvalidParameterException,
+    ObjectNotFoundError,
     ResourceNotFoundException,
     StorageAccessDeniedError,
-    StorageError,
 )
 from ..schemas.ids import new_id
 from ..schemas.world_export_jobs import (
@@ -18,9 +21,13 @@ from ..schemas.world_export_jobs import (
 from ..tasks.catalog import ClientToken, Resource
 from ..tasks.performing import Lease, perform_once
 from ..tasks.service import Progress, Service
+from ..tasks.uploads import check_output_location
 from .operation import flows_of, operation
 
 KIND = "world-export-job"
+_INTERNAL = "InternalServiceError"
+
+_logger = logging.getLogger(__name__)
 
 
 def perform_world_export_job(arn: str, service: Service) -> None:
@@ -40,6 +47,7 @@ def create_world_export_job(request: CreateWorldExportJobRequest, service: Servi
 def _stored(request: CreateWorldExportJobRequest, token: ClientToken | None, service: Service) -> Resource:
     if request.outputLocation.s3Bucket is None:
         raise InvalidParameterException("outputLocation.s3Bucket: has to be given; the archive is put there")
+    check_output_location(request.outputLocation.to_wire())
     for world in request.worlds:
         service.catalog.get(world, kind="world")
     job_id = new_id("export", service.chance)
@@ -86,21 +94,32 @@ def _export(lease: Lease, service: Service) -> None:
 
     if lease.job.status == "Pending":
         lease.transition("start")
-    if service.catalog.cancel_requested(lease.job.arn):
-        lease.transition("cancel")
+    if lease.job.status == "Canceling" or service.catalog.cancel_requested(lease.job.arn):
+        if lease.job.status != "Canceling":
+            lease.transition("cancel")
         lease.transition("canceled")
         return
     total = len(lease.job.document["request"]["worlds"])
     try:
         with service.activated():
             export_worlds(lease.job)
-    except (StorageError, ResourceNotFoundException) as error:
-        code = "AccessDenied" if isinstance(error, StorageAccessDeniedError) else "ResourceNotFound"
-        lease.transition("fail", failureCode=code, failureReason=str(error)[:1024])
+    except Exception as error:  # the job has to end whatever breaks
+        code = _failure_code(error)
+        if code == _INTERNAL:
+            _logger.exception("world export job %s broke", lease.job.arn)
+        lease.transition("fail", failureCode=code, failureReason=shorten(str(error) or type(error).__name__))
         service.report_progress(Progress({"failed": total}, total))
         return
     lease.transition("complete")
     service.report_progress(Progress({"exported": total}, total))
+
+
+def _failure_code(error: Exception) -> str:
+    if isinstance(error, StorageAccessDeniedError):
+        return "AccessDenied"
+    if isinstance(error, ResourceNotFoundException | BucketNotFoundError | ObjectNotFoundError):
+        return "ResourceNotFound"
+    return _INTERNAL
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,7 @@
 """World generation jobs: worlds from a template, several processes at a time."""
 
 import os
+import threading
 from typing import Any
 
 from ..schemas.ids import new_id, world_id
@@ -21,7 +22,7 @@ KIND = "world-generation-job"
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
     """Generates the job's worlds that do not exist yet and ends the job."""
-    perform_once(arn, KIND, service, lambda lease: _generate(lease, service))
+    perform_once(arn, KIND, service, lambda lease: GenerationRun(lease, service).run())
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
@@ -89,63 +90,92 @@ def _described(job: Resource) -> dict[str, Any]:
     }
 
 
-def _generate(lease: Lease, service: Service) -> None:
-    count = lease.job.document["request"]["worldCount"]
-    total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
-    if lease.job.status == "Pending":
-        lease.transition("start")
-    _end(lease, total, _generate_missing(lease.job, total, service), service)
+class GenerationRun:
+    """One performer's work on one generation job.
 
+    Args:
+      lease: the right to change the job.
+      service: where it is stored.
+    """
 
-def _generate_missing(job: Resource, total: int, service: Service) -> list[dict[str, Any]]:
-    """Generates what is missing; returns the failures."""
-    from prefect.task_runners import ThreadPoolTaskRunner
+    def __init__(self, lease: Lease, service: Service) -> None:
+        self._lease = lease
+        self._service = service
+        self._job = job = lease.job
+        count = job.document["request"]["worldCount"]
+        self._total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
+        self._lock = threading.Lock()
+        self._done = 0
+        self._failures: list[dict[str, Any]] = []
 
-    from ..tasks.world_builders import WorldBuilders
-    from ..tasks.world_generation import generate_and_store
+    def run(self) -> None:
+        """Generates every world that does not exist and ends the job."""
+        if self._job.status == "Pending":
+            self._lease.transition("start")
+        exist = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
+        self._done = len(exist)
+        arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
+        missing = [(index, arn) for index, arn in enumerate(arns) if arn not in exist]
+        if missing and not self.stopped():
+            self._generate(missing)
+        self._settle()
 
-    exist = {world.arn for world in service.catalog.children(job.arn, kind="world")}
-    arns = [service.arn("world", world_id(job.id, number)) for number in range(1, total + 1)]
-    missing = [index for index, arn in enumerate(arns) if arn not in exist]
-    workers = max(1, min(len(missing), os.cpu_count() or 1))
-    failures: list[dict[str, Any]] = []
-    done = len(exist)
-    with (
-        service.activated(),
-        WorldBuilders(workers, service.folder("logs") / "world-builders.log") as builders,
-        ThreadPoolTaskRunner(max_workers=workers) as runner,
-    ):
-        futures = [
-            runner.submit(
-                generate_and_store,
-                {"job": job, "index": index, "world_arn": arns[index], "builders": builders},
-            )
-            for index in missing
-        ]
-        for future in futures:
-            if failure := future.result():
-                failures.append(failure)
+    def stopped(self) -> bool:
+        """Whether no more worlds are wanted."""
+        return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
+
+    def ended(self, failure: dict[str, Any] | None) -> None:
+        """Counts a world that was made, or why there is none; called from several threads."""
+        with self._lock:
+            if failure:
+                self._failures.append(failure)
             else:
-                done += 1
-            waiting = total - done - len(failures)
-            service.report_progress(Progress({"succeeded": done, "failed": len(failures), "pending": waiting}, total))
-    return failures
+                self._done += 1
+            done, failed = self._done, len(self._failures)
+        pending = self._total - done - failed
+        self._service.report_progress(Progress({"succeeded": done, "failed": failed, "pending": pending}, self._total))
 
+    def _generate(self, missing: list[tuple[int, str]]) -> None:
+        from ..tasks.task_pool import run_tasks
+        from ..tasks.world_builders import WorldBuilders
+        from ..tasks.world_generation import generate_and_store
 
-def _end(lease: Lease, total: int, failures: list[dict[str, Any]], service: Service) -> None:
-    from ..tasks.world_generation import failure_summary
+        workers = min(len(missing), os.cpu_count() or 1)
+        with WorldBuilders(workers, self._service.folder("logs") / "world-builders.log") as builders:
 
-    summary = failure_summary(failures)
-    if service.catalog.cancel_requested(lease.job.arn):
-        lease.transition("cancel", failures=summary)
-        lease.transition("canceled")
-    elif not failures:
-        lease.transition("complete", failures=summary)
-    elif len(failures) < total:
-        lease.transition("partially_fail", failures=summary)
-    else:
-        reason = failures[0]["reason"][:1024]
-        lease.transition("fail", failures=summary, failureCode="AllWorldGenerationFailed", failureReason=reason)
+            def look() -> None:
+                if self.stopped():
+                    builders.stop()
+
+            run_tasks(
+                generate_and_store,
+                [
+                    {"run": self, "job": self._job, "index": index, "world_arn": arn, "builders": builders}
+                    for index, arn in missing
+                ],
+                workers=workers,
+                job_arn=self._job.arn,
+                service=self._service,
+                look=look,
+            )
+
+    def _settle(self) -> None:
+        from ..tasks.world_generation import failure_summary
+
+        summary = failure_summary(self._failures)
+        if self._done + len(self._failures) < self._total:
+            if self._lease.job.status != "Canceling":
+                self._lease.transition("cancel")
+            self._lease.transition("canceled", failures=summary)
+        elif not self._failures:
+            self._lease.transition("complete", failures=summary)
+        elif len(self._failures) < self._total:
+            self._lease.transition("partially_fail", failures=summary)
+        else:
+            reason = self._failures[0]["reason"][:1024]
+            self._lease.transition(
+                "fail", failures=summary, failureCode="AllWorldGenerationFailed", failureReason=reason
+            )
 
 
 def __getattr__(name: str) -> Any:

@@ -6,21 +6,27 @@ the catalog lets one of them work; the others wait for the end, or take over whe
 dead one runs out.
 """
 
+import logging
 import os
 import socket
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
+from ..schemas.errors import ServiceUnavailableException
 from ..schemas.lifecycles import is_terminal
 from .catalog import Resource
 from .service import Service
 
 LEASE_S = 30.0
-_RENEW_S = 5.0
+"""How long after its last sign of life a performer counts as dead."""
+_RENEWALS = 6  # how often a lease is renewed before it would run out
 _WAIT_S = 0.5
+
+_logger = logging.getLogger(__name__)
 
 
 class Lease:
@@ -38,6 +44,25 @@ class Lease:
         self.job = job
         self._owner = owner
         self._service = service
+        self._ended = threading.Event()
+        self._lost = threading.Event()
+
+    @property
+    def lost(self) -> bool:
+        """Whether another performer has taken over, because this one was held up for too long."""
+        return self._lost.is_set()
+
+    @contextmanager
+    def renewed(self) -> Iterator[None]:
+        """Keeps the lease inside the block, and gives it back at its end."""
+        renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
+        renewer.start()
+        try:
+            yield
+        finally:
+            self._ended.set()
+            renewer.join()
+            self._service.catalog.release(self.job.arn, self._owner)
 
     def transition(self, event: str, **changes: Any) -> Resource:
         """Moves the job on and sets members of its document; returns the job, which `job` is from then on."""
@@ -53,6 +78,15 @@ class Lease:
         """The job as it is now."""
         self.job = self._service.catalog.get(self.job.arn)
         return self.job
+
+    def _renew(self) -> None:
+        while not self._ended.wait(LEASE_S / _RENEWALS):
+            try:
+                if not self._service.catalog.renew(self.job.arn, self._owner, LEASE_S):
+                    self._lost.set()
+                    return
+            except ServiceUnavailableException as error:
+                _logger.warning("the lease of %s is not renewed: %s", self.job.arn, error)
 
 
 def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
@@ -75,19 +109,7 @@ def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], 
         if service.catalog.claim(arn, owner, LEASE_S):
             break
         time.sleep(_WAIT_S)
-    done = threading.Event()
-    renewer = threading.Thread(target=_renew, args=(arn, owner, service, done), daemon=True)
-    renewer.start()
-    try:
-        lease = Lease(service.catalog.get(arn, kind=kind), owner, service)
-        if not is_terminal(lease.job.kind, lease.job.status):
+    lease = Lease(job, owner, service)
+    with lease.renewed():
+        if not is_terminal(kind, lease.refreshed().status):
             work(lease)
-    finally:
-        done.set()
-        renewer.join()
-        service.catalog.release(arn, owner)
-
-
-def _renew(arn: str, owner: str, service: Service, done: threading.Event) -> None:
-    while not done.wait(_RENEW_S):
-        service.catalog.renew(arn, owner, LEASE_S)

@@ -18,7 +18,7 @@ from .run_plans import run_plan
 from .runtime.launcher import Launcher
 from .service import Service
 from .slots import Slots
-from .storage import publish
+from .storage import publish, store_unfinished
 from .uploads import output_place, prepare_bucket
 
 KIND = "simulation-job"
@@ -118,9 +118,11 @@ class JobRun:
             self._terminate(_failed("InternalServiceError", f"{type(error).__name__}: {error}"))
         finally:
             if "outputs" in self._lease.job.document or not any(Path(folder, "output").glob("*")):
-                shutil.rmtree(folder, ignore_errors=True)
+                _remove(folder)
 
     def _why_stop(self) -> str | None:
+        if self._lease.lost:
+            return _CANCELED  # whoever took over runs the job again
         return _CANCELED if self._service.catalog.cancel_requested(self._lease.job.arn) else self._stop()
 
     def _prepare_and_run(self, run_id: str, folder: Path) -> None:
@@ -140,12 +142,18 @@ class JobRun:
         self._settle(self._published(plan, outcome, ending))
 
     def _published(self, plan: RunPlan, outcome: RunOutcome, ending: dict[str, Any]) -> dict[str, Any]:
-        """Publishes the outputs; returns the ending, which is a failure when that does not work."""
+        """Publishes the outputs; returns the ending, which is a failure when that does not work.
+
+        What a crashed or killed run left is stored too, but without a manifest: it is not whole.
+        """
         bucket, prefix = output_place(self._lease.job, plan.run_id, self._service)
         about = {"job": self._lease.job.arn, "run": plan.run_id, "seed": plan.seed, **ending}
         try:
             prepare_bucket(self._service, bucket)
-            publish(self._service.store, bucket, prefix, plan.output_dir, about=about, created_at=outcome.ended_at)
+            if outcome.finished:
+                publish(self._service.store, bucket, prefix, plan.output_dir, about=about, created_at=outcome.ended_at)
+            else:
+                store_unfinished(self._service.store, bucket, prefix, plan.output_dir)
         except (StorageError, OSError) as error:
             code = "BadPermissionsS3Output" if isinstance(error, StorageAccessDeniedError) else "InternalServiceError"
             reason = f"outputs could not be stored in s3://{bucket}/{prefix}: {error}; they are in {plan.output_dir}"
@@ -162,6 +170,14 @@ class JobRun:
 
     def _settle(self, ending: dict[str, Any]) -> None:
         self._lease.transition(_END_EVENTS[ending["status"]], **_without_status(ending))
+
+
+def _remove(folder: Path) -> None:
+    """Removes a run's folder as far as that is possible."""
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+    except RecursionError:  # an application made folders a thousand levels deep
+        _logger.warning("%s could not be removed: it is nested too deeply", folder)
 
 
 def _ending(outcome: RunOutcome, stopped_because: str | None) -> dict[str, Any]:

@@ -50,6 +50,9 @@ class Slots:
 
     def __enter__(self) -> "Slots":
         self._client = get_client(sync_client=True).__enter__()
+        # One performer at a time works on a batch: what an earlier one held, it died with. Left alone, its
+        # slots would come back after a minute.
+        self._delete_limit()
         self._connection.upsert_global_concurrency_limit_by_name(self.name, self._limit)
         self._take_what_there_is()
         self._keeper.start()
@@ -86,10 +89,7 @@ class Slots:
 
     def remove(self) -> None:
         """Deletes the limit; called once, when the batch has ended."""
-        try:
-            self._connection.delete_global_concurrency_limit_by_name(self.name)
-        except ObjectNotFound:
-            _logger.debug("limit %s was removed already", self.name)
+        self._delete_limit()
         self._free.clear()
         self._used.clear()
 
@@ -151,6 +151,12 @@ class Slots:
             with self._changed:
                 self._free.append(UUID(answer.json()["lease_id"]))
                 self._changed.notify()
+
+    def _delete_limit(self) -> None:
+        try:
+            self._connection.delete_global_concurrency_limit_by_name(self.name)
+        except ObjectNotFound:
+            _logger.debug("there is no limit %s", self.name)
 
     def _give_back(self, lease: UUID) -> None:
         try:

@@ -29,6 +29,7 @@ class WorldBuilders:
         self._log = log
         self._idle: queue.SimpleQueue[subprocess.Popen[str]] = queue.SimpleQueue()
         self._all: list[subprocess.Popen[str]] = []
+        self._stopped = False
 
     def __enter__(self) -> "WorldBuilders":
         for _ in range(self._count):
@@ -38,14 +39,20 @@ class WorldBuilders:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        if kind is not None:
+            self.stop()
         for process in self._all:
-            if kind is not None:
-                process.kill()
             if process.stdin:
                 process.stdin.close()
             process.wait()
             if process.stdout:
                 process.stdout.close()
+
+    def stop(self) -> None:
+        """Ends all builders in the midst of what they do; builds fail from then on."""
+        self._stopped = True
+        for process in self._all:
+            process.kill()
 
     def build(self, body: str, floorplan_seed: int, interior_seed: int, folder: Path) -> str:
         """Builds a world bundle; waits for an idle builder.
@@ -54,7 +61,7 @@ class WorldBuilders:
           The bundle's content hash.
 
         Raises:
-          WorldGenerationError: there is no such world, or its builder died.
+          WorldGenerationError: there is no such world, or its builder died or was stopped.
         """
         order = {
             "body": body,
@@ -66,7 +73,8 @@ class WorldBuilders:
         try:
             answer = _ask(process, json.dumps(order))
         finally:
-            self._idle.put(process if process.poll() is None else self._start())
+            alive = self._stopped or process.poll() is None
+            self._idle.put(process if alive else self._start())
         if "error" in answer:
             raise WorldGenerationError(answer["error"])
         return answer["content"]
@@ -80,6 +88,7 @@ class WorldBuilders:
                 stderr=log,
                 text=True,
                 cwd=self._log.parent,
+                start_new_session=True,  # Ctrl-C in a terminal is for the caller to handle
             )
         self._all.append(process)
         return process

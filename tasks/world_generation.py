@@ -4,7 +4,7 @@ import tempfile
 from collections import Counter
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from prefect import task
 from prefect.cache_policies import NO_CACHE
@@ -20,20 +20,39 @@ from .worldforge.seeds import seeds_for
 WORLDS_PREFIX = "worlds"
 
 
+class Generation(Protocol):
+    """What a generation job's performer offers to the tasks that make its worlds."""
+
+    def stopped(self) -> bool:
+        """Whether no more worlds are wanted."""
+        ...
+
+    def ended(self, failure: dict[str, Any] | None) -> None:
+        """Takes the end of one world: `None`, or why there is none, `{"code": …, "reason": …}`."""
+        ...
+
+
 @task(name="generate-world", task_run_name="{world_arn}", cache_policy=NO_CACHE)
-def generate_and_store(job: Resource, index: int, world_arn: str, builders: WorldBuilders) -> dict[str, Any] | None:
+def generate_and_store(run: Generation, job: Resource, index: int, world_arn: str, builders: WorldBuilders) -> None:
     """Generates the world of one place in a job and adds it to the catalog.
 
     Args:
+      run: told how it ended, unless it was stopped.
       job: the generation job.
       index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
       world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
       builders: processes that build worlds.
-
-    Returns:
-      `None`, or a failure: `{"code": …, "reason": …}`.
     """
-    service = Service.current()
+    if run.stopped():
+        return
+    failure = _generate(Service.current(), job, index, world_arn, builders)
+    if failure is None or not run.stopped():  # a stopped builder is no failed world
+        run.ended(failure)
+
+
+def _generate(
+    service: Service, job: Resource, index: int, world_arn: str, builders: WorldBuilders
+) -> dict[str, Any] | None:
     document = job.document
     interiors = document["request"]["worldCount"]["interiorCountPerFloorplan"]
     seeds = seeds_for(document["seed"], index // interiors, index % interiors)

@@ -27,9 +27,14 @@ def execute(arguments: argparse.Namespace) -> int:
     api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with watcher(steps, os.environ) as listener:
-        from ...flows.pipelines import run_spec
+        from ...flows.pipelines import RunInterrupted, run_spec
 
-        record = run_spec(spec, settings, listener, spec_path=arguments.spec)
+        try:
+            record = run_spec(spec, settings, listener, spec_path=arguments.spec)
+        except RunInterrupted as interruption:
+            interrupted, record = interruption, interruption.record
+        else:
+            interrupted = None
     record = _with_report(record, arguments.report)
     if arguments.output == "json":
         sys.stdout.write(record.model_dump_json(indent=2, exclude_none=True) + "\n")
@@ -37,6 +42,8 @@ def execute(arguments: argparse.Namespace) -> int:
         # Elsewhere the pages' address is not to be told from the API's.
         local = api_url.startswith("http://127.0.0.1:")
         print_summary(record, again(arguments), sys.stdout, server=api_url.removesuffix("/api") if local else "")
+    if interrupted:
+        raise interrupted
     if record.report_path and wanted(arguments.open):
         open_file(record.report_path)
     return record.exit_code

@@ -6,12 +6,14 @@ standard input and answers each with one line on standard output:
     {"body": "<template body>", "floorplan_seed": 1, "interior_seed": 2, "folder": "/…/bundle"}
     {"content": "<hash>"}   or   {"error": "<why there is no world>"}
 
-It ends when its input does, so it never outlives whoever started it.
+It ends when its input does, also in the midst of a world, so it never outlives whoever started it.
 """
 
 import json
 import os
+import queue
 import sys
+import threading
 from pathlib import Path
 
 from ...schemas.errors import RobomakerError
@@ -25,8 +27,16 @@ def main() -> None:
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
+    orders: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(orders,), daemon=True).start()
+    while True:
+        print(json.dumps(answer(json.loads(orders.get()))), file=answers, flush=True)
+
+
+def _read(orders: "queue.SimpleQueue[str]") -> None:
     for line in sys.stdin:
-        print(json.dumps(answer(json.loads(line))), file=answers, flush=True)
+        orders.put(line)
+    os._exit(0)
 
 
 def answer(order: dict[str, str | int]) -> dict[str, str]:
