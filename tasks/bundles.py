@@ -1,15 +1,22 @@
 """Bundles on this machine: fetched once, kept by their content, shared by all jobs."""
 
 import fcntl
+import glob
 import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from ..schemas.errors import BundleError, LaunchError, ObjectNotFoundError, StorageAccessDeniedError, StorageError
+from ..schemas.errors import (
+    BucketNotFoundError,
+    BundleError,
+    LaunchError,
+    ObjectNotFoundError,
+    StorageAccessDeniedError,
+)
 from .catalog import Resource
 from .service import Service
-from .storage import fetch, unpack
+from .storage import ObjectInfo, fetch, unpack
 
 
 def world_bundle(world: Resource, service: Service) -> Path:
@@ -36,26 +43,32 @@ def application_bundle(source: dict[str, str], role: str, service: Service) -> P
 
     Raises:
       LaunchError: it is gone, has changed, may not be read or cannot be unpacked.
+      StorageError: the object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
     try:
-        if (now := service.store.head(bucket, key).etag) != source["etag"]:
-            raise LaunchError(
-                f"s3://{bucket}/{key} has changed since the application was made: ETag {now}, then {source['etag']}",
-                "MismatchedEtag",
-            )
+        _check_etag(service.store.head(bucket, key), source)
 
         def fill(folder: Path) -> None:
             with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
                 archive = Path(scratch, "archive")
-                service.store.get_file(bucket, key, archive)
+                _check_etag(service.store.get_file(bucket, key, archive), source)
                 unpack(archive, folder)
 
         return _once(service.folder("cache", "applications") / source["etag"], fill)
     except BundleError as error:
         raise LaunchError(f"s3://{bucket}/{key}: {error}", f"InvalidBundle{role}Application") from error
-    except (ObjectNotFoundError, StorageAccessDeniedError) as error:
+    except (BucketNotFoundError, ObjectNotFoundError, StorageAccessDeniedError) as error:
         raise LaunchError(str(error), f"BadPermissions{role}Application") from error
+
+
+def _check_etag(found: ObjectInfo, source: dict[str, str]) -> None:
+    if found.etag != source["etag"]:
+        raise LaunchError(
+            f"s3://{found.bucket}/{found.key} has changed since the application was made: "
+            f"ETag {found.etag}, then {source['etag']}",
+            "MismatchedEtag",
+        )
 
 
 def _once(folder: Path, fill: Callable[[Path], None]) -> Path:
@@ -66,11 +79,16 @@ def _once(folder: Path, fill: Callable[[Path], None]) -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not folder.is_dir():
             part = folder.with_name(f".{folder.name}.part")
-            shutil.rmtree(part, ignore_errors=True)
+            _remove_parts(part)  # of a filler that was killed
             try:
                 fill(part)
                 part.rename(folder)
-            except (StorageError, OSError):
-                shutil.rmtree(part, ignore_errors=True)
-                raise
+            finally:
+                _remove_parts(part)
     return folder
+
+
+def _remove_parts(part: Path) -> None:
+    """Removes a folder that was to be filled, and what filling it has put beside it."""
+    for left in part.parent.glob(f"*{glob.escape(part.name)}*"):
+        shutil.rmtree(left, ignore_errors=True)

@@ -34,7 +34,8 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
     size = sum(item.size_bytes for item in objects)
     if len(objects) > MAX_FILES or size > MAX_BYTES:
         raise InvalidParameterException(
-            f"dataSources: {len(objects)} files of {size / 1e9:.1f} GB; a job reads at most {MAX_FILES} files of 25 GB"
+            f"dataSources: {len(objects)} files, {size / 1e9:.1f} GB in all; "
+            f"a job reads at most {MAX_FILES} files, {MAX_BYTES / 1e9:.0f} GB in all"
         )
     return resolved
 
@@ -42,7 +43,9 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
 def fetch_data_sources(sources: Sequence[Mapping[str, Any]], folder: Path, service: Service) -> Path | None:
     """Fetches resolved data sources, each into a folder of its name.
 
-    Objects keep the folders of their keys; archives are unpacked into the source's folder.
+    Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is
+    `plans/maps/flat.pgm`. An archive becomes a folder of its name: `maps/flat.zip` becomes
+    `plans/maps/flat`.
 
     Raises:
       LaunchError: an object is gone, has changed, or is no archive.
@@ -87,6 +90,5 @@ def _fetch(source: Mapping[str, Any], item: Mapping[str, Any], folder: Path, ser
     if fetched.etag != item["etag"]:
         raise LaunchError(f"s3://{bucket}/{key} has changed since the job was made", "MismatchedEtag")
     if source["type"] == "Archive":
-        archive = path.rename(folder / ".archive")
-        unpack(archive, folder / relative.name.removesuffix(".zip").removesuffix(".tar.gz"))
-        archive.unlink()
+        unpack(path, path.with_name(path.name.removesuffix(".zip").removesuffix(".tar.gz")))
+        path.unlink()

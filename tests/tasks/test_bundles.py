@@ -1,0 +1,132 @@
+"""The caches of bundles: filled once, whole or not at all."""
+
+import os
+import signal
+import subprocess
+import sys
+import tarfile
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.tasks.bundles import _once, application_bundle
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz
+
+
+@pytest.fixture
+def source(service: Service, tmp_path: Path) -> dict[str, str]:
+    """An archive of one package, as an application names it."""
+    package = tmp_path / "bundle" / "package"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("answer = 42\n")
+    pack_tar_gz(tmp_path / "bundle", tmp_path / "bundle.tar.gz")
+    service.store.ensure_bucket("applications")
+    etag = service.store.put_file("applications", "bundle.tar.gz", tmp_path / "bundle.tar.gz").etag
+    return {"s3Bucket": "applications", "s3Key": "bundle.tar.gz", "etag": etag}
+
+
+def left_in(folder: Path) -> list[str]:
+    """What is in a folder besides lock files."""
+    return sorted(path.name for path in folder.iterdir() if not path.name.endswith(".lock"))
+
+
+def test_an_archive_is_unpacked_once_and_found_again(service: Service, source: dict[str, str]) -> None:
+    folder = application_bundle(source, "Robot", service)
+    assert (folder / "package" / "__init__.py").read_text() == "answer = 42\n"
+    (folder / "mark").touch()
+
+    assert application_bundle(source, "Robot", service) == folder
+    assert (folder / "mark").exists()
+    assert left_in(service.folder("scratch")) == []
+
+
+def test_of_several_at_once_one_fills(tmp_path: Path) -> None:
+    fills = []
+
+    def fill(folder: Path) -> None:
+        fills.append(folder)
+        time.sleep(0.1)
+        folder.mkdir()
+
+    threads = [threading.Thread(target=_once, args=(tmp_path / "cached", fill)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+    assert len(fills) == 1
+    assert left_in(tmp_path) == ["cached"]
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from prefect_robomaker.tasks.bundles import _once
+
+def fill(folder):
+    folder.mkdir()
+    folder.with_name("." + folder.name + ".beside").mkdir()
+    (folder / "half").write_text("half")
+    print("filling", flush=True)
+    time.sleep(60)
+
+_once(Path(sys.argv[1]), fill)
+"""
+
+
+def test_what_a_killed_filler_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "cached")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        os.kill(process.pid, signal.SIGKILL)
+    assert len(left_in(tmp_path)) == 2
+
+    def fill(folder: Path) -> None:
+        folder.mkdir()
+        (folder / "whole").touch()
+
+    assert [path.name for path in _once(tmp_path / "cached", fill).iterdir()] == ["whole"]
+    assert left_in(tmp_path) == ["cached"]
+
+
+def test_a_damaged_archive_leaves_nothing_behind(service: Service) -> None:
+    service.store.ensure_bucket("applications")
+    etag = service.store.put_bytes("applications", "broken.tar.gz", b"this is no archive").etag
+
+    with pytest.raises(LaunchError) as caught:
+        application_bundle({"s3Bucket": "applications", "s3Key": "broken.tar.gz", "etag": etag}, "Robot", service)
+    assert caught.value.failure_code == "InvalidBundleRobotApplication"
+    assert left_in(service.folder("cache", "applications")) == []
+
+
+@pytest.mark.parametrize("place", [{"s3Key": "gone.tar.gz"}, {"s3Bucket": "nowhere"}])
+def test_an_archive_that_is_gone_cannot_be_downloaded(
+    service: Service, source: dict[str, str], place: dict[str, str]
+) -> None:
+    with pytest.raises(LaunchError) as caught:
+        application_bundle({**source, **place}, "Simulation", service)
+    assert caught.value.failure_code == "BadPermissionsSimulationApplication"
+
+
+def test_an_archive_replaced_between_looking_and_fetching_is_refused(
+    service: Service, source: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = service.store.head
+
+    def head_and_replace(bucket: str, key: str) -> object:
+        found = head(bucket, key)
+        with tarfile.open(tmp_path / "other.tar.gz", "w:gz"):
+            pass
+        service.store.put_file(bucket, key, tmp_path / "other.tar.gz")
+        return found
+
+    monkeypatch.setattr(service.store, "head", head_and_replace)
+    with pytest.raises(LaunchError, match="has changed since") as caught:
+        application_bundle(source, "Robot", service)
+    assert caught.value.failure_code == "MismatchedEtag"
+    assert left_in(service.folder("cache", "applications")) == []
