@@ -23,7 +23,6 @@ from ..tasks.data_sources import resolve_data_sources
 from ..tasks.run_plans import find_application, world_arn
 from ..tasks.service import Progress, Service
 from ..tasks.uploads import check_output_location
-from ..tasks.uploads import check_output_location
 from .operation import flows_of, operation
 
 KIND = "simulation-job"
@@ -90,7 +89,6 @@ def store_job(
     applications = {f"{role}ApplicationNames": _applications(wire, role, service) for role in ("robot", "simulation")}
     if (world := world_arn(wire)) is not None:
         service.catalog.get(world, kind="world")
-    check_output_location(wire.get("outputLocation"))
     check_output_location(wire.get("outputLocation"))
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)
