@@ -67,6 +67,10 @@ class RunOutcome(Model):
     started_at: datetime = Field(description="When the process began to run.")
     ended_at: datetime = Field(description="When its process group was gone.")
     timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")
+    finished: bool = Field(
+        default=False,
+        description="Whether it wrote its outputs to the end; not when it crashed or had to be killed.",
+    )
 
 
 class Requirement(Model):

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..schemas.errors import ResourceNotFoundException, StorageError
+from ..schemas.errors import ObjectNotFoundError, ResourceNotFoundException, StorageError
 from ..schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ..schemas.run_record import JobRecord, RunRecord, StepRecord
 from ..schemas.simulation_run import RunResult
@@ -131,6 +131,8 @@ def _outputs(place: Mapping[str, str] | None, service: Service) -> tuple[list[Re
         result = service.store.get_bytes(bucket, f"{prefix}/result.json") if "result.json" in names else None
         poster = service.store.get_bytes(bucket, f"{prefix}/poster.png") if "poster.png" in names else b""
         parsed = RunResult.model_validate_json(result) if result else None
+    except ObjectNotFoundError:
+        return _unfinished(bucket, prefix, service), None, b""
     except (StorageError, ValidationError):
         return [], None, b""
     files = [
@@ -140,6 +142,21 @@ def _outputs(place: Mapping[str, str] | None, service: Service) -> tuple[list[Re
         for entry in entries
     ]
     return files, parsed, poster
+
+
+def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
+    """What a crashed or killed run left: no manifest names it, and its logs say why."""
+    try:
+        return [
+            ReportedFile(
+                name=item.key.removeprefix(f"{prefix}/"),
+                uri=service.store.uri(bucket, item.key),
+                size_bytes=item.size_bytes,
+            )
+            for item in service.store.list(bucket, f"{prefix}/")
+        ]
+    except StorageError:
+        return []
 
 
 def _job_record(job: ReportedJob, service: Service) -> JobRecord:

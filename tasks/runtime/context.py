@@ -16,6 +16,10 @@ from ...schemas.simulation_run import RunPlan
 from ...schemas.world import World
 
 
+class ActionError(ValueError):
+    """What an environment's `step` raises when the action itself is wrong: the robot application is to blame."""
+
+
 class Recorder(Protocol):
     """Takes ROS 2 messages; does nothing when recording is off."""
 

@@ -120,6 +120,7 @@ class Launcher:
             started_at=started_at,
             ended_at=ended_at,
             timed_out=judgement.timed_out,
+            finished=ended is not None and ended.ended_by is not None,
         )
 
     def _connect(self) -> Connection:

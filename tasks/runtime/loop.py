@@ -13,7 +13,7 @@ import numpy as np
 from dm_control.rl.control import PhysicsError
 
 from . import messages as ros
-from .context import Recorder
+from .context import ActionError, Recorder
 from .progress import Phase
 from .results import EnvironmentReport, Episode, read_report
 
@@ -179,7 +179,11 @@ class _Loop:
                     return
                 self.agent_runs = False
                 mark(step_phase)
-                timestep = _checked_timestep(environment.step(action), "step")
+                try:
+                    timestep = _checked_timestep(environment.step(action), "step")
+                except ActionError:
+                    mark(agent_phase)  # noticed by the environment, made by the agent
+                    raise
                 self._steps += 1
                 clock.tick()
             self.ended_by = "environment"

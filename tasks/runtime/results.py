@@ -66,21 +66,24 @@ def read_report(environment: object) -> EnvironmentReport:
     """Asks an environment for its report.
 
     Raises:
-        ValueError: The report does not fit `EnvironmentReport`; the text names the members.
+        ValueError: The report does not fit `EnvironmentReport`, or JSON; the text names what.
     """
     if not isinstance(environment, ReportingEnvironment):
         return EnvironmentReport()
     report = environment.run_result()
-    if isinstance(report, EnvironmentReport):
-        return report
     try:
-        # Numbers of numpy and tuples for lists are welcome from an application's own code.
-        return EnvironmentReport.model_validate(report, strict=False)
+        if not isinstance(report, EnvironmentReport):
+            # Numbers of numpy and tuples for lists are welcome from an application's own code.
+            report = EnvironmentReport.model_validate(report, strict=False)
+        report.model_dump_json()
+    except PydanticSerializationError as error:
+        raise ValueError(f"environment.run_result() returned what cannot be written as JSON: {error}") from error
     except ValidationError as error:
         problems = "; ".join(f"{'.'.join(map(str, item['loc'])) or 'report'}: {item['msg']}" for item in error.errors())
         raise ValueError(
             f"environment.run_result() returned something that is no EnvironmentReport: {problems}"
         ) from error
+    return report
 
 
 def make_result(episode: Episode, seed: int, extra: dict[str, Any] | None = None) -> RunResult:

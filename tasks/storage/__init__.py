@@ -3,7 +3,7 @@
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
-from .publication import fetch, publish, read_manifest
+from .publication import fetch, publish, read_manifest, store_unfinished
 
 __all__ = [
     "ArchiveLimits",
@@ -14,5 +14,6 @@ __all__ = [
     "pack_tar_gz",
     "publish",
     "read_manifest",
+    "store_unfinished",
     "unpack",
 ]

@@ -15,6 +15,10 @@ from .failures import os_failures
 _NO_REGULAR_FILE = {errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO}
 
 
+MAX_DEPTH = 100
+"""Folders within each other; far beyond what keys of 1024 bytes are used for."""
+
+
 @dataclass(frozen=True)
 class FolderFile:
     """A regular file of a folder."""
@@ -33,15 +37,17 @@ def regular_files(folder: Path) -> list[FolderFile]:
         file nor a folder: a symbolic link could name any file of this machine.
     """
     with os_failures(f"read the folder {folder}"):
-        return sorted(_walk(folder, ""), key=lambda file: os.fsencode(file.name))
+        return sorted(_walk(folder, "", MAX_DEPTH), key=lambda file: os.fsencode(file.name))
 
 
-def _walk(folder: Path, prefix: str) -> Iterator[FolderFile]:
+def _walk(folder: Path, prefix: str, depth: int) -> Iterator[FolderFile]:
+    if depth == 0:
+        raise StorageError(f"{str(folder)[:100]}… is nested more than {MAX_DEPTH} folders deep; no store could hold it")
     with os.scandir(folder) as entries:
         for entry in entries:
             name = prefix + entry.name
             if entry.is_dir(follow_symlinks=False):
-                yield from _walk(Path(entry.path), f"{name}/")
+                yield from _walk(Path(entry.path), f"{name}/", depth - 1)
             elif entry.is_file(follow_symlinks=False):
                 yield FolderFile(name, Path(entry.path))
             else:

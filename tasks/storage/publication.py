@@ -62,6 +62,23 @@ def publish(
     return _conclude(store, bucket, prefix, manifest)
 
 
+def store_unfinished(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> None:
+    """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
+
+    Args:
+      store: where to.
+      bucket: where to; it has to exist.
+      prefix: the files' keys start with it, then a slash; may be empty.
+      folder: what to store.
+
+    Raises:
+      StorageError: a file cannot be read or stored, or is a symbolic link.
+    """
+    keys = {join_key(prefix, file.name): file.path for file in regular_files(folder)}
+    keys.pop(join_key(prefix, MANIFEST_NAME), None)
+    store.put_files(bucket, keys)
+
+
 def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
     """Reads what is published under a prefix.
 

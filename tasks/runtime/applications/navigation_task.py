@@ -20,7 +20,7 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from ....schemas.world import World
-from ..context import Recorder
+from ..context import ActionError, Recorder
 from ..results import EnvironmentReport
 from . import lidar
 from .collisions import CollisionMonitor
@@ -100,7 +100,7 @@ class NavigationTask(Task):
           physics: unused; the task is bound to it.
 
         Raises:
-          ValueError: the action is not two finite numbers.
+          ActionError: the action is not two finite numbers.
         """
         del physics
         linear, angular = self._checked(action)
@@ -263,9 +263,10 @@ class NavigationTask(Task):
         try:
             linear, angular = (float(value) for value in action)
         except (TypeError, ValueError):
-            raise ValueError(f"action: {action!r} is not (forward velocity in m/s, turning rate in rad/s)") from None
+            shown = f"an array of shape {action.shape}" if isinstance(action, np.ndarray) else repr(action)[:80]
+            raise ActionError(f"action: {shown} is not (forward velocity in m/s, turning rate in rad/s)") from None
         if not (math.isfinite(linear) and math.isfinite(angular)):
-            raise ValueError(f"action: ({linear}, {angular}) has to be two finite numbers, m/s and rad/s")
+            raise ActionError(f"action: ({linear}, {angular}) has to be two finite numbers, m/s and rad/s")
         return _clip(linear, MAX_LINEAR_MPS), _clip(angular, MAX_ANGULAR_RADPS)
 
 
