@@ -1,0 +1,1 @@
+"""Applications that go wrong in every way."""

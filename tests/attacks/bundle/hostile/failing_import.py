@@ -1,0 +1,3 @@
+"""A module that cannot be imported."""
+
+SPEED = 1 / 0

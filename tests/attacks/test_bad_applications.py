@@ -1,0 +1,195 @@
+"""Applications that go wrong in every way, as real jobs: each ends, says why, and leaves nothing behind."""
+
+import shutil
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_flat import ROLE
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ObjectNotFoundError
+from prefect_robomaker.schemas.manifest import Manifest
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
+
+SIMULATION, ROBOT, OURS = "SimulationApplicationCrash", "RobotApplicationCrash", "InternalServiceError"
+Simulate = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+@dataclass
+class Attack:
+    """One hostile job, run to its end."""
+
+    job: dict[str, Any]
+    service: Service
+    processes: Path
+
+    @property
+    def manifest(self) -> Manifest | None:
+        """The manifest anywhere below the job's outputs."""
+        found = [
+            item.key for item in self.service.store.list("results", "attack/") if item.key.endswith("manifest.json")
+        ]
+        if not found:
+            return None
+        [key] = found
+        return read_manifest(self.service.store, "results", key.removesuffix("/manifest.json"))
+
+    def check_nothing_runs(self) -> None:
+        """Checks that every process the application noted is gone, and every one that knows where notes go."""
+        noted = [int(line) for line in self.processes.read_text().split()] if self.processes.exists() else []
+        assert [pid for pid in noted if _runs(pid)] == []
+        mark = f"PROCESSES={self.processes}".encode()
+        assert [entry.name for entry in Path("/proc").iterdir() if mark in _environment(entry)] == []
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return "(zombie)" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+def _environment(entry: Path) -> bytes:
+    with suppress(OSError):
+        return (entry / "environ").read_bytes()
+    return b""
+
+
+@pytest.fixture
+def attack(service: Service, simulate: Simulate, tmp_path: Path) -> Callable[..., Attack]:
+    """Runs a job of the hostile bundle."""
+    bundle, archive = tmp_path / "bundle", tmp_path / "hostile.tar.gz"
+    shutil.copytree(Path(__file__).parent / "bundle", bundle, ignore=shutil.ignore_patterns("__pycache__"))
+    pack_tar_gz(bundle, archive)
+    for bucket in ("applications", "results"):
+        service.store.ensure_bucket(bucket)
+    service.store.put_file("applications", "hostile.tar.gz", archive)
+    sources = [{"s3Bucket": "applications", "s3Key": "hostile.tar.gz"}]
+    robot = {"name": "driver", "sources": sources, "robotSoftwareSuite": {"name": "General"}}
+    call("CreateRobotApplication", robot, service)
+    arena = {**robot, "name": "arena", "simulationSoftwareSuite": {"name": "SimulationRuntime"}}
+    call("CreateSimulationApplication", arena, service)
+    processes = tmp_path / "processes"
+
+    def run(
+        environment: str = "hostile.arena.calm", agent: str = "hostile.arena.agent", duration_s: int = 30, **config: Any
+    ) -> Attack:
+        variables = {"PROCESSES": str(processes)}
+        request = {
+            "maxJobDurationInSeconds": duration_s,
+            "iamRole": ROLE,
+            "outputLocation": {"s3Bucket": "results", "s3Prefix": "attack"},
+            "robotApplications": [{"application": "driver", "launchConfig": _launch(agent, variables)}],
+            "simulationApplications": [
+                {"application": "arena", "launchConfig": _launch(environment, variables), **config}
+            ],
+        }
+        return Attack(simulate(request), service, processes)
+
+    return run
+
+
+def _launch(attribute: str, variables: dict[str, str]) -> dict[str, Any]:
+    package, _, file = attribute.partition(".")
+    return {"packageName": package, "launchFile": file, "environmentVariables": variables}
+
+
+@pytest.mark.parametrize(
+    ("environment", "agent", "code", "words"),
+    [
+        ("hostile.failing_import.x", None, SIMULATION, ("hostile.failing_import", "ZeroDivisionError")),
+        ("hostile.leaving_import.x", None, SIMULATION, ("sys.exit", "I never wanted to be imported")),
+        ("hostile.circle.make_environment", None, SIMULATION, ("hostile.circle", "circular import")),
+        ("hostile.arena.clam", None, SIMULATION, ("no clam", "did you mean calm")),
+        ("hostile.arna.calm", None, SIMULATION, ("no arna", "did you mean arena")),
+        ("hostle.arena.calm", None, SIMULATION, ("no package hostle", "did you mean hostile")),
+        ("hostile.arena.NoTimeStep", None, SIMULATION, ("step() returned of type tuple", "dm_env.TimeStep")),
+        ("hostile.arena.NoTimeStepAtFirst", None, SIMULATION, ("reset() returned None", "dm_env.TimeStep")),
+        ("hostile.arena.nothing", None, SIMULATION, ("environment is None", "dm_env.Environment")),
+        ("hostile.arena.exiting", None, SIMULATION, ("exit code 0 before the run was over",)),
+        ("hostile.arena.crashing", None, SIMULATION, ("SIGSEGV",)),
+        ("hostile.arena.piping_log", None, SIMULATION, ("now read my log",)),
+        ("hostile.arena.linking_log", None, SIMULATION, ("now read my log",)),
+        ("hostile.arena.CyclicResult", None, SIMULATION, ("run_result()", "JSON", "Circular")),
+        ("hostile.arena.deleting", None, OURS, ("writing the outputs", "No such file")),
+        ("hostile.arena.replacing", None, OURS, ("writing the outputs",)),
+        ("hostile.arena.linking", None, OURS, ("innocent.txt is a symbolic link", "regular files")),
+        ("hostile.arena.linking_folders", None, OURS, ("everything is a symbolic link",)),
+        ("hostile.arena.piping", None, OURS, ("pipe is neither a regular file nor a folder",)),
+        ("hostile.arena.forging", None, OURS, ("manifest.json is in the way",)),
+        ("hostile.arena.naming", None, OURS, ("UTF-8",)),
+        ("hostile.arena.digging", None, OURS, ("deep",)),
+        (None, "hostile.arena.no_agent", ROBOT, ("agent is of type str", "function of a time step")),
+        (None, "hostile.arena.agnt", ROBOT, ("no agnt", "did you mean agent")),
+    ],
+)
+def test_what_goes_wrong_fails_the_job_with_its_reason_and_without_a_manifest(
+    attack: Callable[..., Attack], environment: str | None, agent: str | None, code: str | None, words: tuple[str, ...]
+) -> None:
+    began = time.monotonic()
+
+    ended = attack(environment or "hostile.arena.calm", agent or "hostile.arena.agent")
+
+    assert (ended.job["status"], ended.job["failureCode"]) == ("Failed", code or ended.job["failureCode"])
+    for word in words:
+        assert word in ended.job["failureReason"]
+    assert "root:" not in ended.job["failureReason"]
+    assert ended.manifest is None
+    assert time.monotonic() - began < 20
+    ended.check_nothing_runs()
+
+
+@pytest.mark.parametrize(
+    "environment",
+    ["single.make_environment"]
+    + [f"hostile.arena.{name}" for name in ("NonsenseSpecs", "BoastingResult", "printing", "wandering", "daemonising")],
+)
+def test_what_only_looks_bad_completes_and_is_published_whole(attack: Callable[..., Attack], environment: str) -> None:
+    ended = attack(environment)
+
+    assert ended.job["status"] == "Completed", ended.job.get("failureReason")
+    assert ended.manifest is not None
+    assert {"result.json", "recording.mcap", "logs/stdout.log"} <= {file.path for file in ended.manifest.files}
+    ended.check_nothing_runs()
+
+
+def test_a_step_that_never_returns_ends_at_the_duration_limit_without_a_manifest(attack: Callable[..., Attack]) -> None:
+    began = time.monotonic()
+
+    ended = attack("hostile.arena.endless", duration_s=1)
+
+    assert ended.job["status"] == "Completed"
+    assert time.monotonic() - began < 20
+    assert ended.manifest is None
+    ended.check_nothing_runs()
+
+
+def test_a_crash_keeps_its_logs_for_people_to_read(attack: Callable[..., Attack], service: Service) -> None:
+    ended = attack("hostile.failing_import.x")
+
+    place = service.catalog.get(ended.job["arn"]).document["outputs"]
+    log = service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/stderr.log").decode()
+    assert "SPEED = 1 / 0" in log
+    with pytest.raises(ObjectNotFoundError):
+        read_manifest(service.store, place["bucket"], place["prefix"])
+
+
+@pytest.mark.parametrize(("agent", "words"), [("dreaming_agent", "nan"), ("many_armed_agent", "17")])
+def test_an_action_that_is_none_is_the_robot_applications_fault(
+    attack: Callable[..., Attack], generate: Callable[..., dict[str, Any]], service: Service, agent: str, words: str
+) -> None:
+    [world] = generate()["finishedWorldsSummary"]["succeededWorlds"]
+    request = {"worldConfigs": [{"world": world}], "application": "indoor-navigation"}
+
+    ended = attack(agent=f"hostile.arena.{agent}", launchConfig={}, **request)
+
+    assert (ended.job["status"], ended.job["failureCode"]) == ("Failed", ROBOT)
+    assert words in ended.job["failureReason"]
+    assert ended.manifest is None
+    ended.check_nothing_runs()
