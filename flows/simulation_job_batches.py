@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any
 
+from ..schemas.common import shorten
 from ..schemas.errors import ServiceError
 from ..schemas.ids import new_id
 from ..schemas.lifecycles import batch_outcome, is_terminal
@@ -28,6 +29,8 @@ _END_EVENTS: Mapping[str, str] = {
     "TimedOut": "timed_out",
     "Canceled": "canceled",
 }
+# Why the jobs of a batch have to stop, by its status.
+_STOPPING: Mapping[str, str] = {"Canceling": "BatchCanceled", "TimingOut": "BatchTimedOut"}
 # What befalls a batch whose jobs have to stop, by their failure code.
 _STOPS: Mapping[str, str] = {"BatchCanceled": "cancel", "BatchTimedOut": "time_out"}
 # What becomes of a request that the service's own checks refuse for good.
@@ -128,7 +131,9 @@ class BatchRun:
         self._arn = batch.arn
         policy = batch.document["batchPolicy"]
         self._requests = batch.document["request"]["createSimulationJobRequests"]
-        self._failed = len(batch.document["failed"])
+        self._failed: dict[str, dict[str, Any]] = dict(batch.document["failed"])
+        self._made = set(_jobs_by_request(batch, service))
+        self._stop: str | None = _STOPPING.get(batch.status)
         self._deadline = batch.created_at + timedelta(seconds=policy["timeoutInSeconds"])
 
     def run(self) -> None:
@@ -142,14 +147,12 @@ class BatchRun:
     def _unfinished(self) -> list[int]:
         """The requests that still have to be seen to: once the batch has to stop, only those that are jobs."""
         jobs = _jobs_by_request(self._batch, self._service)
-        stopping = self.why_stop() is not None
-        failed = self._batch.document["failed"]
-        return [
-            index
-            for index in range(len(self._requests))
-            if (index in jobs and not is_terminal("simulation-job", jobs[index].status))
-            or (index not in jobs and str(index) not in failed and not stopping)
-        ]
+        active = {index for index, job in jobs.items() if not is_terminal("simulation-job", job.status)}
+        return sorted(active if self.why_stop() else active.union(self._waiting()))
+
+    def _waiting(self) -> list[int]:
+        """The requests that are neither jobs nor refused."""
+        return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
 
     def _run_requests(self, indices: list[int]) -> None:
         from ..tasks.simulation import simulate_request
@@ -158,77 +161,89 @@ class BatchRun:
 
         limit = self._batch.document["batchPolicy"]["maxConcurrency"]
         with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
-            run_tasks(
-                simulate_request,
-                [{"batch": self, "index": index, "slots": slots} for index in indices],
-                workers=min(limit, len(indices)),
-                job_arn=self._arn,
-                service=self._service,
-                look=self._note_stop,
-            )
-            slots.remove()
+            try:
+                run_tasks(
+                    simulate_request,
+                    [{"batch": self, "index": index, "slots": slots} for index in indices],
+                    workers=min(limit, len(indices)),
+                    job_arn=self._arn,
+                    service=self._service,
+                    look=self._look,
+                )
+            finally:
+                if not self._lease.lost:  # else the slots are another performer's
+                    slots.remove()
 
     def why_stop(self) -> str | None:
-        """The failure code with which the batch's jobs have to stop, if they have to."""
-        if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
-            return "BatchCanceled"
-        return "BatchTimedOut" if self._service.clock() >= self._deadline else None
+        """The failure code with which the batch's jobs have to stop, if they have to; the first reason stays."""
+        if self._stop is None:
+            if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
+                self._stop = "BatchCanceled"
+            elif self._service.clock() >= self._deadline:
+                self._stop = "BatchTimedOut"
+        return self._stop
 
     def create_job(self, index: int) -> Resource | None:
         """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
-        if str(index) in self._service.catalog.get(self._arn).document["failed"]:
+        if str(index) in self._failed:
             return None
         request = SimulationJobRequest.model_validate(self._requests[index])
         token = ClientToken(operation="StartSimulationJobBatch", token=f"{self._batch.id}-{index}", request_hash="")
         try:
-            return store_job(request, self._service, token=token, batch=(self._arn, index))
+            job = store_job(request, self._service, token=token, batch=(self._arn, index))
         except ServiceError as error:
-            self.fail_request(index, _FAILURE_CODES.get(error.code, "InternalServiceError"), str(error))
+            self._fail_request(index, _FAILURE_CODES.get(error.code, "InternalServiceError"), str(error))
             return None
+        self._made.add(index)
+        return job
 
-    def fail_request(self, index: int, code: str, reason: str) -> None:
-        """Records that a request never becomes a job."""
-        self._fail_requests([index], code, reason)
+    def _fail_request(self, index: int, code: str, reason: str) -> None:
+        """Notes that a request never becomes a job; `_save_failures` records it."""
+        failed_at = self._service.clock().isoformat()
+        self._failed[str(index)] = {"failureCode": code, "failureReason": shorten(reason), "failedAt": failed_at}
 
-    def _fail_requests(self, indices: list[int], code: str, reason: str) -> None:
-        failure = {"failureCode": code, "failureReason": reason[:1024], "failedAt": self._service.clock().isoformat()}
-        added = {str(index): failure for index in indices}
-
-        def add(document: dict[str, Any]) -> dict[str, Any]:
-            return {**document, "failed": {**document["failed"], **added}}
-
-        self._failed = len(self._lease.update(add).document["failed"])
+    def _save_failures(self) -> None:
+        """Records the failed requests: all new ones at once, as the batch's document can be large."""
+        failed = dict(self._failed)
+        if len(failed) > len(self._lease.job.document["failed"]):
+            self._lease.update(lambda document: {**document, "failed": failed})
 
     def report(self) -> None:
         """Tells whoever watches how many requests are in which state."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = {status.lower(): count for status, count in statuses.items()}
-        failed = self._failed
+        failed = len(self._failed)
         waiting = len(self._requests) - sum(counts.values()) - failed
         self._service.report_progress(
             Progress({**counts, "not created": failed, "pending": waiting}, len(self._requests))
         )
 
+    def _look(self) -> None:
+        """Records, several times a second, what the requests' tasks have brought about."""
+        self._save_failures()
+        self._note_stop()
+        if self._lease.job.status == "InProgress" and not self._waiting():
+            self._lease.transition("drain")
+
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""
         event = _STOPS.get(self.why_stop() or "")
-        if event and self._status() in ("Pending", "InProgress", "Completing"):
+        if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)
 
     def _settle(self) -> None:
         jobs = _jobs_by_request(self._batch, self._service)
-        failed = self._service.catalog.get(self._arn).document["failed"]
-        pending = [i for i in range(len(self._requests)) if i not in jobs and str(i) not in failed]
-        if pending or any(job.document.get("failureCode") in _STOPS for job in jobs.values()):
+        waiting = self._waiting()
+        if waiting or any(job.document.get("failureCode") in _STOPS for job in jobs.values()):
             self._note_stop()  # the last jobs may have ended before anybody looked why
-        status = self._status()
-        if pending:
-            code = {"Canceling": "BatchCanceled", "TimingOut": "BatchTimedOut"}.get(status, "InternalServiceError")
-            self._fail_requests(pending, code, "the batch ended before a job was made of this request")
-        failures = self._service.catalog.get(self._arn).document["failed"].values()
+        status = self._lease.job.status
+        for index in waiting:
+            code = _STOPPING.get(status, "InternalServiceError")
+            self._fail_request(index, code, "the batch ended before a job was made of this request")
+        self._save_failures()
         end = batch_outcome(
             pending=0,
-            failed=[failure["failureCode"] for failure in failures],
+            failed=[failure["failureCode"] for failure in self._failed.values()],
             created=[job.status for job in jobs.values()],
             timed_out=status == "TimingOut",
             canceled=status == "Canceling",
@@ -241,9 +256,6 @@ class BatchRun:
             changes = {"failureCode": "InternalServiceError", "failureReason": reason}
         self._lease.transition(_END_EVENTS[end], **changes)
         self.report()
-
-    def _status(self) -> str:
-        return self._service.catalog.get(self._arn).status
 
 
 def __getattr__(name: str) -> Any:

@@ -1,3 +1,4 @@
+import threading
 import time
 from collections.abc import Callable
 from datetime import timedelta
@@ -6,6 +7,11 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.flows.simulation_job_batches import BatchRun
+from prefect_robomaker.schemas.errors import InternalServerException
+from prefect_robomaker.schemas.lifecycles import ACTIVE
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.performing import perform_once
 from prefect_robomaker.tasks.service import Progress, Service
 
 Order = Callable[..., dict[str, Any]]
@@ -111,9 +117,6 @@ def test_a_performer_that_takes_over_makes_no_job_twice(service: Service, order:
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(), order()]}, service)
     perform = registry()["StartSimulationJobBatch"].perform
     # A performer that died after it had made the first job, and before anything else.
-    from prefect_robomaker.flows.simulation_job_batches import BatchRun
-    from prefect_robomaker.tasks.performing import perform_once
-
     perform_once(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
 
     ended = perform(batch["arn"], service)
@@ -121,3 +124,98 @@ def test_a_performer_that_takes_over_makes_no_job_twice(service: Service, order:
     assert ended["status"] == "Completed"
     assert len(ended["createdRequests"]) == 2
     assert len(service.catalog.list("simulation-job").resources) == 2
+
+
+def test_a_batch_is_completing_while_its_last_jobs_run(
+    service: Service, order: Order, run_batch: Callable[..., dict[str, Any]]
+) -> None:
+    seen: list[tuple[str, bool]] = []
+    ended = threading.Event()
+
+    def look() -> None:
+        while not ended.wait(0.05):
+            for batch in service.catalog.list("simulation-job-batch").resources:
+                active = any(is_active(job) for job in service.catalog.children(batch.arn, kind="simulation-job"))
+                seen.append((batch.status, active))
+
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    batch = run_batch([order({"DURATION_S": "1.5"})], maxConcurrency=1)
+    ended.set()
+    watcher.join()
+
+    assert batch["status"] == "Completed"
+    assert ("Completing", True) in seen
+
+
+def is_active(job: Resource) -> bool:
+    return job.status in ACTIVE
+
+
+def test_requests_that_are_all_refused_complete_the_batch(
+    order: Order, run_batch: Callable[..., dict[str, Any]]
+) -> None:
+    wrong = order(robotApplications=[{"application": "no-such-robot", "launchConfig": {}}])
+
+    batch = run_batch([wrong, wrong, wrong], maxConcurrency=2)
+
+    assert batch["status"] == "Completed"
+    assert "failureCode" not in batch
+    assert [failed["failureCode"] for failed in batch["failedRequests"]] == ["ResourceNotFound"] * 3
+
+
+def test_an_internal_fault_fails_the_batch_and_the_other_jobs_run(
+    service: Service, order: Order, run_batch: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def break_down(*arguments: Any) -> None:
+        raise InternalServerException("the data sources' server is upside down")
+
+    monkeypatch.setattr("prefect_robomaker.flows.simulation_jobs.resolve_data_sources", break_down)
+    batch = run_batch([order(), order()], maxConcurrency=1)
+
+    assert (batch["status"], batch["failureCode"]) == ("Failed", "InternalServiceError")
+    assert [failed["failureCode"] for failed in batch["failedRequests"]] == ["InternalServiceError"] * 2
+    assert "upside down" in batch["failedRequests"][0]["failureReason"]
+
+
+def test_a_batch_whose_time_was_up_before_anybody_performed_it_is_timed_out(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    request = {"createSimulationJobRequests": [order(), order()], "batchPolicy": {"timeoutInSeconds": 1}}
+    batch = call("StartSimulationJobBatch", request, service)
+    time.sleep(1.1)
+
+    ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], service)
+
+    assert ended["status"] == "TimedOut"
+    assert [failed["failureCode"] for failed in ended["failedRequests"]] == ["BatchTimedOut"] * 2
+
+
+def test_a_batch_that_is_timing_out_cannot_be_cancelled_any_more(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order()]}, service)
+    service.catalog.transition(batch["arn"], "time_out")
+    service.catalog.request_cancel(batch["arn"])
+
+    ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], service)
+
+    assert ended["status"] == "TimedOut"
+    assert ended["failedRequests"][0]["failureCode"] == "BatchTimedOut"
+
+
+def test_a_job_that_exists_already_does_not_fail_when_its_application_is_gone(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order()]}, service)
+    perform_once(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
+    robot = service.catalog.find("robot-application", "watcher")
+    assert robot is not None
+    service.catalog.delete(robot.arn)
+
+    ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], service)
+
+    assert ended["failedRequests"] == []
+    [job] = ended["createdRequests"]
+    described = call("DescribeSimulationJob", {"job": job["arn"]}, service)
+    assert (described["status"], described["failureCode"]) == ("Failed", "ResourceNotFound")
