@@ -208,7 +208,14 @@ def perform_flow(name: str) -> "Flow[..., Any]":
 
     run.__module__ = entry.module
     description = f"Carries the job of an ARN, made by {name}, to its end."
-    return flow(name=entry.perform_name, description=description)(run)
+    return flow(name=entry.perform_name, description=description, flow_run_name=_job_id)(run)
+
+
+def _job_id() -> str:
+    """The name of a flow run that performs a job: the id at the end of the job's ARN."""
+    from prefect.runtime import flow_run
+
+    return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]
 
 
 def _perform_shown(entry: Operation, arn: str, service: Service) -> dict[str, Any]:

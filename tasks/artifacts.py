@@ -28,8 +28,10 @@ _FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeed
 def shown_progress(service: Service, description: str) -> Iterator[Service]:
     """The service, whose progress also shows as a progress artifact of the running flow."""
     bar = _Bar(description, service.report_progress)
-    yield service.watched_by(bar)
-    bar.flush()
+    try:
+        yield service.watched_by(bar)
+    finally:
+        bar.flush()
 
 
 def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -88,7 +88,7 @@ class Slots:
                     self._changed.notify()
 
     def remove(self) -> None:
-        """Deletes the limit; called once, when the batch has ended."""
+        """Deletes the limit; called once, when nobody works on the batch any more."""
         self._delete_limit()
         self._free.clear()
         self._used.clear()
@@ -157,6 +157,8 @@ class Slots:
             self._connection.delete_global_concurrency_limit_by_name(self.name)
         except ObjectNotFound:
             _logger.debug("there is no limit %s", self.name)
+        except httpx.HTTPError as error:
+            _logger.warning("limit %s cannot be removed: %s", self.name, error)
 
     def _give_back(self, lease: UUID) -> None:
         try:

@@ -5,7 +5,7 @@ import os
 import sys
 
 from ...schemas.settings import Settings
-from ..local_server import ServerStatus, server_status, stop_server
+from ..local_server import ServerStatus, configured_api_url, server_status, stop_server
 from .prefect_server import use_server
 
 
@@ -13,7 +13,11 @@ def execute(arguments: argparse.Namespace) -> int:
     """Starts, stops or shows the server; `status` exits with 3 when none runs."""
     settings = Settings.from_environment(os.environ)
     if arguments.action == "start":
-        sys.stdout.write(use_server(settings) + "\n")
+        ours = configured_api_url(os.environ) is None
+        url = use_server(settings)
+        sys.stdout.write(url + "\n")
+        if ours and sys.stdout.isatty():
+            sys.stderr.write(f"So that the prefect command finds it: export PREFECT_API_URL={url}\n")
         return 0
     if arguments.action == "stop":
         stopped = stop_server(settings)
