@@ -4,6 +4,7 @@ import os
 import threading
 from typing import Any
 
+from ..schemas.common import shorten
 from ..schemas.ids import new_id, world_id
 from ..schemas.operations import seed_of
 from ..schemas.world_generation_jobs import (
@@ -172,7 +173,7 @@ class GenerationRun:
         elif len(self._failures) < self._total:
             self._lease.transition("partially_fail", failures=summary)
         else:
-            reason = self._failures[0]["reason"][:1024]
+            reason = shorten(self._failures[0]["reason"])
             self._lease.transition(
                 "fail", failures=summary, failureCode="AllWorldGenerationFailed", failureReason=reason
             )

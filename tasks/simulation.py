@@ -2,7 +2,9 @@
 
 import logging
 import shutil
+import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,15 +12,22 @@ from typing import Any, Protocol
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from ..schemas.errors import LaunchError, StorageAccessDeniedError, StorageError
-from ..schemas.simulation_run import RunOutcome, RunPlan
+from ..schemas.common import shorten
+from ..schemas.errors import (
+    BucketNotFoundError,
+    LaunchError,
+    ServiceUnavailableException,
+    StorageAccessDeniedError,
+    StorageError,
+)
+from ..schemas.simulation_run import RunOutcome
 from .catalog import Resource
 from .performing import Lease, perform_once
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
 from .service import Service
 from .slots import Slots
-from .storage import publish, store_unfinished
+from .storage import publish, read_manifest, store_unfinished
 from .uploads import output_place, prepare_bucket
 
 KIND = "simulation-job"
@@ -101,31 +110,51 @@ class JobRun:
     def run(self) -> None:
         """Runs the job and settles its end; what breaks on the way fails the job."""
         if self._lease.job.status == "Terminating":
-            # Whoever ran it died while publishing: how it ended is known, its outputs are not whole.
-            self._settle(self._lease.job.document["ending"])
+            self._settle(self._published_after_all())
+            if run_id := self._lease.job.document.get("runId"):
+                self._clean_up(run_id)
             return
         if reason := self._why_stop():
             self._terminate(_stopped(reason, "the job was stopped before it ran"))
             return
         run_id = self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
-        folder = self._service.folder("jobs", self._lease.job.id, run_id)
         try:
-            self._prepare_and_run(run_id, folder)
+            self._prepare_and_run(run_id)
         except LaunchError as error:
             self._terminate(_failed(error.failure_code, str(error)))
         except Exception as error:  # the job has to end whatever breaks
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(_failed("InternalServiceError", f"{type(error).__name__}: {error}"))
         finally:
-            if "outputs" in self._lease.job.document or not any(Path(folder, "output").glob("*")):
-                _remove(folder)
+            self._clean_up(run_id)
+
+    def _folder(self, run_id: str) -> Path:
+        return self._service.settings.home / "jobs" / self._lease.job.id / run_id
+
+    def _clean_up(self, run_id: str) -> None:
+        """Removes what is not needed any more; outputs that could not be stored stay."""
+        folder = self._folder(run_id)
+        if "outputs" in self._lease.job.document:
+            _remove(folder.parent)  # with what performers left that died
+        elif any(Path(folder, "output").glob("*")):
+            _remove(folder / "work")
+            _remove(folder / "data")
+        else:
+            _remove(folder)
+            with suppress(OSError):
+                folder.parent.rmdir()
 
     def _why_stop(self) -> str | None:
         if self._lease.lost:
             return _CANCELED  # whoever took over runs the job again
-        return _CANCELED if self._service.catalog.cancel_requested(self._lease.job.arn) else self._stop()
+        try:
+            return _CANCELED if self._service.catalog.cancel_requested(self._lease.job.arn) else self._stop()
+        except ServiceUnavailableException as error:  # nothing to end a run for; it is asked again at once
+            _logger.warning("whether %s is to be stopped is not known: %s", self._lease.job.arn, error)
+            return None
 
-    def _prepare_and_run(self, run_id: str, folder: Path) -> None:
+    def _prepare_and_run(self, run_id: str) -> None:
+        folder = self._service.folder("jobs", self._lease.job.id, run_id)
         self._lease.transition("prepare", runId=run_id)
         plan = run_plan(self._lease.job, run_id, folder, self._service)
         self._lease.transition(
@@ -138,29 +167,45 @@ class JobRun:
         )
         outcome = launcher().run(plan, lambda: "canceled" if self._why_stop() else None)
         ending = _ending(outcome, self._why_stop())
-        self._lease.transition("terminate", ending=ending, **_without_status(ending))
-        self._settle(self._published(plan, outcome, ending))
+        self._lease.transition("terminate", ending=ending, finished=outcome.finished, **_without_status(ending))
+        self._settle(self._published(run_id, ending))
 
-    def _published(self, plan: RunPlan, outcome: RunOutcome, ending: dict[str, Any]) -> dict[str, Any]:
+    def _published(self, run_id: str, ending: dict[str, Any]) -> dict[str, Any]:
         """Publishes the outputs; returns the ending, which is a failure when that does not work.
 
         What a crashed or killed run left is stored too, but without a manifest: it is not whole.
         """
-        bucket, prefix = output_place(self._lease.job, plan.run_id, self._service)
-        about = {"job": self._lease.job.arn, "run": plan.run_id, "seed": plan.seed, **ending}
+        job, output_dir = self._lease.job, self._folder(run_id) / "output"
+        bucket, prefix = output_place(job, run_id, self._service)
+        about = {"job": job.arn, "run": run_id, "seed": job.document["seed"], **ending}
         try:
             prepare_bucket(self._service, bucket)
-            if outcome.finished:
-                publish(self._service.store, bucket, prefix, plan.output_dir, about=about, created_at=outcome.ended_at)
+            if job.document["finished"]:
+                publish(self._service.store, bucket, prefix, output_dir, about=about, created_at=self._service.clock())
             else:
-                store_unfinished(self._service.store, bucket, prefix, plan.output_dir)
+                store_unfinished(self._service.store, bucket, prefix, output_dir)
         except (StorageError, OSError) as error:
-            code = "BadPermissionsS3Output" if isinstance(error, StorageAccessDeniedError) else "InternalServiceError"
-            reason = f"outputs could not be stored in s3://{bucket}/{prefix}: {error}; they are in {plan.output_dir}"
-            failure = _failed(code, reason)
-            # A crash that came before keeps its code, a cancelled job stays cancelled.
-            kept = {"status": failure["status"]} if ending["status"] == "Completed" else {}
-            return {**failure, **ending, **kept}
+            refused = isinstance(error, StorageAccessDeniedError | BucketNotFoundError)
+            code = "BadPermissionsS3Output" if refused else "InternalServiceError"
+            reason = f"outputs could not be stored in s3://{bucket}/{prefix}: {error}; they are in {output_dir}"
+            return _without_outputs(ending, code, reason)
+        return {**ending, "outputs": {"bucket": bucket, "prefix": prefix}}
+
+    def _published_after_all(self) -> dict[str, Any]:
+        """The ending of a job whose performer died in the midst of publishing; its outputs may be here or stored."""
+        document = self._lease.job.document
+        ending, run_id = document["ending"], document.get("runId")
+        if run_id is None or "finished" not in document:
+            return ending  # it ended before it ran
+        if self._folder(run_id).is_dir():
+            return self._published(run_id, ending)
+        bucket, prefix = output_place(self._lease.job, run_id, self._service)
+        try:
+            if document["finished"]:
+                read_manifest(self._service.store, bucket, prefix)
+        except StorageError as error:
+            reason = f"the machine it ran on died before its outputs were stored in s3://{bucket}/{prefix}: {error}"
+            return _without_outputs(ending, "InternalServiceError", reason)
         return {**ending, "outputs": {"bucket": bucket, "prefix": prefix}}
 
     def _terminate(self, ending: dict[str, Any]) -> None:
@@ -176,8 +221,17 @@ def _remove(folder: Path) -> None:
     """Removes a run's folder as far as that is possible."""
     try:
         shutil.rmtree(folder, ignore_errors=True)
-    except RecursionError:  # an application made folders a thousand levels deep
-        _logger.warning("%s could not be removed: it is nested too deeply", folder)
+    except RecursionError:  # an application made folders a thousand levels deep, and rm does not mind
+        subprocess.run(["rm", "-rf", "--", str(folder)], check=False)
+
+
+def _without_outputs(ending: dict[str, Any], code: str, reason: str) -> dict[str, Any]:
+    """An ending that lost its outputs: a crash that came before keeps its code, a cancelled job stays cancelled."""
+    reasons = [reason, ending["failureReason"]] if "failureReason" in ending else [reason]
+    failure = _failed(code, "\n".join(reasons))
+    if ending["status"] != "Completed":
+        failure |= {"status": ending["status"], "failureCode": ending.get("failureCode", code)}
+    return ending | failure
 
 
 def _ending(outcome: RunOutcome, stopped_because: str | None) -> dict[str, Any]:
@@ -198,7 +252,7 @@ def _stopped(reason: str, words: str) -> dict[str, Any]:
 
 
 def _failed(code: str, reason: str) -> dict[str, Any]:
-    return {"status": "Failed", "failureCode": code, "failureReason": reason[:1024]}
+    return {"status": "Failed", "failureCode": code, "failureReason": shorten(reason)}
 
 
 def _without_status(ending: dict[str, Any]) -> dict[str, Any]:

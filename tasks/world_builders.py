@@ -103,6 +103,6 @@ def _ask(process: subprocess.Popen[str], order: str) -> dict[str, str]:
         line = process.stdout.readline()
     except BrokenPipeError:
         line = ""
-    if not line:
+    if not line.endswith("\n"):  # killed in the midst of its answer, at the latest
         raise WorldGenerationError(f"the process that built the world ended with code {process.wait()}")
     return json.loads(line)

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections import Counter
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
@@ -9,11 +10,13 @@ from typing import Any, Protocol
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from ..schemas.errors import StorageError, WorldGenerationError
+from ..schemas.common import shorten
+from ..schemas.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ..schemas.ids import world_id
 from .catalog import Resource
 from .service import Service
 from .storage import publish
+from .uploads import prepare_bucket
 from .world_builders import WorldBuilders
 from .worldforge.seeds import seeds_for
 
@@ -72,7 +75,7 @@ def _generate(
 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
     """Stores a world bundle under its content's own prefix; equal bundles are stored once."""
-    service.store.ensure_bucket(service.settings.bucket)
+    prepare_bucket(service, service.settings.bucket)
     publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
 
 
@@ -83,23 +86,21 @@ def failure_summary(failures: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "totalFailureCount": len(failures),
         "failures": [
-            {"failureCode": code, "sampleFailureReason": samples[code][:1024], "failureCount": count}
+            {"failureCode": code, "sampleFailureReason": shorten(samples[code]), "failureCount": count}
             for code, count in counts.most_common()
         ],
     }
 
 
 def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
-    service.catalog.create(
-        Resource.new(
-            arn=arn,
-            kind="world",
-            id=world_id(job.id, index + 1),
-            name="",
-            status="Active",
-            parent=job.arn,
-            tags=job.document["request"].get("worldTags") or {},
-            document={"template": job.document["request"]["template"], "bundle": bundle},
-        ),
-        token=None,
+    world = Resource.new(
+        arn=arn,
+        kind="world",
+        id=world_id(job.id, index + 1),
+        status="Active",
+        parent=job.arn,
+        tags=job.document["request"].get("worldTags") or {},
+        document={"template": job.document["request"]["template"], "bundle": bundle},
     )
+    with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over
+        service.catalog.create(world, token=None)

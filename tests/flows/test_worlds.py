@@ -102,11 +102,12 @@ def test_the_body_is_kept_as_it_was_when_the_job_was_made(
     assert json.loads(body) == BODY
 
 
-def test_too_many_worlds_fail_the_job_not_the_call(generate: Callable[..., dict[str, Any]]) -> None:
-    job = generate(floorplans=51)
+def test_too_many_worlds_are_refused_and_nothing_is_stored(service: Service, template: str) -> None:
+    count = {"floorplanCount": 17, "interiorCountPerFloorplan": 3}
 
-    assert (job["status"], job["failureCode"]) == ("Failed", "AllWorldGenerationFailed")
-    assert "51" in job["failureReason"]
+    with pytest.raises(InvalidParameterException, match="51 worlds; a job may make at most 50"):
+        call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)
+    assert service.catalog.list("world-generation-job").resources == ()
 
 
 def test_a_cancelled_job_keeps_no_promise_but_ends(service: Service, template: str, prefect_server: str) -> None:

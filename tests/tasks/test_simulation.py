@@ -1,0 +1,166 @@
+"""Outputs of simulation jobs: kept when they cannot be stored, found when a performer died, cleaned up after."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.schemas.errors import BucketNotFoundError, ServiceUnavailableException, StorageFullError
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import publish, read_manifest
+
+Order = Callable[..., dict[str, Any]]
+Simulate = Callable[[dict[str, Any]], dict[str, Any]]
+RUN = "2026-01-02T03-04-05-000000Z"
+
+
+def runs_of(service: Service, job: dict[str, Any]) -> Path:
+    return service.settings.home / "jobs" / job["name"]
+
+
+def refuse(service: Service, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def put_files(*arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr(service.store, "put_files", put_files)
+
+
+@pytest.fixture
+def died_publishing(service: Service, order: Order, prefect_server: str) -> dict[str, Any]:
+    """A job that ran on this machine to its end, and whose performer died before the outputs were stored."""
+    job = call("CreateSimulationJob", order(seed=3), service)
+    service.catalog.transition(job["arn"], "prepare", document_changes={"runId": RUN})
+    service.catalog.transition(job["arn"], "start")
+    ending = {"status": "Completed", "simulationTimeMillis": 1200}
+    service.catalog.transition(job["arn"], "terminate", document_changes={"ending": ending, "finished": True})
+    output = service.folder("jobs", job["arn"].rsplit("/", 1)[1], RUN, "output")
+    (output / "result.json").write_text("{}")
+    return call("DescribeSimulationJob", {"job": job["arn"]}, service)
+
+
+def perform(service: Service, job: dict[str, Any]) -> dict[str, Any]:
+    return registry()["CreateSimulationJob"].perform(job["arn"], service)
+
+
+def place_of(service: Service, job: dict[str, Any]) -> dict[str, str]:
+    return service.catalog.get(job["arn"]).document["outputs"]
+
+
+def test_nothing_is_left_on_the_machine_of_a_job_whose_outputs_are_stored(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    job = call("CreateSimulationJob", order(), service)
+    name = job["arn"].rsplit("/", 1)[1]
+    dead_performers = service.folder("jobs", name, RUN, "output")
+    (dead_performers / "half.mcap").touch()
+
+    assert perform(service, job)["status"] == "Completed"
+    assert list((service.settings.home / "jobs").iterdir()) == []
+
+
+def test_nothing_is_left_of_a_job_that_could_not_be_prepared(
+    service: Service, order: Order, simulate: Simulate
+) -> None:
+    request = order()
+    service.store.put_bytes("applications", "sleeper.tar.gz", b"something else")
+
+    assert simulate(request)["failureCode"] == "MismatchedEtag"
+    assert list((service.settings.home / "jobs").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (StorageFullError("no space left"), "InternalServiceError"),
+        (BucketNotFoundError("there is no bucket"), "BadPermissionsS3Output"),
+    ],
+)
+def test_outputs_that_cannot_be_stored_stay_and_the_reason_says_where(
+    service: Service,
+    order: Order,
+    simulate: Simulate,
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+    code: str,
+) -> None:
+    request = order()
+    refuse(service, monkeypatch, error)
+
+    job = simulate(request)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", code)
+    [run] = runs_of(service, job).iterdir()
+    assert [path.name for path in run.iterdir()] == ["output"]
+    assert str(error) in job["failureReason"]
+    assert str(run / "output") in job["failureReason"]
+    assert (run / "output" / "result.json").exists()
+
+
+def test_a_crash_whose_outputs_cannot_be_stored_keeps_its_code_and_its_log(
+    service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    request = order({"FAIL_AT_STEP": "3"})
+    refuse(service, monkeypatch, StorageFullError("no space left"))
+
+    job = simulate(request)
+
+    assert job["failureCode"] == "SimulationApplicationCrash"
+    assert "no space left" in job["failureReason"]
+    assert "the simulated floor gave way" in job["failureReason"]
+
+
+def test_outputs_of_a_performer_that_died_are_published_by_the_next(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    job = perform(service, died_publishing)
+
+    assert job["status"] == "Completed"
+    assert job["simulationTimeMillis"] == 1200
+    manifest = read_manifest(service.store, **place_of(service, job))
+    assert [file.path for file in manifest.files] == ["result.json"]
+    assert not runs_of(service, job).exists()
+
+
+def test_outputs_that_were_stored_just_in_time_are_found_from_another_machine(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    output = runs_of(service, died_publishing) / RUN / "output"
+    prefix = f"simulation-jobs/{died_publishing['name']}/{RUN}"
+    service.store.ensure_bucket("robomaker")
+    publish(service.store, "robomaker", prefix, output, about={}, created_at=service.clock())
+    runs_of(service, died_publishing).rename(service.folder("elsewhere") / "job")
+
+    job = perform(service, died_publishing)
+
+    assert job["status"] == "Completed"
+    assert place_of(service, job) == {"bucket": "robomaker", "prefix": prefix}
+
+
+def test_a_job_whose_outputs_are_lost_has_failed(service: Service, died_publishing: dict[str, Any]) -> None:
+    runs_of(service, died_publishing).rename(service.folder("elsewhere") / "job")
+
+    job = perform(service, died_publishing)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "InternalServiceError")
+    assert "died before its outputs were stored" in job["failureReason"]
+
+
+def test_a_catalog_that_is_away_for_a_moment_ends_no_run(
+    service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    request = order({"DURATION_S": "0.8"})
+    asked = []
+    cancel_requested = service.catalog.cancel_requested
+
+    def sometimes(arn: str) -> bool:
+        asked.append(arn)
+        if len(asked) in (3, 4):
+            raise ServiceUnavailableException("the database starts again")
+        return cancel_requested(arn)
+
+    monkeypatch.setattr(service.catalog, "cancel_requested", sometimes)
+
+    assert simulate(request)["status"] == "Completed"
+    assert len(asked) > 4
