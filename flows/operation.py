@@ -24,7 +24,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from ..schemas.base import Shape
-from ..schemas.errors import InvalidParameterException
+from ..schemas.errors import InvalidParameterException, ServiceError
 from ..schemas.operations import OPERATIONS, OperationShape, parse_request
 from ..tasks.service import Service
 
@@ -73,7 +73,13 @@ class Operation:
         Raises:
           ServiceError: the request is refused; nothing was stored.
         """
-        return self.handler(parse_request(self.name, data), service).to_wire()
+        try:
+            return self.handler(parse_request(self.name, data), service).to_wire()
+        except ServiceError as error:
+            if error.status >= 500 or isinstance(error, self.shape.errors):
+                raise
+            # Clients know an operation's own errors only; this one says what is wrong in their terms.
+            raise InvalidParameterException(str(error)) from error
 
     def perform(self, arn: str, service: Service) -> dict[str, Any]:
         """Carries a stored job to its end and returns its final description.

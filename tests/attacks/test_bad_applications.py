@@ -142,6 +142,7 @@ def test_what_goes_wrong_fails_the_job_with_its_reason_and_without_a_manifest(
     assert "root:" not in ended.job["failureReason"]
     assert ended.manifest is None
     assert time.monotonic() - began < 20
+    assert not list(ended.service.settings.home.glob("jobs/*/*/work"))
     ended.check_nothing_runs()
 
 

@@ -194,9 +194,9 @@ def _strange_names(environment):
 
 
 def _deep_folders(environment):
-    for folder in (environment.output, Path.cwd()):
+    for folder, depth in ((environment.output, 150), (Path.cwd(), 1500)):
         os.chdir(folder)
-        for _ in range(1500):
+        for _ in range(depth):
             Path("d").mkdir()
             os.chdir("d")
 
