@@ -59,12 +59,22 @@ def _names(frame_id: str, child_frame_id: str | None, offset: int) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _joint_names(frame_id: str, names: tuple[str, ...]) -> bytes:
-    """What follows a joint state's stamp up to the length of its positions."""
-    data = _pad(_string(frame_id), 4) + _LENGTH.pack(len(names))
+def _joint_layout(frame_id: str, names: tuple[str, ...], lengths: tuple[int, ...]) -> tuple[struct.Struct, bytes]:
+    """A joint state's layout with so many positions, velocities and efforts; and its bytes up to their first length.
+
+    The layout takes the stamp, these bytes, and then for each of the three its length and its values.
+    """
+    text = _pad(_string(frame_id), 4) + _LENGTH.pack(len(names))
     for name in names:
-        data = _pad(data, 4) + _string(name)
-    return _pad(data, 4)
+        text = _pad(text, 4) + _string(name)
+    text = _pad(text, 4)
+    layout, offset = f"<4siI{len(text)}s", _STAMP_SIZE + len(text)
+    for length in lengths:
+        offset += _LENGTH.size
+        padding = -offset % 8 if length else 0
+        layout += f"I{padding}x{length}d"
+        offset += padding + 8 * length
+    return struct.Struct(layout), text
 
 
 def _doubles(values: Sequence[float] | NDArray[np.float64], length: int) -> bytes:
@@ -75,12 +85,6 @@ def _doubles(values: Sequence[float] | NDArray[np.float64], length: int) -> byte
     if array.size != length:
         raise ValueError(f"a covariance of {length} numbers is needed, not {array.size}")
     return array.tobytes()
-
-
-def _append_sequence(data: bytes, values: Sequence[float] | NDArray[np.float64]) -> bytes:
-    """Appends a sequence of doubles to data that began at offset 0."""
-    data = _pad(data, 4) + _LENGTH.pack(len(values))
-    return _pad(data, 8) + np.asarray(values, dtype="<f8").tobytes() if len(values) else data
 
 
 def _clock(message: ros.Clock) -> bytes:
@@ -133,11 +137,12 @@ def _laser_scan(message: ros.LaserScan) -> bytes:
 
 
 def _joint_state(message: ros.JointState) -> bytes:
-    header, names, position, velocity, effort = message
-    data = _TIME.pack(*header.stamp) + _joint_names(header.frame_id, tuple(names))
-    for values in (position, velocity, effort):
-        data = _append_sequence(data, values)
-    return _ENCAPSULATION + data
+    (stamp, frame_id), names, position, velocity, effort = message
+    lengths = len(position), len(velocity), len(effort)
+    layout, text = _joint_layout(frame_id, tuple(names), lengths)
+    return layout.pack(
+        _ENCAPSULATION, *stamp, text, lengths[0], *position, lengths[1], *velocity, lengths[2], *effort
+    )  # fmt: skip
 
 
 def _imu(message: ros.Imu) -> bytes:

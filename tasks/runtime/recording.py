@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
-from mcap.writer import CompressionType, Writer
-
 from . import messages as ros
 from .cdr import encode
+from .mcap_file import McapFile
 
 _CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""
@@ -55,12 +54,10 @@ class McapRecorder:
             RecordingError: The file cannot be opened.
         """
         self._channels: dict[str, tuple[int, type]] = {}
-        self._schemas: dict[type, int] = {}
         self._path = path
         with self._explained():
             self._stream = _Unbuffered(path)
-            self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)  # pyright: ignore[reportArgumentType]
-            self._writer.start(profile="ros2", library="prefect-robomaker")
+            self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES)
         self._closed = False
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
@@ -85,10 +82,10 @@ class McapRecorder:
         data = encode(message)
         time_ns = round(time_s * _NANOSECONDS)
         try:
-            self._writer.add_message(channel[0], time_ns, data, time_ns)
+            self._file.add_message(channel[0], time_ns, data)
             now = time.monotonic()
             if now >= self._flush_at:
-                self._writer.flush()
+                self._file.flush()
                 self._flush_at = now + _FLUSH_INTERVAL_S
         except OSError as error:
             raise self._explanation(error) from error
@@ -104,7 +101,7 @@ class McapRecorder:
         self._closed = True
         try:
             with self._explained():
-                self._writer.finish()
+                self._file.finish()
         finally:
             self._stream.close()
 
@@ -119,11 +116,7 @@ class McapRecorder:
     def _add_channel(self, topic: str, kind: type[ros.Message]) -> tuple[int, type]:
         if not hasattr(kind, "ROS_TYPE"):
             raise TypeError(f"{kind.__name__} is not a message that can be recorded on a topic ({topic})")
-        with self._explained():
-            if kind not in self._schemas:
-                definition = kind.DEFINITION.encode()
-                self._schemas[kind] = self._writer.register_schema(kind.ROS_TYPE, "ros2msg", definition)
-            return self._writer.register_channel(topic, "cdr", self._schemas[kind]), kind
+        return self._file.add_channel(topic, kind.ROS_TYPE, kind.DEFINITION), kind
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -153,9 +146,6 @@ class _Unbuffered:
 
     def tell(self) -> int:
         return self._position
-
-    def flush(self) -> None:
-        pass
 
     def close(self) -> None:
         os.close(self._descriptor)
