@@ -196,7 +196,7 @@ def operation_flow(name: str) -> "Flow[..., Any]":
         answer = entry.answer(request, service)
         return _perform_shown(entry, answer["arn"], service) if entry.performer else answer
 
-    _take_signature(run, entry.shape.request)
+    _take_signature(run, name, entry.shape.request)
     run.__module__ = entry.module
     # The request model checks more, and says it better, than a generic validation of parameters.
     return flow(name=name, description=entry.shape.description, validate_parameters=False)(run)
@@ -232,17 +232,19 @@ def _perform_shown(entry: Operation, arn: str, service: Service) -> dict[str, An
         return entry.perform(arn, watched)
 
 
-def _take_signature(function: Callable[..., Any], request: type[Shape]) -> None:
-    """Gives a function the request's members as keyword parameters, so that Prefect shows them."""
+def _take_signature(function: Callable[..., Any], name: str, request: type[Shape]) -> None:
+    """Gives a function its name, and the request's members as keyword parameters, so that Prefect shows them."""
     parameters = [
         inspect.Parameter(
-            name,
+            member,
             inspect.Parameter.KEYWORD_ONLY,
             annotation=field.rebuild_annotation(),
             default=inspect.Parameter.empty if field.is_required() else None,
         )
-        for name, field in request.model_fields.items()
+        for member, field in request.model_fields.items()
     ]
     parameters.sort(key=lambda parameter: parameter.default is None)
+    # What is wrong with a call is said of the function of that name.
+    function.__name__ = function.__qualname__ = name
     function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

@@ -1,0 +1,188 @@
+"""prefect.yaml: what the documentation says about deployments, done for real."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import pytest
+from processes import process_worker, wait_for
+from ruamel.yaml import YAML
+from small_flat import BODY, ROLE
+
+from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.service import Service
+
+ROOT = Path(__file__).parents[2]
+FILE = ROOT / "deployments" / "prefect.yaml"
+SPEC = {
+    "version": 1,
+    "name": "tiny",
+    "steps": {
+        "template": {"operation": "CreateWorldTemplate", "input": {"name": "two rooms", "templateBody": BODY}},
+        "worlds": {
+            "operation": "CreateWorldGenerationJob",
+            "input": {
+                "template": "${{ template.arn }}",
+                "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1},
+                "seed": 7,
+            },
+        },
+        "drive": {
+            "operation": "StartSimulationJobBatch",
+            "input": {
+                "createSimulationJobRequests": {
+                    "forEach": "${{ worlds.finishedWorldsSummary.succeededWorlds }}",
+                    "as": "world",
+                    "value": {
+                        "maxJobDurationInSeconds": 120,
+                        "iamRole": ROLE,
+                        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+                        "simulationApplications": [
+                            {
+                                "application": "indoor-navigation",
+                                "launchConfig": {},
+                                "worldConfigs": [{"world": "${{ world }}"}],
+                            }
+                        ],
+                    },
+                }
+            },
+        },
+    },
+}
+
+
+def test_every_operation_has_a_deployment_that_leads_to_its_flow() -> None:
+    declared = YAML(typ="safe").load(FILE)["deployments"]
+
+    names = {entry["entrypoint"].rpartition(":")[2] for entry in declared}
+    performers = {entry.perform_name for entry in registry().values() if entry.performer}
+    assert names == {*registry(), *performers, "RunPipeline"}
+    for entry in declared:
+        module, _, name = entry["entrypoint"].partition(":")
+        assert getattr(__import__(module, fromlist=[name]), name).name == name
+        if "parameters" in entry:
+            assert (ROOT / entry["parameters"]["spec"]).is_file()
+
+
+@pytest.mark.slow
+def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Settings, tmp_path: Path) -> None:
+    environ = {
+        "PREFECT_API_URL": prefect_server,
+        "PREFECT_HOME": str(tmp_path / "prefect"),
+        "PREFECT_WORKER_QUERY_SECONDS": "1",
+        "ROBOMAKER_HOME": str(settings.home),
+    }
+    from prefect.exceptions import PrefectHTTPStatusError
+
+    spec = tmp_path / "tiny.yaml"
+    spec.write_text(json.dumps(SPEC))
+    prefect(environ, "work-pool", "create", "robomaker", "--type", "process")
+    prefect(environ, "--no-prompt", "deploy", "--all", "--prefect-file", "deployments/prefect.yaml")
+    the_nightly_run_is_scheduled()
+    with pytest.raises(PrefectHTTPStatusError, match="name"):
+        create_run("CreateWorldTemplate/robomaker", {"name": 7, "templateBody": "{}"})
+
+    with process_worker("robomaker", environ, tmp_path / "worker.log"):
+        runs = [
+            create_run("CreateWorldTemplate/robomaker", {"name": "empty", "templateBody": "{}"}),
+            create_run("CreateWorldTemplate/robomaker", {"name": "refused", "templateBody": '{"Bildings": []}'}),
+            create_run("RunPipeline/quickstart", {"spec": str(spec)}),
+        ]
+        created, refused, pipeline = (ended(run) for run in runs)
+
+    log = (tmp_path / "worker.log").read_text()
+    assert created.type.value == "COMPLETED", log
+    assert refused.type.value == "FAILED", log
+    assert "InvalidParameterException" in refused.message
+    assert "Bildings" in refused.message
+    assert pipeline.type.value == "COMPLETED", log
+    assert pipeline.message.startswith("succeeded: 1 of 1 verdicts pass")
+    the_catalog_has_what_the_runs_made(settings)
+    the_pipeline_shows_artifacts(runs[2])
+
+
+def prefect(environ: Mapping[str, str], *words: str) -> None:
+    """Runs Prefect's command in the repository's root."""
+    command = [sys.executable, "-m", "prefect", *words]
+    run = subprocess.run(
+        command, env={**os.environ, **environ}, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def the_nightly_run_is_scheduled() -> None:
+    """Checks the schedule, and takes the deployment away, so that no test runs it at two o'clock."""
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        nightly = client.read_deployment_by_name("RunPipeline/nightly")
+        client.delete_deployment(nightly.id)
+    (schedule,) = nightly.schedules
+    assert schedule.active
+    assert (schedule.schedule.cron, schedule.schedule.timezone) == ("0 2 * * *", "UTC")
+    assert nightly.parameters == {"spec": "deployments/specs/nightly.yaml"}
+    assert nightly.work_pool_name == "robomaker"
+
+
+def create_run(deployment: str, parameters: dict[str, Any]) -> UUID:
+    """Has a deployment run as soon as a worker takes it."""
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        found = client.read_deployment_by_name(deployment)
+        return client.create_flow_run_from_deployment(found.id, parameters=parameters).id
+
+
+def ended(run: UUID) -> Any:
+    """The state a flow run ends with."""
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+
+        def final() -> Any:
+            state = client.read_flow_run(run).state
+            return state if state and state.is_final() else None
+
+        return wait_for(final, f"the end of flow run {run}", timeout_s=120)
+
+
+def the_catalog_has_what_the_runs_made(settings: Settings) -> None:
+    service = Service.open(settings, {})
+    assert len(call("ListWorlds", {}, service)["worldSummaries"]) == 1
+    assert {entry.name for entry in service.catalog.list("world-template").resources} == {"empty", "two rooms"}
+    (batch,) = service.catalog.list("simulation-job-batch").resources
+    (job,) = service.catalog.list("simulation-job").resources
+    assert (batch.status, job.status) == ("Completed", "Completed")
+
+
+def the_pipeline_shows_artifacts(run: UUID) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import (
+        ArtifactFilter,
+        ArtifactFilterFlowRunId,
+        FlowRunFilter,
+        FlowRunFilterParentFlowRunId,
+    )
+
+    with get_client(sync_client=True) as client:
+        children = client.read_flow_runs(
+            flow_run_filter=FlowRunFilter(parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[run]))
+        )
+        ids = [run, *(child.id for child in children)]
+        found = client.read_artifacts(artifact_filter=ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=ids)))
+    shown = {artifact.type: artifact.data for artifact in found if artifact.flow_run_id == run and artifact.key}
+    assert "# tiny: succeeded" in shown["markdown"]
+    (row,) = json.loads(shown["table"])
+    assert (row["status"], row["verdict"]) == ("Completed", "PASS")
+    assert shown["image"].startswith("data:image/png;base64,")
+    progress = {child.name.split("-")[0]: child.id for child in children}
+    assert set(progress) == {"generation", "batch"}
+    bars = {artifact.flow_run_id: artifact.data for artifact in found if artifact.type == "progress"}
+    assert bars == {progress["generation"]: 100.0, progress["batch"]: 100.0}

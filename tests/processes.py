@@ -1,0 +1,63 @@
+"""Real processes for tests: found by their folder, watched until they are gone, stopped with their group."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def wait_for(probe: Callable[[], T], what: str, timeout_s: float = 60.0) -> T:
+    """Asks until the answer is true, and returns it."""
+    deadline = time.monotonic() + timeout_s
+    while not (answer := probe()):
+        assert time.monotonic() < deadline, f"waited {timeout_s:g} s for {what}"
+        time.sleep(0.1)
+    return answer
+
+
+def working_below(folder: Path) -> set[int]:
+    """Processes whose working directory is below a folder: simulations that run."""
+    found = set()
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if (entry / "cwd").readlink().is_relative_to(folder):
+                    found.add(int(entry.name))
+            except OSError:
+                continue  # it has ended, or belongs to somebody else
+    return found
+
+
+@contextmanager
+def started(command: list[str], environ: Mapping[str, str], **options: object) -> Iterator[subprocess.Popen[str]]:
+    """A process with a group of its own, all of which is killed at the end."""
+    process = subprocess.Popen(command, env={**os.environ, **environ}, text=True, start_new_session=True, **options)  # type: ignore[call-overload]
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+@contextmanager
+def process_worker(pool: str, environ: Mapping[str, str], log: Path) -> Iterator[None]:
+    """A Prefect process worker; what it writes, and its flow runs, goes to a log."""
+    command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", pool, "--type", "process"]
+    with log.open("w") as output, started(command, environ, stdout=output, stderr=subprocess.STDOUT) as worker:
+        try:
+            yield
+        finally:
+            # Asked first: it stops its flow runs, which have groups of their own.
+            worker.send_signal(signal.SIGTERM)
+            try:
+                worker.wait(20)
+            except subprocess.TimeoutExpired:
+                os.killpg(worker.pid, signal.SIGKILL)
