@@ -1,6 +1,5 @@
 """Applications that go wrong in every way, as real jobs: each ends, says why, and leaves nothing behind."""
 
-import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -9,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.errors import ObjectNotFoundError
 from prefect_robomaker.schemas.manifest import Manifest
 from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
+from prefect_robomaker.tasks.storage import read_manifest
 
 SIMULATION, ROBOT, OURS = "SimulationApplicationCrash", "RobotApplicationCrash", "InternalServiceError"
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]
@@ -62,42 +59,15 @@ def _environment(entry: Path) -> bytes:
 
 
 @pytest.fixture
-def attack(service: Service, simulate: Simulate, tmp_path: Path) -> Callable[..., Attack]:
-    """Runs a job of the hostile bundle."""
-    bundle, archive = tmp_path / "bundle", tmp_path / "hostile.tar.gz"
-    shutil.copytree(Path(__file__).parent / "bundle", bundle, ignore=shutil.ignore_patterns("__pycache__"))
-    pack_tar_gz(bundle, archive)
-    for bucket in ("applications", "results"):
-        service.store.ensure_bucket(bucket)
-    service.store.put_file("applications", "hostile.tar.gz", archive)
-    sources = [{"s3Bucket": "applications", "s3Key": "hostile.tar.gz"}]
-    robot = {"name": "driver", "sources": sources, "robotSoftwareSuite": {"name": "General"}}
-    call("CreateRobotApplication", robot, service)
-    arena = {**robot, "name": "arena", "simulationSoftwareSuite": {"name": "SimulationRuntime"}}
-    call("CreateSimulationApplication", arena, service)
-    processes = tmp_path / "processes"
+def attack(hostile: Callable[..., dict[str, Any]], service: Service, simulate: Simulate) -> Callable[..., Attack]:
+    """Runs a job of the hostile bundle to its end."""
 
-    def run(
-        environment: str = "hostile.arena.calm", agent: str = "hostile.arena.agent", duration_s: int = 30, **config: Any
-    ) -> Attack:
-        variables = {"PROCESSES": str(processes)}
-        request = {
-            "maxJobDurationInSeconds": duration_s,
-            "iamRole": ROLE,
-            "outputLocation": {"s3Bucket": "results", "s3Prefix": "attack"},
-            "robotApplications": [{"application": "driver", "launchConfig": _launch(agent, variables)}],
-            "simulationApplications": [
-                {"application": "arena", "launchConfig": _launch(environment, variables), **config}
-            ],
-        }
-        return Attack(simulate(request), service, processes)
+    def run(*attributes: str, **options: Any) -> Attack:
+        request = hostile(*attributes, **options)
+        noted = request["robotApplications"][0]["launchConfig"]["environmentVariables"]["PROCESSES"]
+        return Attack(simulate(request), service, Path(noted))
 
     return run
-
-
-def _launch(attribute: str, variables: dict[str, str]) -> dict[str, Any]:
-    package, _, file = attribute.partition(".")
-    return {"packageName": package, "launchFile": file, "environmentVariables": variables}
 
 
 @pytest.mark.parametrize(

@@ -201,6 +201,12 @@ def _deep_folders(environment):
             os.chdir("d")
 
 
+def _fill_output(environment):
+    """5 MB in 300 files: some time to publish, too much for a small disk."""
+    for number in range(300):
+        (environment.output / f"{number}.bin").write_bytes(os.urandom(17_000))
+
+
 def _close_descriptors(environment):
     os.closerange(0, 64)
 
@@ -222,4 +228,5 @@ linking_log = doing(_link_for_log)
 forging = doing(_own_manifest)
 naming = doing(_strange_names)
 digging = doing(_deep_folders)
+filling = doing(_fill_output)
 closing = doing(_close_descriptors)

@@ -1,0 +1,50 @@
+"""The hostile bundle as applications of a service."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_flat import ROLE
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz
+
+
+@pytest.fixture
+def hostile(service: Service, tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Makes requests of jobs that run something of the hostile bundle."""
+    bundle, archive = tmp_path / "bundle", tmp_path / "hostile.tar.gz"
+    shutil.copytree(Path(__file__).parent / "bundle", bundle, ignore=shutil.ignore_patterns("__pycache__"))
+    pack_tar_gz(bundle, archive)
+    for bucket in ("applications", "results"):
+        service.store.ensure_bucket(bucket)
+    service.store.put_file("applications", "hostile.tar.gz", archive)
+    sources = [{"s3Bucket": "applications", "s3Key": "hostile.tar.gz"}]
+    robot = {"name": "driver", "sources": sources, "robotSoftwareSuite": {"name": "General"}}
+    call("CreateRobotApplication", robot, service)
+    arena = {**robot, "name": "arena", "simulationSoftwareSuite": {"name": "SimulationRuntime"}}
+    call("CreateSimulationApplication", arena, service)
+
+    def make(
+        environment: str = "hostile.arena.calm", agent: str = "hostile.arena.agent", duration_s: int = 30, **config: Any
+    ) -> dict[str, Any]:
+        variables = {"PROCESSES": str(tmp_path / "processes")}
+        return {
+            "maxJobDurationInSeconds": duration_s,
+            "iamRole": ROLE,
+            "outputLocation": {"s3Bucket": "results", "s3Prefix": "attack"},
+            "robotApplications": [{"application": "driver", "launchConfig": _launch(agent, variables)}],
+            "simulationApplications": [
+                {"application": "arena", "launchConfig": _launch(environment, variables), **config}
+            ],
+        }
+
+    return make
+
+
+def _launch(attribute: str, variables: dict[str, str]) -> dict[str, Any]:
+    package, _, file = attribute.partition(".")
+    return {"packageName": package, "launchFile": file, "environmentVariables": variables}
