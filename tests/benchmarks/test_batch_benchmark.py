@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.flows.operation import call, perform_flow
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.simulation import launcher
@@ -63,7 +63,8 @@ def test_a_batch_against_a_plain_pool(
     batch = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": WORKERS}}
     arn = call("StartSimulationJobBatch", batch, service)["arn"]
     started = time.perf_counter()
-    ended = registry()["StartSimulationJobBatch"].perform(arn, service)
+    with service.activated():
+        ended = perform_flow("StartSimulationJobBatch")(arn)
     batch_s = time.perf_counter() - started
 
     assert {outcome.status for outcome in outcomes} == {"Completed"}
