@@ -1,11 +1,11 @@
 """Slots of a batch: a Prefect global concurrency limit that belongs to one batch.
 
 The limit shows in Prefect's UI, and may be lowered there while the batch runs. It belongs to the one
-performer that holds the batch's lease; who takes over from a dead one makes it anew. A slot is a lease on the server. Taking one per job would make
-the jobs wait: a SQLite server takes up to two seconds for a write while task runs are being
-recorded. So a performer takes its slots when it starts, before there is anything to record, and
-hands them from job to job; every few seconds it looks whether the limit has been lowered, and gives
-slots back if so.
+performer that holds the batch's lease; who takes over from a dead one makes it anew. A slot is a lease
+on the server. Taking one per job would make the jobs wait: a SQLite server takes up to two seconds for a
+write while task runs are being recorded. So a performer takes its slots when it starts, before there is
+anything to record, and hands them from job to job; every few seconds it looks whether the limit has been
+lowered, and gives slots back if so.
 """
 
 import logging

@@ -1,0 +1,60 @@
+import time
+
+import pytest
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ServiceUnavailableException, StateConflictError
+from prefect_robomaker.tasks import performing
+from prefect_robomaker.tasks.performing import Lease, perform_once
+from prefect_robomaker.tasks.service import Service
+
+KIND = "world-generation-job"
+
+
+@pytest.fixture
+def job(service: Service, template: str) -> str:
+    """ARN of a job that waits to be performed."""
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    return call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"]
+
+
+def test_a_performer_that_was_held_up_learns_that_another_took_over(
+    service: Service, job: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(performing, "LEASE_S", 0.3)
+
+    def unavailable(*_: object) -> bool:
+        raise ServiceUnavailableException("the catalog does not answer")
+
+    def work(lease: Lease) -> None:
+        assert not lease.lost
+        with monkeypatch.context() as patch:
+            patch.setattr(service.catalog, "renew", unavailable)
+            while not service.catalog.claim(job, "another", 60):
+                time.sleep(0.05)
+        deadline = time.monotonic() + 10
+        while not lease.lost:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        lease.transition("start")
+
+    with pytest.raises(StateConflictError, match="another"):
+        perform_once(job, KIND, service, work)
+
+    assert service.catalog.get(job).status == "Pending"
+    assert not service.catalog.claim(job, "a third", 60)
+
+
+def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(
+    service: Service, job: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(performing, "LEASE_S", 0.6)
+
+    def work(lease: Lease) -> None:
+        time.sleep(1.0)
+        assert not service.catalog.claim(job, "another", 60)
+        assert not lease.lost
+
+    perform_once(job, KIND, service, work)
+
+    assert service.catalog.claim(job, "another", 60)
