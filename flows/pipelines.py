@@ -4,6 +4,7 @@
 for a caller in this process who watches.
 """
 
+import logging
 from collections.abc import Callable
 from contextvars import ContextVar
 from datetime import datetime
@@ -24,6 +25,8 @@ from .operation import perform_flow, registry
 if TYPE_CHECKING:
     from prefect import Flow
 
+_logger = logging.getLogger(__name__)
+
 
 class RunInterrupted(KeyboardInterrupt):
     """Ctrl-C ended a run; what it had begun has been cancelled, and the report says so.
@@ -38,6 +41,8 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 _BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
+# Later steps use the worlds there are, but the run is not what was ordered.
+_STATES: dict[str, RunState] = {**_BAD_ENDS, "PartialFailed": "broken"}
 # From worst to best: what several steps or jobs make of a run.
 _SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
 
@@ -176,14 +181,15 @@ class PipelineRun:
             output = self._call(name)
         except RobomakerError as problem:
             return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), _in_words(problem))
-        except Exception:
-            raise
+        except Exception as defect:  # the report and the later steps' records are written all the same
+            _logger.exception("step %s broke", name)
+            words = f"{type(defect).__name__}: {defect}"
+            return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), words)
         except BaseException:
             self._note_end(name, started_at, "Canceled", self._cancelled(name), "interrupted")
             raise
         status = output.get("status", "Completed")
-        reason = output.get("failureReason") if status in _BAD_ENDS else None
-        return self._note_end(name, started_at, status, output, reason)
+        return self._note_end(name, started_at, status, output, _reason(output) if status in _STATES else None)
 
     def _note_end(
         self, name: str, started_at: datetime, status: str, output: dict[str, Any], error: str | None
@@ -243,19 +249,11 @@ class PipelineRun:
 
     def _finish(self) -> RunRecord:
         """Writes the report and the record, whatever happened."""
-        from ..tasks.reports import publish_report
+        from ..tasks.reports import installed_versions
 
-        jobs, report_path = publish_report(
-            self._service,
-            name=self._checked.name,
-            run_id=self.run_id,
-            spec_path=self._spec_path,
-            steps=self._steps,
-            started_at=self._started_at,
-            folder=self._folder,
-            state_of=self._state,
-        )
-        state = self._state(jobs)
+        ended_at, versions = self._service.clock(), installed_versions()
+        jobs, report_path = self._report(ended_at, versions)
+        state = self._state(jobs) if report_path else "broken"
         record = RunRecord(
             run_id=self.run_id,
             name=self._checked.name,
@@ -263,20 +261,44 @@ class PipelineRun:
             state=state,
             exit_code=EXIT_CODES[state],
             started_at=self._started_at,
-            ended_at=self._service.clock(),
+            ended_at=ended_at,
             steps=self._steps,
             jobs=jobs,
+            versions=versions,
             report_path=report_path,
             run_dir=self._folder,
         )
+        (self._folder / "spec.yaml").write_text(self._checked.text)
         part = self._folder / "run.json.part"
         part.write_text(record.model_dump_json(indent=2, exclude_none=True))
         part.replace(self._folder / "run.json")
         return record
 
+    def _report(self, ended_at: datetime, versions: dict[str, str]) -> tuple[list[JobRecord], Path | None]:
+        """Writes the report; without one there still is a record."""
+        from ..tasks.reports import publish_report
+
+        try:
+            return publish_report(
+                self._service,
+                name=self._checked.name,
+                run_id=self.run_id,
+                spec_path=self._spec_path,
+                steps=self._steps,
+                started_at=self._started_at,
+                ended_at=ended_at,
+                versions=versions,
+                folder=self._folder,
+                state_of=self._state,
+            )
+        except Exception as error:
+            _logger.exception("the report could not be written")
+            self._listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
+            return [], None
+
     def _state(self, jobs: list[JobRecord]) -> RunState:
         """How the run ended as a whole."""
-        states = {_BAD_ENDS.get(step.status, "succeeded") for step in self._steps}
+        states = {_STATES.get(step.status, "succeeded") for step in self._steps}
         if len(self._steps) < len(self._checked.order):
             states.add("canceled")
         for job in jobs:
@@ -292,6 +314,15 @@ class PipelineRun:
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
+
+
+def _reason(output: dict[str, Any]) -> str | None:
+    """Why a job ended as it did; of several worlds that failed, why one did."""
+    failures = output.get("finishedWorldsSummary", {}).get("failureSummary", {}).get("failures")
+    if failures and "failureReason" not in output:
+        count = sum(failure["failureCount"] for failure in failures)
+        return f"worlds that failed: {count}; {failures[0]['sampleFailureReason']}"
+    return output.get("failureReason")
 
 
 def _in_words(error: RobomakerError) -> str:

@@ -62,5 +62,6 @@ class RunRecord(Model):
     ended_at: datetime = Field(description="End, UTC.")
     steps: list[StepRecord] = Field(description="In the order they ran.")
     jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
-    report_path: Path | None = Field(default=None, description="The HTML report.")
+    versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
+    report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")

@@ -1,6 +1,11 @@
-"""What Prefect's UI shows of a run besides states and logs: progress, tables, a summary, pictures."""
+"""What Prefect's UI shows of a run besides states and logs: progress, tables, a summary, pictures.
+
+All of it is for people who look: what cannot be shown is logged, and fails nothing.
+"""
 
 import base64
+import logging
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -8,6 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 from uuid import UUID
 
+import httpx
 from prefect.artifacts import (
     create_image_artifact,
     create_markdown_artifact,
@@ -16,12 +22,15 @@ from prefect.artifacts import (
     update_progress_artifact,
 )
 from prefect.context import FlowRunContext
+from prefect.exceptions import PrefectException
 
+from ..schemas.progress import FINISHED
 from .service import Progress, Service
 
 _UPDATE_S = 1.0  # an update costs the server several milliseconds
 _MAX_PICTURE_BYTES = 2_000_000
-_FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})
+
+_logger = logging.getLogger(__name__)
 
 
 @contextmanager
@@ -34,23 +43,40 @@ def shown_progress(service: Service, description: str) -> Iterator[Service]:
         bar.flush()
 
 
+def artifact_key(*words: str) -> str:
+    """A key as Prefect takes it: small letters, digits, single hyphens."""
+    return re.sub("[^a-z0-9]+", "-", "-".join(words).lower()).strip("-")
+
+
 def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Shows simulation jobs as a table; does nothing outside a flow run."""
     if rows and FlowRunContext.get():
-        create_table_artifact(key=key, table=[dict(row) for row in rows], description="Simulation jobs")
+        with _logged("jobs"):
+            create_table_artifact(key=key, table=[dict(row) for row in rows], description="Simulation jobs")
 
 
 def show_summary(key: str, markdown: str) -> None:
     """Shows a text; does nothing outside a flow run."""
     if FlowRunContext.get():
-        create_markdown_artifact(key=key, markdown=markdown, description="How the run ended")
+        with _logged("summary"):
+            create_markdown_artifact(key=key, markdown=markdown, description="How the run ended")
 
 
 def show_picture(key: str, png: bytes, description: str) -> None:
     """Shows a picture of at most 2 MB; does nothing outside a flow run."""
     if png and len(png) <= _MAX_PICTURE_BYTES and FlowRunContext.get():
         url = "data:image/png;base64," + base64.b64encode(png).decode()
-        create_image_artifact(key=key, image_url=url, description=description)
+        with _logged("picture"):
+            create_image_artifact(key=key, image_url=url, description=description)
+
+
+@contextmanager
+def _logged(what: str) -> Iterator[None]:
+    """Logs what the Prefect server's refusal or absence keeps from being shown."""
+    try:
+        yield
+    except (httpx.HTTPError, PrefectException) as error:
+        _logger.warning("the %s cannot be shown in Prefect: %s", what, error)
 
 
 class _Bar:
@@ -83,11 +109,12 @@ class _Bar:
     def _show(self, progress: Progress) -> None:
         if FlowRunContext.get() is None:
             return
-        done = sum(count for state, count in progress.counts.items() if state.lower() in _FINISHED)
+        done = sum(count for state, count in progress.counts.items() if state.lower() in FINISHED)
         percent = 100.0 * done / max(progress.total, 1)
         self._shown_at = time.monotonic()
-        if self._artifact is None:
-            made = create_progress_artifact(progress=percent, description=self._description)
-            self._artifact = made if isinstance(made, UUID) else None
-        else:
-            update_progress_artifact(artifact_id=self._artifact, progress=percent)
+        with _logged("progress"):
+            if self._artifact is None:
+                made = create_progress_artifact(progress=percent, description=self._description)
+                self._artifact = made if isinstance(made, UUID) else None
+            else:
+                update_progress_artifact(artifact_id=self._artifact, progress=percent)

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import platform
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +14,7 @@ from ..schemas.errors import ObjectNotFoundError, ResourceNotFoundException, Sto
 from ..schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ..schemas.run_record import JobRecord, RunRecord, StepRecord
 from ..schemas.simulation_run import RunResult
-from .artifacts import show_jobs, show_picture, show_summary
+from .artifacts import artifact_key, show_jobs, show_picture, show_summary
 from .bundles import world_bundle
 from .catalog import Resource
 from .reporting import write_report
@@ -33,6 +34,8 @@ def publish_report(
     spec_path: str,
     steps: Sequence[StepRecord],
     started_at: datetime,
+    ended_at: datetime,
+    versions: Mapping[str, str],
     folder: Path,
     state_of: Callable[[list[JobRecord]], RunState],
 ) -> tuple[list[JobRecord], Path]:
@@ -42,18 +45,18 @@ def publish_report(
       The run's simulation jobs in short, and the report's path.
     """
     reported = jobs_of(steps, service)
-    records = [_job_record(job, service) for job in reported]
+    records = _job_records(reported, service)
     report = Report(
         name=name,
         run_id=run_id,
         state=state_of(records),
         started_at=started_at,
-        ended_at=service.clock(),
+        ended_at=ended_at,
         steps=[_reported_step(step) for step in steps],
         worlds=_worlds(steps, reported, service),
         jobs=reported,
-        command=f"robomaker run {spec_path}",
-        versions=versions(),
+        command=shlex.join(["robomaker", "run", spec_path]),
+        versions=dict(versions),
     )
     path = folder / REPORT_NAME
     write_report(report, path)
@@ -70,6 +73,8 @@ def rebuild_report(record: RunRecord, service: Service) -> Path:
         spec_path=record.spec_path,
         steps=record.steps,
         started_at=record.started_at,
+        ended_at=record.ended_at,
+        versions=record.versions,
         folder=record.run_dir,
         state_of=lambda _: record.state,
     )
@@ -77,38 +82,53 @@ def rebuild_report(record: RunRecord, service: Service) -> Path:
 
 
 def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
-    """The simulation jobs that steps made, and the requests that became none, in order."""
+    """The simulation jobs that steps made, and the requests that became none, in request order."""
+    kinds = {"CreateSimulationJob": _single_job, "StartSimulationJobBatch": _batch_jobs}
     jobs: list[ReportedJob] = []
     for step in steps:
-        if step.operation == "CreateSimulationJob" and step.arn:
-            jobs.append(_reported_job(step.arn, service))
-        elif step.operation == "StartSimulationJobBatch":
-            jobs += [_reported_job(job["arn"], service) for job in step.output.get("createdRequests", [])]
-            jobs += [
-                ReportedJob(
-                    label=f"request that failed {number}",
-                    status="NotCreated",
-                    failure_code=failure["failureCode"],
-                    failure_reason=failure["failureReason"],
-                    world_arn=world_arn(failure["request"]),
+        if step.arn and step.operation in kinds:
+            try:
+                jobs += kinds[step.operation](step.arn, service)
+            except ResourceNotFoundException as error:
+                jobs.append(
+                    ReportedJob(label=short_name(step.arn), arn=step.arn, status="Deleted", failure_reason=str(error))
                 )
-                for number, failure in enumerate(step.output.get("failedRequests", []), start=1)
-            ]
     return jobs
 
 
-def versions() -> dict[str, str]:
+def _single_job(arn: str, service: Service) -> list[ReportedJob]:
+    return [_reported_job(service.catalog.get(arn, kind="simulation-job"), service)]
+
+
+def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
+    document = service.catalog.get(arn, kind="simulation-job-batch").document
+    jobs = {
+        job.document["requestIndex"]: _reported_job(job, service)
+        for job in service.catalog.children(arn, kind="simulation-job")
+    }
+    for place, failure in document["failed"].items():
+        index = int(place)
+        jobs[index] = ReportedJob(
+            label=f"request {index + 1}",
+            status="NotCreated",
+            failure_code=failure["failureCode"],
+            failure_reason=failure["failureReason"],
+            world_arn=world_arn(document["request"]["createSimulationJobRequests"][index]),
+        )
+    return [jobs[index] for index in sorted(jobs)]
+
+
+def installed_versions() -> dict[str, str]:
     """Versions of what makes results what they are."""
     return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
 
 
-def _reported_job(arn: str, service: Service) -> ReportedJob:
-    job = service.catalog.get(arn, kind="simulation-job")
+def _reported_job(job: Resource, service: Service) -> ReportedJob:
     files, result, poster = _outputs(job.document.get("outputs"), service)
     duration = job.document.get("simulationTimeMillis")
     return ReportedJob(
         label=job.id,
-        arn=arn,
+        arn=job.arn,
         status=job.status,
         failure_code=job.document.get("failureCode"),
         failure_reason=job.document.get("failureReason"),
@@ -159,9 +179,14 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
         return []
 
 
-def _job_record(job: ReportedJob, service: Service) -> JobRecord:
+def _job_records(jobs: Sequence[ReportedJob], service: Service) -> list[JobRecord]:
+    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+    places = {arn: resource.document.get("outputs") for arn, resource in stored.items()}
+    return [_job_record(job, places.get(job.arn or ""), service) for job in jobs]
+
+
+def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Service) -> JobRecord:
     result = job.result
-    place = service.catalog.get(job.arn).document.get("outputs") if job.arn else None
     return JobRecord(
         arn=job.arn,
         label=job.label,
@@ -225,13 +250,12 @@ def _reported_step(step: StepRecord) -> ReportedStep:
 
 
 def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
-    key = f"robomaker-{report.run_id}".lower().replace("_", "-").replace(".", "-")
     rows: list[dict[str, Any]] = [
         {"job": job.label, "world": job.world or "", "status": job.status, "verdict": job.verdict or ""}
         | {name: round(value, 2) for name, value in job.metrics.items()}
         for job in jobs
     ]
-    show_jobs(f"{key}-jobs", rows)
+    show_jobs(artifact_key("robomaker", report.run_id, "jobs"), rows)
     passed = sum(job.verdict == "PASS" for job in jobs)
     lines = [f"# {report.name}: {report.state}", "", f"{passed} of {len(jobs)} jobs pass.", "", f"Report: `{path}`"]
     lines += [
@@ -239,6 +263,6 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
         for job in jobs
         if job.verdict != "PASS"
     ]
-    show_summary(f"{key}-summary", "\n".join(lines))
+    show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
     for world in report.worlds[:1]:
-        show_picture(f"{key}-world", world.preview_png, world.label)
+        show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.label)

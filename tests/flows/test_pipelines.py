@@ -1,0 +1,248 @@
+"""Whole runs of specifications: what they leave, however they end."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_flat import BODY, ROLE
+
+from prefect_robomaker.flows import operation
+from prefect_robomaker.flows.pipelines import PipelineRun, RunInterrupted, run_spec
+from prefect_robomaker.schemas.errors import WorldGenerationError
+from prefect_robomaker.schemas.progress import Note, ProgressEvent, StepEnded, StepStarted
+from prefect_robomaker.schemas.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.spec_check import load_spec
+from prefect_robomaker.tasks import reports
+from prefect_robomaker.tasks.reports import rebuild_report
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz
+from prefect_robomaker.tasks.world_builders import WorldBuilders
+
+Run = Callable[..., RunRecord]
+SOURCES = [{"s3Bucket": "applications", "s3Key": "sleeper.tar.gz"}]
+SUITE = {"name": "General"}
+TEMPLATE = {"operation": "CreateWorldTemplate", "input": {"name": "flat", "templateBody": BODY}}
+
+
+def worlds(floorplans: int) -> dict[str, Any]:
+    count = {"floorplanCount": floorplans, "interiorCountPerFloorplan": 1}
+    request = {"template": "${{ template.arn }}", "worldCount": count, "seed": 7}
+    return {"operation": "CreateWorldGenerationJob", "input": request}
+
+
+def job(robot: dict[str, Any], simulation: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "maxJobDurationInSeconds": 120,
+        "iamRole": ROLE,
+        "seed": 3,
+        "robotApplications": [robot],
+        "simulationApplications": [simulation],
+    }
+
+
+SLEEP = job(
+    {"application": "${{ watcher.arn }}", "launchConfig": {"packageName": "sleeper", "launchFile": "make_agent"}},
+    {"application": "${{ sleeper.arn }}", "launchConfig": {"packageName": "sleeper", "launchFile": "make_environment"}},
+)
+DRIVE = job(
+    {"application": "scout", "launchConfig": {}},
+    {
+        "application": "indoor-navigation",
+        "launchConfig": {},
+        "worldConfigs": [{"world": "${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}"}],
+    },
+)
+WRONG = job({"application": "no-such-robot", "launchConfig": {}}, {"application": "sleeper", "launchConfig": {}})
+FULL = {
+    "watcher": {
+        "operation": "CreateRobotApplication",
+        "input": {"name": "watcher", "sources": SOURCES, "robotSoftwareSuite": SUITE},
+        "ifExists": "reuse",
+    },
+    "sleeper": {
+        "operation": "CreateSimulationApplication",
+        "input": {
+            "name": "sleeper",
+            "sources": SOURCES,
+            "robotSoftwareSuite": SUITE,
+            "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+        },
+        "ifExists": "reuse",
+    },
+    "template": TEMPLATE,
+    "worlds": worlds(1),
+    "jobs": {
+        "operation": "StartSimulationJobBatch",
+        "input": {"createSimulationJobRequests": [SLEEP, WRONG, DRIVE], "batchPolicy": {"maxConcurrency": 2}},
+    },
+}
+QUICK = {"template": TEMPLATE, "list": {"operation": "ListWorlds", "needs": ["template"]}}
+
+
+@pytest.fixture
+def events() -> list[ProgressEvent]:
+    return []
+
+
+@pytest.fixture
+def run(settings: Settings, prefect_server: str, events: list[ProgressEvent]) -> Run:
+    """Runs the steps of a specification."""
+
+    def start(steps: dict[str, Any], name: str = "Tiny_Run", listener: Any = events.append) -> RunRecord:
+        checked = load_spec(json.dumps({"version": 1, "name": name, "steps": steps}), "tiny.yaml")
+        return run_spec(checked, settings, listener, spec_path="a folder/tiny.yaml")
+
+    return start
+
+
+@pytest.fixture
+def archive(service: Service, tmp_path: Path) -> None:
+    """The archive of the applications that sleep."""
+    source = Path(__file__).parents[1] / "applications"
+    shutil.copytree(source, tmp_path / "bundle", ignore=shutil.ignore_patterns("__pycache__"))
+    pack_tar_gz(tmp_path / "bundle", tmp_path / "sleeper.tar.gz")
+    service.store.ensure_bucket("applications")
+    service.store.put_file("applications", "sleeper.tar.gz", tmp_path / "sleeper.tar.gz")
+
+
+def statuses(record: RunRecord) -> dict[str, str]:
+    return {step.name: step.status for step in record.steps}
+
+
+def test_a_specification_runs_to_its_report_and_runs_again(run: Run, service: Service, archive: None) -> None:
+    first, second = run(FULL), run(FULL)
+
+    for record in (first, second):
+        assert statuses(record) == dict.fromkeys(FULL, "Completed")
+        assert [job.failure_reason for job in record.jobs][2] is None
+        assert [job.status for job in record.jobs] == ["Completed", "NotCreated", "Completed"]
+        assert [job.verdict for job in record.jobs] == ["NONE", None, "PASS"]
+        assert record.jobs[1].label == "request 2"
+        assert "no-such-robot" in (record.jobs[1].failure_reason or "")
+        assert record.jobs[2].rooms_visited == record.jobs[2].rooms_total == 2
+        assert (record.state, record.exit_code) == ("broken", 3)
+        assert record.versions["mujoco"]
+        assert {path.name for path in record.run_dir.iterdir()} == {"run.json", "spec.yaml", "report.html"}
+        assert RunRecord.model_validate_json((record.run_dir / "run.json").read_text()).jobs == record.jobs
+        assert json.loads((record.run_dir / "spec.yaml").read_text())["steps"] == FULL
+    assert first.run_id != second.run_id
+    assert [step.arn for step in first.steps[:2]] == [step.arn for step in second.steps[:2]], "reused"
+    assert first.jobs[2].metrics["distance_m"] == second.jobs[2].metrics["distance_m"]
+
+    written = (first.run_dir / "report.html").read_text()
+    assert "request 2" in written
+    assert "robomaker run &#39;a folder/tiny.yaml&#39;" in written
+    (first.run_dir / "report.html").unlink()
+    assert rebuild_report(first, service).read_text() == written
+
+
+def test_steps_after_a_failure_are_skipped_and_the_report_is_written(run: Run, events: list[ProgressEvent]) -> None:
+    missing = {"operation": "DescribeWorld", "input": {"world": "arn:aws:robomaker:us-east-1:000000000000:world/none"}}
+
+    record = run({"template": TEMPLATE, "missing": missing, "after": {"operation": "ListWorlds", "needs": ["missing"]}})
+
+    assert statuses(record) == {"template": "Completed", "missing": "Failed", "after": "Skipped"}
+    assert (record.state, record.exit_code) == ("broken", 3)
+    assert "ResourceNotFoundException" in (record.steps[1].error or "")
+    assert record.report_path is not None
+    assert record.report_path.exists()
+    assert [event.step for event in events if isinstance(event, StepEnded)] == ["template", "missing", "after"]
+
+
+def test_a_defect_in_a_step_is_a_failed_step(
+    run: Run, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    entry = operation.registry()["ListWorlds"]
+
+    def stumble(*arguments: Any) -> Any:
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setitem(operation.registry(), "ListWorlds", operation.Operation(entry.shape, stumble, entry.module))
+    record = run(QUICK)
+
+    assert statuses(record) == {"template": "Completed", "list": "Failed"}
+    assert record.steps[1].error == "ZeroDivisionError: a defect"
+    assert (record.state, record.exit_code) == ("broken", 3)
+    assert "in stumble" in caplog.text
+
+
+def test_worlds_that_failed_break_the_run_but_the_others_are_used(
+    run: Run, service: Service, archive: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = WorldBuilders.build
+    left = [1]
+
+    def build_some(*arguments: Any) -> str:
+        if left and left.pop():
+            raise WorldGenerationError("the walls met")
+        return build(*arguments)
+
+    monkeypatch.setattr(WorldBuilders, "build", build_some)
+    after = {
+        "operation": "DescribeWorld",
+        "input": {"world": "${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}"},
+    }
+    record = run({"template": TEMPLATE, "worlds": worlds(2), "look": after})
+
+    assert statuses(record) == {"template": "Completed", "worlds": "PartialFailed", "look": "Completed"}
+    assert "the walls met" in (record.steps[1].error or "")
+    assert (record.state, record.exit_code) == ("broken", 3)
+
+
+def test_a_report_that_cannot_be_written_leaves_the_record(
+    run: Run, monkeypatch: pytest.MonkeyPatch, events: list[ProgressEvent]
+) -> None:
+    def stumble(*arguments: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(reports, "write_report", stumble)
+    record = run(QUICK)
+
+    assert (record.report_path, record.state) == (None, "broken")
+    assert (record.run_dir / "run.json").exists()
+    assert any(isinstance(event, Note) and "No space left" in event.text for event in events)
+
+
+def test_an_interrupted_run_has_a_record_and_a_report(run: Run) -> None:
+    def interrupt(event: ProgressEvent) -> None:
+        if event == StepStarted("list", "ListWorlds"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted) as caught:
+        run(QUICK, listener=interrupt)
+
+    record = caught.value.record
+    assert (record.state, record.exit_code) == ("canceled", 4)
+    assert statuses(record) == {"template": "Completed"}
+    assert (record.run_dir / "report.html").exists()
+
+
+def ended(status: str, **members: Any) -> JobRecord:
+    return JobRecord(label="sim", status=status, **members)
+
+
+@pytest.mark.parametrize(
+    ("step", "jobs", "state"),
+    [
+        ("Completed", [], "succeeded"),
+        ("Completed", [ended("Completed", verdict="PASS"), ended("Completed", verdict="NONE")], "succeeded"),
+        ("Completed", [ended("Completed", verdict="FAIL"), ended("Completed", verdict="PASS")], "failed"),
+        ("Completed", [ended("Completed", verdict="FAIL"), ended("Failed")], "broken"),
+        ("Completed", [ended("NotCreated", failure_code="InvalidInput")], "broken"),
+        ("TimedOut", [ended("Failed"), ended("Canceled", failure_code="BatchTimedOut")], "timed out"),
+        ("TimedOut", [ended("NotCreated", failure_code="BatchTimedOut")], "timed out"),
+        ("Canceled", [ended("Failed"), ended("NotCreated", failure_code="BatchCanceled")], "canceled"),
+        ("PartialFailed", [ended("Completed", verdict="PASS")], "broken"),
+        ("Failed", [], "broken"),
+    ],
+)
+def test_the_worst_end_is_the_runs_end(service: Service, step: str, jobs: list[JobRecord], state: str) -> None:
+    checked = load_spec(json.dumps({"version": 1, "name": "one", "steps": {"template": TEMPLATE}}), "one.yaml")
+    pipeline = PipelineRun(checked, service, lambda _: None, "one.yaml")
+    pipeline._steps.append(StepRecord(name="template", operation="CreateWorldTemplate", status=step))
+
+    assert pipeline._state(jobs) == state

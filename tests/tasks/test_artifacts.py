@@ -1,0 +1,61 @@
+"""What a flow run shows in Prefect's UI."""
+
+import re
+
+import httpx
+import pytest
+from prefect import flow
+from prefect.artifacts import Artifact
+
+from prefect_robomaker.tasks import artifacts
+from prefect_robomaker.tasks.artifacts import artifact_key, show_jobs, show_summary, shown_progress
+from prefect_robomaker.tasks.service import Progress, Service
+
+
+@pytest.mark.parametrize("name", ["Nightly_Flats", "a--b", "x-", "1.5 m", "_"])
+def test_every_name_makes_a_key_that_prefect_takes(name: str) -> None:
+    assert re.fullmatch("[a-z0-9]+(-[a-z0-9]+)*", artifact_key("robomaker", name, "jobs"))
+
+
+def test_a_flow_run_has_a_table_and_its_progress(prefect_server: str, service: Service) -> None:
+    key = artifact_key("test", "Table_Of-Jobs")
+
+    @flow(name="shows")
+    def shows() -> None:
+        with shown_progress(service, "two jobs") as watched:
+            watched.report_progress(Progress({"completed": 1, "failed": 1, "running": 2}, 4))
+            show_jobs(key, [{"job": "sim-1", "status": "Completed"}])
+
+    shows()
+
+    found = Artifact.get(key)
+    assert found is not None
+    assert "sim-1" in str(found.data)
+
+
+def test_a_server_that_is_gone_fails_nothing(
+    prefect_server: str, service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(**arguments: object) -> None:
+        raise httpx.ConnectError("nobody listens")
+
+    for name in ("create_table_artifact", "create_markdown_artifact", "create_progress_artifact"):
+        monkeypatch.setattr(artifacts, name, refuse)
+    seen: list[Progress] = []
+
+    @flow(name="shows nothing")
+    def shows_nothing() -> None:
+        with shown_progress(service.watched_by(seen.append), "two jobs") as watched:
+            watched.report_progress(Progress({"completed": 1}, 1))
+        show_jobs("jobs", [{"job": "sim-1"}])
+        show_summary("summary", "all well")
+
+    shows_nothing()
+
+    assert seen == [Progress({"completed": 1}, 1)]
+    assert caplog.text.count("cannot be shown in Prefect: nobody listens") >= 3
+
+
+def test_nothing_is_shown_outside_a_flow_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(artifacts, "create_table_artifact", lambda **_: pytest.fail("there is no flow run"))
+    show_jobs("jobs", [{"job": "sim-1"}])
