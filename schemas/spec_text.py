@@ -136,7 +136,7 @@ def parse(text: str, filename: str) -> Node:
         message = ", ".join(part for part in (error.context, error.problem) if part)
         if "'\\t'" in message:
             message += "; indent with spaces, not with tabs"
-        if "${{" in (text.splitlines() or [""])[min(place.line, text.count("\n") + 1) - 1]:
+        if "${{" in "".join(text.splitlines()[place.line - 1 : place.line]):  # the mark may be behind the last line
             message += '; inside braces or brackets a reference needs quotes: "${{ … }}"'
         raise SpecError([Problem(place, "", f"this is not YAML: {message}")]) from error
     except YAMLError as error:

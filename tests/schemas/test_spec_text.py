@@ -97,6 +97,7 @@ def test_an_alias_stands_for_its_anchor() -> None:
         ("[1, 2]: x", "f:1:1: a key has to be plain text"),
         ("a:\n\tb: 1", "f:2:1: this is not YAML"),
         ("a: 'open", "this is not YAML"),
+        ("a: {\n", "f:2:1: this is not YAML"),
         ("a: \x01", "this is not YAML"),
         ("[" * (MAX_DEPTH + 5), "nested more than"),
         ("[" * 50_000, "nested more than"),
