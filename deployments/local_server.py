@@ -23,6 +23,7 @@ from pathlib import Path
 
 from ..schemas.errors import ConfigurationError, RobomakerError
 from ..schemas.settings import Settings
+from ..tasks.home import prepare_home
 
 START_TIMEOUT_S = 180.0
 # Slots held by a process that was killed come back also when the server was killed with it.
@@ -182,8 +183,9 @@ def _free_port() -> int:
 
 
 def _state_file(settings: Settings) -> Path:
+    prepare_home(settings)
     folder = settings.home / "prefect"
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
     return folder / "server.json"
 
 

@@ -15,12 +15,18 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from urllib.parse import quote
 
 import platformdirs
 from pydantic import Field, ValidationError
 
 from .base import Model
 from .errors import ConfigurationError
+from .request_problems import problems_of
+
+
+# All of ASCII but what has a meaning in the path of a database's URL.
+_PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
 
 class Settings(Model):
@@ -54,7 +60,8 @@ class Settings(Model):
             raise ConfigurationError(f"ROBOMAKER_MAX_JOBS is {max_jobs!r}; it has to be a number from 1 to 9999")
         values: dict[str, object] = {
             "home": home,
-            "catalog_url": environ.get("ROBOMAKER_CATALOG_URL") or f"sqlite:///{home}/catalog.db",
+            "catalog_url": environ.get("ROBOMAKER_CATALOG_URL")
+            or f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db",
             "object_store": environ.get("ROBOMAKER_OBJECT_STORE") or str(home / "objects"),
             "max_jobs": int(max_jobs),
         }
@@ -64,6 +71,5 @@ class Settings(Model):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            first = error.errors()[0]
-            variable = f"ROBOMAKER_{first['loc'][0]}".upper()
-            raise ConfigurationError(f"{variable} is {first['input']!r}: {first['msg']}") from error
+            problem = problems_of(error, cls)[0]
+            raise ConfigurationError(f"ROBOMAKER_{problem.path}".upper() + f" {problem.message}") from error

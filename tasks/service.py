@@ -18,6 +18,7 @@ from ..schemas.arns import resource_arn
 from ..schemas.settings import Settings
 from .builtins import register_builtins
 from .catalog import Catalog, ClientToken, Resource
+from .home import prepare_home
 from .storage import open_store
 from .storage.base import ObjectStore
 
@@ -60,7 +61,7 @@ class Service:
           ConfigurationError: a setting leads nowhere.
           StorageError: the object store does not answer.
         """
-        settings.home.mkdir(parents=True, exist_ok=True)
+        prepare_home(settings)
         catalog = Catalog.open(settings.catalog_url, clock=_utc_now)
         store = open_store(settings, os.environ if environ is None else environ)
         register_builtins(catalog, settings)

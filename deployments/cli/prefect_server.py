@@ -18,7 +18,8 @@ def use_server(settings: Settings) -> str:
       LocalServerError: a local server did not start.
       ConfigurationError: the configured server does not answer.
     """
-    starting = not server_status(settings).running
+    status = server_status(settings)
+    starting = not status.running and not status.configured_elsewhere
     began = time.monotonic()
     if starting:
         sys.stderr.write("Starting the local Prefect server; the first time takes about 20 s …\n")
