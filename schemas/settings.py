@@ -24,7 +24,6 @@ from .base import Model
 from .errors import ConfigurationError
 from .request_problems import problems_of
 
-
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
