@@ -56,7 +56,7 @@ def process_worker(pool: str, environ: Mapping[str, str], log: Path) -> Iterator
             yield
         finally:
             # Asked first: it stops its flow runs, which have groups of their own.
-            worker.send_signal(signal.SIGTERM)
+            worker.send_signal(signal.SIGINT)
             try:
                 worker.wait(20)
             except subprocess.TimeoutExpired:
