@@ -17,6 +17,9 @@ SEPARATION_S = 0.1
 
 MAX_REPORTED = 200
 
+_MAX_QUIET = 1000
+"""Lists of contacts without a collision that are remembered."""
+
 _FLOOR_TOP_M = 0.012
 """Fixed things that rise no higher are driven over, not into: floors, rugs, thresholds."""
 
@@ -55,7 +58,7 @@ class CollisionMonitor:
         self._model, self._data = model, data
         self._codes = _geom_codes(model, data, robot_body_id)
         self._names = [_describe(model, geom, furniture_ids) for geom in range(model.ngeom)]
-        self._quiet = b""
+        self._quiet: set[bytes] = set()
         self._open: dict[str, _Touch] = {}
         self._wrench = np.zeros(6)
         self.collisions: list[Collision] = []
@@ -68,13 +71,13 @@ class CollisionMonitor:
         """Looks at the present contacts."""
         pairs = self._data.contact.geom
         signature = pairs.tobytes()
-        # While nothing new touches anything, the list of pairs stays the same from sample to sample.
-        if signature != self._quiet:
+        # The same few lists of pairs come again and again: wheels and a slide on the floor, what lies on what.
+        if signature not in self._quiet:
             touching = np.flatnonzero(self._codes[pairs].sum(axis=1) == _ROBOT)
             if touching.size:
                 self._note(pairs, touching)
-            else:
-                self._quiet = signature
+            elif len(self._quiet) < _MAX_QUIET:
+                self._quiet.add(signature)
         if self._open:
             self._close(self._data.time - SEPARATION_S)
 

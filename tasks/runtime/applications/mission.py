@@ -29,7 +29,7 @@ class Mission:
           time_limit_s: simulated time that ends the run.
         """
         self._rooms = rooms
-        self._boxes = [_bounds(room.polygon) for room in rooms]
+        self._unvisited = {index: (_bounds(room.polygon), room.polygon) for index, room in enumerate(rooms)}
         self.time_limit_s = time_limit_s
         self.first_visit_s: list[float | None] = [None] * len(rooms)
         self.tipped_over = False
@@ -40,12 +40,12 @@ class Mission:
     @property
     def visited_count(self) -> int:
         """Rooms the robot has been in."""
-        return sum(time_s is not None for time_s in self.first_visit_s)
+        return len(self._rooms) - len(self._unvisited)
 
     @property
     def all_visited(self) -> bool:
         """Whether the robot has been in every room."""
-        return None not in self.first_visit_s
+        return not self._unvisited
 
     def update(self, state: RobotState, tilt_rad: float) -> int:
         """Takes note of the robot's state.
@@ -63,16 +63,16 @@ class Mission:
         self._last = state
         if not self._path or state.time_s - self._path[-1][0] >= _PATH_PERIOD_S - 1e-6:
             self._path.append((round(state.time_s, 3), round(state.x, 4), round(state.y, 4)))
-        before = self.visited_count
-        for index, (west, south, east, north) in enumerate(self._boxes):
-            if (
-                self.first_visit_s[index] is None
-                and west <= state.x <= east
-                and south <= state.y <= north
-                and contains(self._rooms[index].polygon, state.x, state.y)
-            ):
-                self.first_visit_s[index] = round(state.time_s, 3)
-        return self.visited_count - before
+        x, y = state.x, state.y
+        entered = [
+            index
+            for index, ((west, south, east, north), polygon) in self._unvisited.items()
+            if west <= x <= east and south <= y <= north and contains(polygon, x, y)
+        ]
+        for index in entered:
+            self.first_visit_s[index] = round(state.time_s, 3)
+            del self._unvisited[index]
+        return len(entered)
 
     def report(self, collisions: list[Collision], touches: int, max_force_N: float) -> EnvironmentReport:  # noqa: N803
         """Judges the run.

@@ -88,6 +88,8 @@ class NavigationTask(Task):
         self._still_s = 0.0
         self._ever_moved = False
         self._newly_visited = 0
+        self._visited = np.zeros(len(self._goals), dtype=np.bool_)
+        self._visited.setflags(write=False)
         if self._recorder.enabled:
             self._telemetry.start(float(self._data.time))
         self._sense()
@@ -138,7 +140,7 @@ class NavigationTask(Task):
             "proximity": self._proximity,
             "scan_time": self._scan_time,
             "goals": self._goals,
-            "visited": np.array([time_s is not None for time_s in self.mission.first_visit_s]),
+            "visited": self._visited,
         }
 
     def get_termination(self, physics: ScenePhysics) -> float | None:
@@ -229,6 +231,9 @@ class NavigationTask(Task):
         _, _, _, _, qx, qy, _ = self._root_pose.tolist()
         tilt_rad = 2 * math.asin(min(1.0, math.hypot(qx, qy)))
         self._newly_visited = self.mission.update(self._state, tilt_rad)
+        if self._newly_visited:
+            self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])
+            self._visited.setflags(write=False)
         if self._recorder.enabled:
             self._telemetry.publish_state(self._state)
         if self._steps % SCAN_EVERY_STEPS == 0:

@@ -95,10 +95,14 @@ class GridPlanner:
         grid = self._grid("free")
         nodes = [grid.node(place) for place in places]
         costs = np.full((len(places), len(places)), np.inf)
-        for row, end in enumerate(nodes):
+        # Ways are as long as the ways back, so the first place needs no tree; the others' serve the tour later.
+        for row, end in enumerate(nodes[1:], start=1):
             if end is not None:
                 tree = grid.tree(end)[0]
                 costs[row] = [np.inf if node is None else tree[node] for node in nodes]
+        costs[0] = costs[:, 0]
+        if nodes[0] is not None:
+            costs[0, 0] = 0.0
         return costs
 
     def clearance_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -141,13 +145,19 @@ class _Grid:
     def __init__(self, known: OccupancyMap, fits: NDArray[np.bool_], costs: NDArray[np.float64]) -> None:
         rows, columns = np.nonzero(fits)
         self.centers = known.centers(rows, columns)
-        self._graph = _grid_graph(fits, costs, known.resolution_m)
+        self._known = known
+        self._numbers = np.full(fits.shape, -1, np.int32)
+        self._numbers[rows, columns] = np.arange(len(rows), dtype=np.int32)
+        self._graph = _grid_graph(self._numbers, costs, known.resolution_m)
         self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
 
     def node(self, place: tuple[float, float]) -> int | None:
         """The node nearest to a place, if one is near."""
         if len(self.centers) == 0:
             return None
+        around = int(self._numbers[self._known.cells(np.array([place]))][0])
+        if around >= 0 and np.abs(self.centers[around] - place).max() <= self._known.resolution_m / 2:
+            return around
         squares = ((self.centers - place) ** 2).sum(axis=1)
         nearest = int(np.argmin(squares))
         return nearest if squares[nearest] <= _SNAP_M**2 else None
@@ -165,11 +175,10 @@ def _clearance(free: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float
     return np.maximum(distance - resolution_m / 2, 0.0)
 
 
-def _grid_graph(fits: NDArray[np.bool_], costs: NDArray[np.float64], resolution_m: float) -> sparse.csr_array:
-    """Joins neighbouring cells; nodes are the cells that fit, row by row."""
-    numbers = np.full(fits.shape, -1, np.int32)
+def _grid_graph(numbers: NDArray[np.int32], costs: NDArray[np.float64], resolution_m: float) -> sparse.csr_array:
+    """Joins neighbouring cells; nodes are the cells with a number that is not negative."""
+    fits = numbers >= 0
     count = int(fits.sum())
-    numbers[fits] = np.arange(count, dtype=np.int32)
     heads, tails, weights = [], [], []
     rows, columns = fits.shape
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):

@@ -7,7 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
+import numpy as np
 from dm_control.mujoco import Physics, wrapper
+from dm_control.rl.control import PhysicsError
+from numpy.typing import NDArray
 
 from .lidar import hide_geoms_from_lidar
 from .robot_scout import LIDAR_HEIGHT_M, PREFIX, build_scout
@@ -35,12 +38,20 @@ class ScenePhysics(Physics):
           PhysicsError: the state became invalid.
         """
         model, data, look = self.model.ptr, self.data.ptr, self.between_substeps
-        with self.check_invalid_state():
-            while nstep > 0:
-                mujoco.mj_step(model, data, min(nstep, CONTACT_SAMPLE_STEPS))
-                nstep -= CONTACT_SAMPLE_STEPS
-                if look is not None:
-                    look()
+        # What dm_control's `check_invalid_state` does, at a fifth of its cost.
+        warnings = data.warning.number
+        before = warnings.tobytes()
+        while nstep > 0:
+            mujoco.mj_step(model, data, min(nstep, CONTACT_SAMPLE_STEPS))
+            nstep -= CONTACT_SAMPLE_STEPS
+            if look is not None:
+                look()
+        if warnings.tobytes() != before:
+            self._raise(warnings - np.frombuffer(before, warnings.dtype))
+
+    def _raise(self, new_warnings: NDArray[np.int32]) -> None:
+        names = [str(mujoco.mjtWarning(int(kind)).name) for kind in np.flatnonzero(new_warnings)]
+        raise PhysicsError(f"the state of the physics is invalid; MuJoCo warns of {', '.join(names)}")
 
 
 def assemble(world_xml: Path) -> ScenePhysics:
