@@ -156,6 +156,7 @@ class JobRun:
     def _prepare_and_run(self, run_id: str) -> None:
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         self._lease.transition("prepare", runId=run_id)
+        self._prepare_bucket(run_id)
         plan = run_plan(self._lease.job, run_id, folder, self._service)
         self._lease.transition(
             "start",
@@ -169,6 +170,14 @@ class JobRun:
         ending = _ending(outcome, self._why_stop())
         self._lease.transition("terminate", ending=ending, finished=outcome.finished, **_without_status(ending))
         self._settle(self._published(run_id, ending))
+
+    def _prepare_bucket(self, run_id: str) -> None:
+        """Finds out before a long run that its outputs have nowhere to go."""
+        bucket, _ = output_place(self._lease.job, run_id, self._service)
+        try:
+            prepare_bucket(self._service, bucket)
+        except BucketNotFoundError as error:
+            raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def _published(self, run_id: str, ending: dict[str, Any]) -> dict[str, Any]:
         """Publishes the outputs; returns the ending, which is a failure when that does not work.

@@ -4,7 +4,12 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, StorageAccessDeniedError, StorageError
+from ..schemas.errors import (
+    InvalidParameterException,
+    ObjectNotFoundError,
+    StorageAccessDeniedError,
+    StorageError,
+)
 from .catalog import Resource
 from .service import Service
 from .storage.naming import check_bucket, check_key, join_key
@@ -49,12 +54,21 @@ def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str
 def prepare_bucket(service: Service, bucket: str) -> None:
     """Creates the bucket where that is ours to do: any folder on this machine, else only the configured one.
 
-    A bucket of somebody's S3 is never created by a misspelt name; writing to it fails instead. Who may
-    write to the configured bucket, but not ask whether it exists, goes on to do so.
+    A bucket of somebody's S3 is never created by a misspelt name, also not by servers that create
+    buckets when something is put into them. Who may write to a bucket, but not ask whether it exists,
+    goes on to do so.
+
+    Raises:
+      BucketNotFoundError: it does not exist, and is not ours to create.
+      StorageError: it cannot be created.
     """
-    if bucket != service.settings.bucket and service.store.local_path(bucket, "any") is None:
-        return
+    ours = bucket == service.settings.bucket or service.store.local_path(bucket, "any") is not None
     try:
-        service.store.ensure_bucket(bucket)
+        if ours:
+            service.store.ensure_bucket(bucket)
+        else:
+            service.store.head(bucket, "any")
+    except ObjectNotFoundError:
+        return  # there is the bucket, which is what was asked
     except StorageAccessDeniedError as error:
         _logger.debug("writing will show whether bucket %s can be used: %s", bucket, error)

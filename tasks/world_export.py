@@ -26,13 +26,13 @@ def export_worlds(job: Resource) -> str:
     """
     service = Service.current()
     location = job.document["request"]["outputLocation"]
+    prepare_bucket(service, location["s3Bucket"])
     worlds = [service.catalog.get(arn, kind="world") for arn in job.document["request"]["worlds"]]
     bundles = {archive_name(world): world_bundle(world, service) for world in worlds}
     key = export_key(location.get("s3Prefix") or "", job.id)
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         archive = Path(scratch, "export.zip")
         write_export_zip(bundles, archive)
-        prepare_bucket(service, location["s3Bucket"])
         service.store.put_file(location["s3Bucket"], key, archive)
     return service.store.uri(location["s3Bucket"], key)
 
