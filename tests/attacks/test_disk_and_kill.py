@@ -121,6 +121,7 @@ def spec(tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
     return write
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("environment", "status"), [("endless", "Running"), ("filling", "Terminating")])
 def test_a_killed_run_leaves_no_manifest_and_no_process_and_the_next_run_works(
     service: Service,

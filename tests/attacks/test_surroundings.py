@@ -113,6 +113,7 @@ def fresh_home(tmp_path: Path) -> Iterator[Path]:
     stop_server(Settings.from_environment({"ROBOMAKER_HOME": str(home)}))
 
 
+@pytest.mark.slow
 def test_two_first_runs_at_once_share_one_server_and_both_succeed(fresh_home: Path, spec: Path) -> None:
     start = [*MAIN, "run", str(spec), "-o", "json"]
     runs = [
