@@ -132,7 +132,7 @@ class PipelineRun:
           SpecError: the specification has problems.
         """
         try:
-            text = path.read_text()
+            text = path.read_text(encoding="utf-8-sig")
         except OSError as error:
             raise ConfigurationError(f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}") from error
         checked = load_spec(text, str(path))
