@@ -17,9 +17,10 @@ import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from ..schemas.errors import ConfigurationError, RobomakerError
 from ..schemas.settings import Settings
@@ -77,7 +78,7 @@ def server_status(settings: Settings, environ: Mapping[str, str] | None = None) 
         status = ServerStatus(**state)
     except (OSError, ValueError, TypeError):
         return ServerStatus(running=False)
-    alive = status.pid is not None and _is_prefect_server(status.pid) and _healthy(str(status.api_url))
+    alive = _is_alive(status) and _healthy(str(status.api_url))
     return ServerStatus(running=alive, api_url=status.api_url, pid=status.pid, log=status.log)
 
 
@@ -86,14 +87,15 @@ def stop_server(settings: Settings) -> bool:
     with _locked(settings):
         status = server_status(settings, {})
         _state_file(settings).unlink(missing_ok=True)
-        if status.pid is None or not _is_prefect_server(status.pid):
+        if status.pid is None or not _is_alive(status):
             return False
-        os.killpg(status.pid, signal.SIGTERM)
-        deadline = time.monotonic() + 15
-        while _is_prefect_server(status.pid) and time.monotonic() < deadline:
-            time.sleep(0.1)
-        if _is_prefect_server(status.pid):
-            os.killpg(status.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):  # it may end by itself at any moment
+            os.killpg(status.pid, signal.SIGTERM)
+            deadline = time.monotonic() + 15
+            while _is_alive(status) and time.monotonic() < deadline:
+                time.sleep(0.1)
+            if _is_alive(status):
+                os.killpg(status.pid, signal.SIGKILL)
         return True
 
 
@@ -117,7 +119,8 @@ def _start(settings: Settings) -> str:
     log = folder / "server.log"
     port = _free_port()
     environ = {
-        **os.environ,
+        # A profile of the user's is not in the server's own home, and Prefect refuses to start without it.
+        **{name: value for name, value in os.environ.items() if not name.startswith("PREFECT_PROFILE")},
         "PREFECT_HOME": str(folder),
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,
@@ -134,11 +137,17 @@ def _start(settings: Settings) -> str:
             cwd=folder,
         )
     api_url = f"http://127.0.0.1:{port}/api"
-    _wait_until_healthy(process, api_url, log)
-    status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))
-    temporary = folder / "server.json.part"
-    temporary.write_text(json.dumps(asdict(status)))
-    temporary.replace(_state_file(settings))
+    try:
+        _wait_until_healthy(process, api_url, log)
+        status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))
+        temporary = folder / "server.json.part"
+        temporary.write_text(json.dumps(asdict(status)))
+        temporary.replace(_state_file(settings))
+    except BaseException:  # also Ctrl-C: without its state file nobody would find the server again
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        raise
     # The server outlives this process on purpose, so it is not waited for.
     process.returncode = 0
     return api_url
@@ -152,9 +161,6 @@ def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Pat
         if process.poll() is not None:
             break
         time.sleep(0.1)
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
     lines = log.read_text(errors="replace").strip().splitlines()[-8:]
     raise LocalServerError("the local Prefect server did not start:\n  " + "\n  ".join(lines))
 
@@ -163,17 +169,20 @@ def _healthy(api_url: str) -> bool:
     try:
         with urllib.request.urlopen(f"{api_url}/health", timeout=5) as answer:  # noqa: S310 - an http(s) URL of ours
             return answer.status == 200
+    except urllib.error.HTTPError as error:
+        return error.code in (401, 403)  # it answers those who log in, as Prefect's client does
     except (urllib.error.URLError, OSError, ValueError):
         return False
 
 
-def _is_prefect_server(pid: int) -> bool:
-    """Whether that process is a Prefect server: process ids are used again after a reboot."""
+def _is_alive(status: ServerStatus) -> bool:
+    """Whether the process is the server of that address: process ids are used again after a reboot."""
     try:
-        command = Path(f"/proc/{pid}/cmdline").read_bytes()
+        arguments = Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return False
-    return b"prefect" in command and b"server" in command
+    port = urlsplit(status.api_url or "").port
+    return {"prefect", "server", "--port", str(port)} <= set(arguments)
 
 
 def _free_port() -> int:

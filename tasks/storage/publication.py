@@ -14,7 +14,13 @@ from pathlib import Path
 
 from pydantic import JsonValue, ValidationError
 
-from ...schemas.errors import ChecksumMismatchError, ObjectExistsError, ObjectNotFoundError, StorageError
+from ...schemas.errors import (
+    ChecksumMismatchError,
+    ObjectExistsError,
+    ObjectNotFoundError,
+    StorageAccessDeniedError,
+    StorageError,
+)
 from ...schemas.manifest import Manifest, ManifestFile
 from .base import ObjectStore
 from .failures import os_failures
@@ -137,7 +143,8 @@ def _described(file: FolderFile) -> ManifestFile:
 def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
     try:
         return read_manifest(store, bucket, prefix)
-    except ObjectNotFoundError:
+    except (ObjectNotFoundError, StorageAccessDeniedError):
+        # AWS denies whoever may not list a bucket to know that an object does not exist.
         return None
 
 

@@ -1,9 +1,14 @@
+import http.server
+import json
+import subprocess
+import threading
 import urllib.request
 from pathlib import Path
 
 import pytest
 from prefect_server import server_settings
 
+from prefect_robomaker.deployments import local_server
 from prefect_robomaker.deployments.local_server import (
     configured_api_url,
     ensure_server,
@@ -42,7 +47,7 @@ def test_a_damaged_state_file_counts_as_no_server(settings: Settings) -> None:
 
 
 def test_a_configured_server_that_does_not_answer_is_named(settings: Settings) -> None:
-    with pytest.raises(ConfigurationError, match="http://127.0.0.1:1/api"):
+    with pytest.raises(ConfigurationError, match=r"http://127\.0\.0\.1:1/api"):
         ensure_server(settings, {"PREFECT_API_URL": "http://127.0.0.1:1/api"})
 
 
@@ -53,3 +58,53 @@ def test_the_active_prefect_profile_is_respected(tmp_path: Path) -> None:
     assert configured_api_url({"PREFECT_PROFILES_PATH": str(profiles)}) == "https://prefect.example/api"
     assert configured_api_url({"PREFECT_PROFILES_PATH": str(profiles), "PREFECT_PROFILE": "other"}) is None
     assert configured_api_url({"PREFECT_HOME": str(tmp_path / "nowhere")}) is None
+
+
+def test_an_interrupted_start_leaves_no_server(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[subprocess.Popen[bytes]] = []
+    monkeypatch.setenv("PREFECT_PROFILE", "a-profile-of-the-user")
+
+    def interrupt(process: subprocess.Popen[bytes], *arguments: object) -> None:
+        started.append(process)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(local_server, "_wait_until_healthy", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        ensure_server(settings, {"PREFECT_HOME": str(settings.home)})
+
+    assert started[0].returncode is not None
+    assert not server_status(settings, {}).running
+
+
+def test_a_process_with_the_id_of_a_dead_server_is_not_stopped(settings: Settings) -> None:
+    folder = settings.home / "prefect"
+    folder.mkdir(parents=True)
+    with subprocess.Popen(["sleep", "60"]) as other:
+        state = {"running": True, "api_url": "http://127.0.0.1:1/api", "pid": other.pid}
+        (folder / "server.json").write_text(json.dumps(state))
+
+        assert not stop_server(settings)
+        assert other.poll() is None
+        other.kill()
+
+
+@pytest.mark.parametrize(("code", "usable"), [(200, True), (401, True), (403, True), (404, False), (503, False)])
+def test_a_server_that_asks_for_a_login_counts_as_one(settings: Settings, code: int, usable: bool) -> None:
+    class Answer(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(code)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        def log_message(self, *arguments: object) -> None:
+            """Says nothing."""
+
+    with http.server.HTTPServer(("127.0.0.1", 0), Answer) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        url = f"http://127.0.0.1:{server.server_address[1]}/api"
+        status = server_status(settings, {"PREFECT_API_URL": url})
+        server.shutdown()
+        thread.join()
+
+    assert (status.running, status.configured_elsewhere) == (usable, True)

@@ -17,6 +17,7 @@ from prefect_robomaker.schemas.errors import (
     ChecksumMismatchError,
     ObjectExistsError,
     ObjectNotFoundError,
+    StorageAccessDeniedError,
     StorageError,
     StorageFullError,
 )
@@ -288,3 +289,19 @@ def test_a_killed_publisher_leaves_no_manifest_or_a_whole_publication(tmp_path: 
             read_manifest(store, "outputs", "run")
     publish(store, "outputs", "run", tmp_path / "outputs", about={}, created_at=NOW)
     assert len(fetch(store, "outputs", "run", tmp_path / "after").files) == 40
+
+
+def test_who_may_not_know_that_nothing_is_published_yet_publishes(disk: DirectoryStore, outputs: Path):
+    """AWS denies access to objects that do not exist to whoever may not list the bucket."""
+
+    def get_bytes(bucket: str, key: str) -> bytes:
+        try:
+            return disk.get_bytes(bucket, key)
+        except ObjectNotFoundError as error:
+            raise StorageAccessDeniedError("access denied") from error
+
+    store: Any = Wrapped(disk, get_bytes=get_bytes)
+    made = publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+
+    assert made == publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    assert made == read_manifest(disk, "outputs", "run")
