@@ -72,13 +72,14 @@ class McapFile:
         self._chunk_indexes: list[ChunkIndex] = []
         stream.write(_MAGIC + _bytes_of(Header(profile, library)))
 
-    def add_channel(self, topic: str, message_type: str, definition: str) -> int:
+    def add_channel(self, topic: str, message_type: str, definition: str, metadata: dict[str, str]) -> int:
         """Adds a topic of CDR messages.
 
         Args:
             topic: `/odom`.
             message_type: ROS type, `nav_msgs/msg/Odometry`.
             definition: What the type looks like, as concatenated `.msg` files.
+            metadata: What else a player has to know of the topic.
 
         Returns:
             The channel's number, for `add_message`.
@@ -88,7 +89,7 @@ class McapFile:
             schema = Schema(len(self._schemas) + 1, definition.encode(), "ros2msg", message_type)
             self._schemas[message_type] = schema
             self._chunk += _bytes_of(schema)
-        channel = Channel(len(self._channels) + 1, topic, "cdr", {}, schema.id)
+        channel = Channel(len(self._channels) + 1, topic, "cdr", metadata, schema.id)
         self._channels.append(channel)
         self._pending[channel.id] = []
         self._chunk += _bytes_of(channel)

@@ -16,6 +16,21 @@ _CHUNK_BYTES = 256 * 1024
 _FLUSH_INTERVAL_S = 2.0
 """Wall-clock time after which a chunk is finished even when it is not full."""
 _NANOSECONDS = 1_000_000_000
+_LATCHED = frozenset({"/tf_static"})
+"""Topics that are sent once; a player has to keep them for subscribers that come later."""
+_INFINITE = "{sec: 9223372036, nsec: 854775807}"
+_QOS = """\
+- history: 1
+  depth: 10
+  reliability: 1
+  durability: %d
+  deadline: %s
+  lifespan: %s
+  liveliness: 1
+  liveliness_lease_duration: %s
+  avoid_ros_namespace_conventions: false
+"""
+_TRANSIENT_LOCAL, _VOLATILE = 1, 2
 
 
 class RecordingError(OSError):
@@ -116,7 +131,11 @@ class McapRecorder:
     def _add_channel(self, topic: str, kind: type[ros.Message]) -> tuple[int, type]:
         if not hasattr(kind, "ROS_TYPE"):
             raise TypeError(f"{kind.__name__} is not a message that can be recorded on a topic ({topic})")
-        return self._file.add_channel(topic, kind.ROS_TYPE, kind.DEFINITION), kind
+        # `ros2 bag play` offers a topic as it was offered when it was recorded.
+        durability = _TRANSIENT_LOCAL if topic in _LATCHED else _VOLATILE
+        qos = _QOS % (durability, _INFINITE, _INFINITE, _INFINITE)
+        metadata = {"offered_qos_profiles": qos}
+        return self._file.add_channel(topic, kind.ROS_TYPE, kind.DEFINITION, metadata), kind
 
     @contextmanager
     def _explained(self) -> Iterator[None]:

@@ -70,6 +70,19 @@ def test_mcap_ros2_reads_everything(recording: Path) -> None:
     assert last["/clock"].clock.nanosec == 980_000_000
 
 
+def test_a_player_keeps_static_transforms_for_those_who_come_later(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    with McapRecorder(path) as recorder:
+        recorder.write("/tf_static", ros.TFMessage([]), 0.0)
+        recorder.write("/clock", ros.Clock(ros.Time.from_seconds(0.0)), 0.0)
+
+    with AnyReader([path]) as reader:
+        offered = {connection.topic: connection.ext.offered_qos_profiles[0] for connection in reader.connections}
+
+    assert offered["/tf_static"].durability.name == "TRANSIENT_LOCAL"
+    assert offered["/clock"].durability.name == "VOLATILE"
+
+
 def test_a_killed_process_leaves_a_readable_file(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
     script = f"""
