@@ -119,8 +119,7 @@ def _start(settings: Settings) -> str:
     log = folder / "server.log"
     port = _free_port()
     environ = {
-        # A profile of the user's is not in the server's own home, and Prefect refuses to start without it.
-        **{name: value for name, value in os.environ.items() if not name.startswith("PREFECT_PROFILE")},
+        **os.environ,
         "PREFECT_HOME": str(folder),
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,

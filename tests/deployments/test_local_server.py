@@ -62,7 +62,6 @@ def test_the_active_prefect_profile_is_respected(tmp_path: Path) -> None:
 
 def test_an_interrupted_start_leaves_no_server(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[subprocess.Popen[bytes]] = []
-    monkeypatch.setenv("PREFECT_PROFILE", "a-profile-of-the-user")
 
     def interrupt(process: subprocess.Popen[bytes], *arguments: object) -> None:
         started.append(process)
