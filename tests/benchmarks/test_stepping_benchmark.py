@@ -3,7 +3,8 @@
 Measured is CPU time from the first time step handed to the agent to the end of the episode, so with planning the
 tour, sensing, keeping the score, recording and closing the recording, but without what happens once before: reading
 the map, compiling the world, the first lidar scan. Physics alone is `mj_step` from the same state, with the same wheel
-commands, over the same steps; that both end in the same state proves that they computed the same. Every run is the
+commands, over the same steps; that both end in the same state proves that they computed the same. A second figure adds
+the rays of lidar and bumper to that, which MuJoCo casts too and no job can do without. Every run is the
 same, so runs take turns and of each lap, a second of simulated time, the best counts: what else happens on a machine
 only ever makes things slower.
 """
@@ -26,7 +27,10 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 
 from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.applications import lidar
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.applications.navigation_task import SCAN_EVERY_STEPS
+from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR_HEIGHT_M, PREFIX
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
 from prefect_robomaker.tasks.runtime.context import SimulationContext
 from prefect_robomaker.tasks.runtime.loop import run_episode
@@ -94,6 +98,7 @@ class Witness:
         model, data = environment.physics.model.ptr, environment.physics.data.ptr
         if self.beginning is None:
             self.model = model
+            self.unseen_group = environment.physics.unseen_group
             self.beginning = copied(model, data)
         else:
             self.commands.append(data.ctrl.copy())
@@ -125,19 +130,31 @@ def run_job(folder: Path, recorder: McapRecorder | NullRecorder, watchers: tuple
     return np.append(np.diff(watch.times), time.process_time() - closing)
 
 
-def step_only(witness: Witness) -> Laps:
-    """CPU seconds of the laps of the same physics and nothing else."""
+def step_only(witness: Witness, *, sensors: bool = False) -> Laps:
+    """CPU seconds of the laps of the same physics and nothing else, or nothing but the same rays."""
     model = witness.model
     data = copied(model, witness.beginning)
     step, control = mujoco.mj_step, data.ctrl
+    look = range_finders(witness, data) if sensors else ()
     times = [time.process_time()]
     for first in range(0, len(witness.commands), LAP_STEPS):
-        for command in witness.commands[first : first + LAP_STEPS]:
+        for number, command in enumerate(witness.commands[first : first + LAP_STEPS], first + 1):
             control[:] = command
             step(model, data, SUBSTEPS)
+            if look and number % SCAN_EVERY_STEPS == 0:
+                for finder in look:
+                    finder.measure()
         times.append(time.process_time())
     np.testing.assert_array_equal(data.qpos, witness.end)
     return np.diff(times)
+
+
+def range_finders(witness: Witness, data: mujoco.MjData) -> tuple[lidar.RangeFinder, lidar.RangeFinder]:
+    model, group = witness.model, witness.unseen_group
+    body = model.body(f"{PREFIX}base").id
+    far = (LIDAR_HEIGHT_M, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M)
+    near = (lidar.PROXIMITY_HEIGHT_M, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M)
+    return lidar.RangeFinder(model, data, body, *far, group), lidar.RangeFinder(model, data, body, *near, group)
 
 
 def copied(model: mujoco.MjModel, data: mujoco.MjData | None) -> mujoco.MjData:
@@ -154,17 +171,22 @@ def test_job_against_physics_alone(kind: str, tmp_path: Path, capsys: pytest.Cap
     write_bundle(generate_world(template(kind), *seeds_for(7, 0, 0)), folder, preview=False)
     witness = Witness()
     run_job(folder, NullRecorder(), (witness,))
-    physics, silent, recorded = [], [], []
+    physics, sensors, silent, recorded = [], [], [], []
     for number in range(ROUNDS):
         physics.append(step_only(witness))
+        sensors.append(step_only(witness, sensors=True))
         silent.append(run_job(folder, NullRecorder()))
         recorded.append(run_job(folder, McapRecorder(tmp_path / f"{number}.mcap")))
     count = len(witness.commands)
-    alone, job, job_recorded = (1e6 * np.min(laps, axis=0).sum() / count for laps in (physics, silent, recorded))
+    alone, rays, job, job_recorded = (
+        1e6 * np.min(laps, axis=0).sum() / count for laps in (physics, sensors, silent, recorded)
+    )
     with capsys.disabled():
         print(
             f"\n{kind}: {witness.model.ngeom} geoms, {count * SUBSTEPS} steps of physics in {count} of control; "
             f"physics alone {1000 * SUBSTEPS / alone:.1f}k steps/s; "
             f"job {alone / job:.2f} of that, with recording {alone / job_recorded:.2f}; "
-            f"microseconds per control step: {alone:.0f}, {job:.0f}, {job_recorded:.0f}"
+            f"of physics and rays {rays / job:.2f}, with recording {rays / job_recorded:.2f}; "
+            f"microseconds per control step: physics {alone:.0f}, and rays {rays:.0f}, "
+            f"job {job:.0f}, with recording {job_recorded:.0f}"
         )

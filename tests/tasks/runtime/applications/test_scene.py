@@ -1,0 +1,23 @@
+import numpy as np
+import pytest
+from dm_control.rl.control import PhysicsError
+
+from prefect_robomaker.tasks.runtime.applications.scene import CONTACT_SAMPLE_STEPS, assemble
+
+
+def test_a_step_looks_in_between_and_at_its_end(make_context) -> None:
+    physics = assemble(make_context().world_dir / "world.xml")
+    times: list[float] = []
+    physics.between_substeps = lambda: times.append(physics.data.time)
+    physics.step(2 * CONTACT_SAMPLE_STEPS + 1)
+    steps = np.array(times) / physics.timestep()
+    assert steps == pytest.approx([CONTACT_SAMPLE_STEPS, 2 * CONTACT_SAMPLE_STEPS, 2 * CONTACT_SAMPLE_STEPS + 1])
+
+
+def test_diverging_physics_say_what_is_wrong(make_context) -> None:
+    physics = assemble(make_context().world_dir / "world.xml")
+    physics.step(10)
+    physics.data.qvel[0] = np.nan
+    with pytest.raises(PhysicsError, match="MuJoCo warns of mjWARN_BADQVEL"):
+        physics.step(10)
+    physics.step(10)  # MuJoCo began anew; the warning of before does not count again
