@@ -97,6 +97,8 @@ def check_packages() -> Finding:
     wrong = []
     for line in requires("prefect-robomaker") or []:
         requirement = Requirement(line)
+        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
+            continue  # of an extra that may be left out, or of other machines
         try:
             installed = version(requirement.name)
         except PackageNotFoundError:

@@ -62,13 +62,17 @@ def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None
     assert "--wait carries it to its end" in ended.err
 
 
-def test_a_job_can_be_carried_to_its_end(template: str, home, prefect_server: str) -> None:
-    request = {"template": template, "worldCount": {"floorplanCount": 60, "interiorCountPerFloorplan": 1}}
-    words = ["call", "CreateWorldGenerationJob", "--wait", "--input", json.dumps(request)]
+def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:
+    request = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+    }
+    words = ["call", "CreateSimulationJob", "--wait", "--input", json.dumps(request)]
     environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
     command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
     ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
     answer = json.loads(ended.stdout)
-    # More worlds than a job may make: the job fails, not the call.
-    assert (answer["status"], answer["failureCode"]) == ("Failed", "AllWorldGenerationFailed")
+    # Nothing says which world to drive in: the job fails, not the call.
+    assert (answer["status"], answer["failureCode"]) == ("Failed", "InvalidInput")
     assert ended.returncode == 3
