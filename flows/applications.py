@@ -6,10 +6,12 @@ from typing import Any
 
 from ..schemas.arns import application_arn
 from ..schemas.errors import InvalidParameterException, ResourceAlreadyExistsException, StorageError
+from ..tasks.builtins import BUILTINS
 from ..tasks.catalog import Resource
 from ..tasks.service import Service
 
 LATEST = "$LATEST"
+_REVISION = {"version", "revisionId"}
 
 
 def create_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
@@ -24,11 +26,7 @@ def create_application(kind: str, request: Mapping[str, Any], service: Service) 
       ResourceAlreadyExistsException: the name is taken.
       InvalidParameterException: a source cannot be read, or the environment cannot be used.
     """
-    definition = {key: value for key, value in request.items() if key not in ("name", "tags", "sources")}
-    if environment := definition.get("environment"):
-        check_environment(environment["uri"])
-    if sources := request.get("sources"):
-        definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
+    definition = _definition(request, service)
     settings, now = service.settings, service.clock()
     arn = application_arn(settings.region, settings.account, kind, request["name"], now)
     resource = service.catalog.create(
@@ -39,11 +37,7 @@ def create_application(kind: str, request: Mapping[str, Any], service: Service) 
             name=request["name"],
             status="Active",
             tags=request.get("tags") or {},
-            document={
-                **definition,
-                "version": LATEST,
-                "revisionId": str(uuid.UUID(int=service.chance.getrandbits(128))),
-            },
+            document={**definition, "version": LATEST, "revisionId": _new_revision(service)},
         ),
         token=None,
         unique_name=True,
@@ -93,19 +87,52 @@ def reuse_application(kind: str, request: Mapping[str, Any], service: Service) -
     resource = service.catalog.find(kind, request["name"])
     if resource is None:
         return None
-    wanted = {key: value for key, value in request.items() if key not in ("name", "tags", "sources")}
-    if sources := request.get("sources"):
-        wanted["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
+    wanted = _definition(request, service)
     differing = sorted(
         key
-        for key in wanted.keys() | resource.document.keys() - {"version", "revisionId"}
+        for key in wanted.keys() | resource.document.keys() - _REVISION
         if wanted.get(key) != resource.document.get(key)
     )
     if differing:
         raise ResourceAlreadyExistsException(
-            f"{resource.arn} exists and differs in {', '.join(differing)}; give the new one another name"
+            f"{resource.arn} exists and differs in {', '.join(differing)}; give the new one another name, "
+            "or say ifExists: update"
         )
     return _answer(resource)
+
+
+def update_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """Makes an application that exists what the request says, with its archives as they are now.
+
+    Returns:
+      The members of the response; `None` when the name is free.
+
+    Raises:
+      InvalidParameterException: a source cannot be read, or the environment cannot be used.
+      ResourceAlreadyExistsException: the application is a built-in one.
+    """
+    resource = service.catalog.find(kind, request["name"])
+    if resource is None:
+        return None
+    if request["name"] in BUILTINS:
+        raise ResourceAlreadyExistsException(f"{resource.arn} is built in and stays as it is; choose another name")
+    revision = {"version": LATEST, "revisionId": _new_revision(service)}
+    definition = _definition(request, service)
+    return _answer(service.catalog.update(resource.arn, lambda _: {**definition, **revision}))
+
+
+def _definition(request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """What an application is, apart from its name and tags; archives with the ETags they have now."""
+    definition = {key: value for key, value in request.items() if key not in ("name", "tags", "sources")}
+    if environment := definition.get("environment"):
+        check_environment(environment["uri"])
+    if sources := request.get("sources"):
+        definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
+    return definition
+
+
+def _new_revision(service: Service) -> str:
+    return str(uuid.UUID(int=service.chance.getrandbits(128)))
 
 
 def _answer(resource: Resource) -> dict[str, Any]:

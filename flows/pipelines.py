@@ -5,7 +5,7 @@ for a caller in this process who watches.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from datetime import datetime
 from functools import cache
@@ -21,6 +21,7 @@ from ..schemas.spec import CheckedSpec, resolve_input
 from ..schemas.spec_check import load_spec
 from ..tasks.service import Progress, Service
 from .operation import perform_flow, registry
+from .preflight import check_surroundings
 
 if TYPE_CHECKING:
     from prefect import Flow
@@ -47,7 +48,14 @@ _STATES: dict[str, RunState] = {**_BAD_ENDS, "PartialFailed": "broken"}
 _SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
 
 
-def run_spec(checked: CheckedSpec, settings: Settings, listener: ProgressListener, *, spec_path: str) -> RunRecord:
+def run_spec(
+    checked: CheckedSpec,
+    settings: Settings,
+    listener: ProgressListener,
+    *,
+    spec_path: str,
+    command: Sequence[str] = (),
+) -> RunRecord:
     """Runs a checked specification as a flow in this process.
 
     Args:
@@ -55,6 +63,7 @@ def run_spec(checked: CheckedSpec, settings: Settings, listener: ProgressListene
       settings: where everything is kept.
       listener: told of everything that happens.
       spec_path: the file it came from.
+      command: the command that runs it again; absent: `robomaker run` with the file.
 
     Returns:
       The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -64,7 +73,8 @@ def run_spec(checked: CheckedSpec, settings: Settings, listener: ProgressListene
     """
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
-    run = PipelineRun(checked, Service.open(settings), listener, spec_path)
+    run = PipelineRun(checked, Service.open(settings), listener, spec_path, command)
+    check_surroundings(checked, run.service)
     token = _current.set(run)
     try:
         # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
@@ -109,11 +119,20 @@ class PipelineRun:
       service: where its operations happen.
       listener: told of everything that happens.
       spec_path: the file it came from.
+      command: the command that runs it again; absent: `robomaker run` with the file.
     """
 
-    def __init__(self, checked: CheckedSpec, service: Service, listener: ProgressListener, spec_path: str) -> None:
+    def __init__(
+        self,
+        checked: CheckedSpec,
+        service: Service,
+        listener: ProgressListener,
+        spec_path: str,
+        command: Sequence[str] = (),
+    ) -> None:
         self._checked = checked
         self._service = service
+        self._command = list(command) or ["robomaker", "run", spec_path]
         self._listener = listener
         self._spec_path = spec_path
         self._started_at = service.clock()
@@ -136,7 +155,9 @@ class PipelineRun:
         except OSError as error:
             raise ConfigurationError(f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}") from error
         checked = load_spec(text, str(path))
-        return cls(checked, Service.current(), _log, str(path))
+        service = Service.current()
+        check_surroundings(checked, service)
+        return cls(checked, service, _log, str(path))
 
     def run(self) -> RunRecord:
         """Runs all steps; a failed one keeps the later ones from starting."""
@@ -150,6 +171,11 @@ class PipelineRun:
         finally:
             self._record = self._finish()
         return self._record
+
+    @property
+    def service(self) -> Service:
+        """Where the operations happen."""
+        return self._service
 
     @property
     def has_ended(self) -> bool:
@@ -235,12 +261,12 @@ class PipelineRun:
 
     def _reused(self, operation: str, if_exists: str, request: dict[str, Any]) -> dict[str, Any] | None:
         """The answer of an application that exists already, where the step allows that."""
-        from .applications import reuse_application
+        from .applications import reuse_application, update_application
 
-        if if_exists != "reuse":
-            return None
         kind = "robot-application" if operation == "CreateRobotApplication" else "simulation-application"
-        return reuse_application(kind, request, self._service)
+        if if_exists == "update":
+            return update_application(kind, request, self._service)
+        return reuse_application(kind, request, self._service) if if_exists == "reuse" else None
 
     def _skipped(self, name: str) -> StepRecord:
         operation = self._checked.steps[name].operation
@@ -258,6 +284,7 @@ class PipelineRun:
             run_id=self.run_id,
             name=self._checked.name,
             spec_path=self._spec_path,
+            command=self._command,
             state=state,
             exit_code=EXIT_CODES[state],
             started_at=self._started_at,
@@ -283,7 +310,7 @@ class PipelineRun:
                 self._service,
                 name=self._checked.name,
                 run_id=self.run_id,
-                spec_path=self._spec_path,
+                command=self._command,
                 steps=self._steps,
                 started_at=self._started_at,
                 ended_at=ended_at,

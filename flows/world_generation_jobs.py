@@ -65,6 +65,8 @@ def describe_world_generation_job(
     """Tells how a generation job stands, with the worlds finished so far."""
     job = service.catalog.get(request.job, kind=KIND)
     worlds = [world.arn for world in service.catalog.children(job.arn, kind="world")]
+    # By number, not by who was finished first: what a specification makes of the list is the same every time.
+    worlds.sort(key=lambda arn: int(arn.rpartition("-")[2]))
     failures = job.document.get("failures") or {"totalFailureCount": 0, "failures": []}
     response = _described(job)
     response["failureReason"] = job.document.get("failureReason")

@@ -43,6 +43,9 @@ class JobRecord(Model):
     rooms_visited: int | None = Field(default=None, description="Rooms the robot was in.")
     rooms_total: int | None = Field(default=None, description="Rooms of the world.")
     duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
+    verdict_reason: str | None = Field(
+        default=None, description="Why the verdict is FAIL: what was found and what was asked for."
+    )
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
@@ -56,6 +59,7 @@ class RunRecord(Model):
     run_id: str = Field(description="Id of this run.")
     name: str = Field(description="Name of the specification.")
     spec_path: str = Field(description="The file that was run.")
+    command: list[str] = Field(default=[], description="The command that runs it again.")
     state: RunState = Field(description="How it ended as a whole.")
     exit_code: int = Field(description="What the command line ends with, `EXIT_CODES[state]`.")
     started_at: datetime = Field(description="Start, UTC.")

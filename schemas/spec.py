@@ -46,7 +46,7 @@ _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]
 _SPEC_NAME = r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}"
 SpecName = Annotated[str, text(1, 100, _SPEC_NAME)]
-IfExists = Literal["fail", "reuse"]
+IfExists = Literal["fail", "reuse", "update"]
 
 FOR_EACH = "forEach"
 FOR_EACH_KEYS = (FOR_EACH, "as", "value")
@@ -80,7 +80,7 @@ class Step(Model):
     ifExists: IfExists = Field(
         default="fail",
         description="For Create…Application: what to do when the name is taken; `reuse` takes the one there is if it "
-        "is identical.",
+        "is identical, `update` makes it what the input says, with its archive as it is now.",
     )
 
 

@@ -31,7 +31,7 @@ def publish_report(
     *,
     name: str,
     run_id: str,
-    spec_path: str,
+    command: Sequence[str],
     steps: Sequence[StepRecord],
     started_at: datetime,
     ended_at: datetime,
@@ -55,7 +55,7 @@ def publish_report(
         steps=[_reported_step(step) for step in steps],
         worlds=_worlds(steps, reported, service),
         jobs=reported,
-        command=shlex.join(["robomaker", "run", spec_path]),
+        command=shlex.join(command),
         versions=dict(versions),
     )
     path = folder / REPORT_NAME
@@ -70,7 +70,7 @@ def rebuild_report(record: RunRecord, service: Service) -> Path:
         service,
         name=record.name,
         run_id=record.run_id,
-        spec_path=record.spec_path,
+        command=record.command or ["robomaker", "run", record.spec_path],
         steps=record.steps,
         started_at=record.started_at,
         ended_at=record.ended_at,
@@ -198,9 +198,17 @@ def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Serv
         duration_s=job.duration_s,
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
+        verdict_reason=_why_failed(result),
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place["bucket"], place["prefix"]) if place else None,
     )
+
+
+def _why_failed(result: RunResult | None) -> str | None:
+    if result is None or result.verdict != "FAIL":
+        return None
+    broken = [requirement.detail for requirement in result.requirements if not requirement.satisfied]
+    return "; ".join(broken) or result.summary
 
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:

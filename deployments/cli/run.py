@@ -30,7 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
         from ...flows.pipelines import RunInterrupted, run_spec
 
         try:
-            record = run_spec(spec, settings, listener, spec_path=arguments.spec)
+            record = run_spec(spec, settings, listener, spec_path=arguments.spec, command=again(arguments))
         except RunInterrupted as interruption:
             interrupted, record = interruption, interruption.record
         else:

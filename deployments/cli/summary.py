@@ -84,7 +84,7 @@ def _job_cells(job: JobRecord) -> list[Cell]:
     verdict = job.verdict or job.status
     rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
     took = duration(job.duration_s) if job.duration_s is not None else ""
-    reason = (job.failure_reason or "").strip().splitlines()
+    reason = (job.failure_reason or job.verdict_reason or "").strip().splitlines()
     trouble = ": ".join(part for part in (job.failure_code or "", reason[0] if reason else "") if part)
     style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
     return [(job.label, ""), (verdict, style), (job.world or "", ""), (rooms, ""), (took, ""), (trouble[:200], "red")]

@@ -56,7 +56,8 @@ DRIVE = job(
         "worldConfigs": [{"world": "${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}"}],
     },
 )
-WRONG = job({"application": "no-such-robot", "launchConfig": {}}, {"application": "sleeper", "launchConfig": {}})
+NOBODY = "arn:aws:robomaker:us-east-1:000000000000:robot-application/no-such-robot/1542931200000"
+WRONG = job({"application": NOBODY, "launchConfig": {}}, {"application": "sleeper", "launchConfig": {}})
 FULL = {
     "watcher": {
         "operation": "CreateRobotApplication",

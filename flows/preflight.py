@@ -1,0 +1,59 @@
+"""What is looked at before a pipeline's first step, so that nobody waits for worlds to learn of a slip."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ..schemas.errors import Problem, SpecError
+from ..schemas.request_problems import nearest
+from ..schemas.spec import CheckedSpec
+from ..schemas.spec_text import plain
+from ..tasks.service import Service
+
+_KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
+
+
+def check_surroundings(checked: CheckedSpec, service: Service) -> None:
+    """Checks that the object store answers and that the applications named by jobs exist.
+
+    Applications that a step of the same specification makes count as existing.
+
+    Raises:
+      SpecError: an application is named that does not exist; says where and what is near.
+      StorageError: the object store cannot be used.
+    """
+    service.store.ensure_bucket(service.settings.bucket)
+    made = {
+        (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)
+        for step in checked.steps.values()
+        if step.operation.endswith("Application") and isinstance(name := plain(step.input).get("name"), str)
+    }
+    problems = []
+    for step in checked.steps.values():
+        for path, kind, name in _named(plain(step.input), f"steps.{step.name}.input"):
+            if (kind, name) not in made and service.catalog.find(kind, name) is None:
+                known = {there for made_kind, there in made if made_kind == kind}
+                known |= {resource.name for resource in service.catalog.list(kind).resources}
+                words = f"there is no {kind.replace('-', ' ')} {name!r}{nearest(name, sorted(known))}"
+                problems.append(Problem(step.place, path, words))
+    if problems:
+        raise SpecError(problems)
+
+
+def _named(value: Any, path: str) -> Iterator[tuple[str, str, str]]:
+    """Path, kind and name of every application that is named as it is, not by ARN or reference."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            if key in _KINDS and isinstance(inner, list):
+                yield from _configs(inner, f"{path}.{key}", _KINDS[key])
+            else:
+                yield from _named(inner, f"{path}.{key}")
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _named(inner, f"{path}[{index}]")
+
+
+def _configs(configs: list[Any], path: str, kind: str) -> Iterator[tuple[str, str, str]]:
+    for index, config in enumerate(configs):
+        name = config.get("application") if isinstance(config, Mapping) else None
+        if isinstance(name, str) and not name.startswith("arn:") and "${{" not in name:
+            yield f"{path}[{index}].application", kind, name

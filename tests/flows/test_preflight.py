@@ -1,0 +1,74 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.flows.applications import update_application
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.flows.preflight import check_surroundings
+from prefect_robomaker.schemas.errors import ResourceAlreadyExistsException, SpecError, StorageError
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.spec_check import load_spec
+from prefect_robomaker.tasks.service import Service
+
+SUITE = {"name": "General"}
+
+
+def spec(robot: str, **steps: Any) -> Any:
+    request = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [{"application": robot, "launchConfig": {}}],
+    }
+    drive = {"operation": "CreateSimulationJob", "input": request}
+    return load_spec(json.dumps({"version": 1, "name": "check", "steps": {"drive": drive, **steps}}), "check.yaml")
+
+
+def test_a_misspelt_application_is_found_before_anything_runs(service: Service) -> None:
+    with pytest.raises(SpecError, match=r"robotApplications\[0\]\.application.*'scot'.*'scout'"):
+        check_surroundings(spec("scot"), service)
+
+    check_surroundings(spec("scout"), service)
+
+
+def test_an_application_that_a_step_makes_counts_as_existing(service: Service) -> None:
+    uri = {"uri": "python://my_robot"}
+    make = {
+        "operation": "CreateRobotApplication",
+        "input": {"name": "mine", "environment": uri, "robotSoftwareSuite": SUITE},
+    }
+
+    check_surroundings(spec("mine", make=make), service)
+
+
+def test_an_object_store_that_cannot_be_used_is_found_before_anything_runs(settings: Settings, tmp_path: Path) -> None:
+    (tmp_path / "store").write_text("a file where a folder should be")
+    values = {"ROBOMAKER_HOME": str(settings.home), "ROBOMAKER_OBJECT_STORE": str(tmp_path / "store")}
+
+    with pytest.raises(StorageError):
+        check_surroundings(spec("scout"), Service.open(Settings.from_environment(values), {}))
+
+
+def test_an_application_is_updated_to_its_archive_as_it_is_now(service: Service) -> None:
+    service.store.ensure_bucket("applications")
+    service.store.put_bytes("applications", "mine.zip", b"one")
+    source = [{"s3Bucket": "applications", "s3Key": "mine.zip"}]
+    request = {"name": "mine", "sources": source, "robotSoftwareSuite": SUITE}
+    made = call("CreateRobotApplication", request, service)
+    service.store.put_bytes("applications", "mine.zip", b"two")
+
+    updated = update_application("robot-application", request, service)
+
+    assert updated is not None
+    assert updated["arn"] == made["arn"]
+    assert updated["revisionId"] != made["revisionId"]
+    assert updated["sources"][0]["etag"] != made["sources"][0]["etag"]
+    assert update_application("robot-application", {**request, "name": "other"}, service) is None
+
+
+def test_a_built_in_application_is_not_updated(service: Service) -> None:
+    request = {"name": "scout", "environment": {"uri": "python://mine"}, "robotSoftwareSuite": SUITE}
+
+    with pytest.raises(ResourceAlreadyExistsException, match="built in"):
+        update_application("robot-application", request, service)
