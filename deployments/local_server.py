@@ -117,7 +117,7 @@ def configured_api_url(environ: Mapping[str, str]) -> str | None:
 def _start(settings: Settings) -> str:
     folder = _state_file(settings).parent
     log = folder / "server.log"
-    port = _free_port()
+    port = _port(folder / "port")
     environ = {
         **os.environ,
         "PREFECT_HOME": str(folder),
@@ -184,10 +184,22 @@ def _is_alive(status: ServerStatus) -> bool:
     return {"prefect", "server", "--port", str(port)} <= set(arguments)
 
 
-def _free_port() -> int:
+def _port(memory: Path) -> int:
+    """The port of the last time, so that bookmarks and workers keep working; another one if it is taken."""
+    try:
+        wanted = int(memory.read_text())
+    except (OSError, ValueError):
+        wanted = 0
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        # Connections of the last server that are still closing do not make its port a taken one.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", wanted))
+        except (OSError, OverflowError):
+            probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    memory.write_text(str(port))
+    return port
 
 
 def _state_file(settings: Settings) -> Path:

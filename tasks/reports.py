@@ -83,17 +83,26 @@ def rebuild_report(record: RunRecord, service: Service) -> Path:
 
 def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
     """The simulation jobs that steps made, and the requests that became none, in request order."""
-    kinds = {"CreateSimulationJob": _single_job, "StartSimulationJobBatch": _batch_jobs}
     jobs: list[ReportedJob] = []
     for step in steps:
-        if step.arn and step.operation in kinds:
+        if step.arn:
             try:
-                jobs += kinds[step.operation](step.arn, service)
+                jobs += simulation_jobs(step.operation, step.arn, service)
             except ResourceNotFoundException as error:
                 jobs.append(
                     ReportedJob(label=short_name(step.arn), arn=step.arn, status="Deleted", failure_reason=str(error))
                 )
     return jobs
+
+
+def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
+    """The simulation jobs of what an operation made; none for operations that make no jobs.
+
+    Raises:
+      ResourceNotFoundException: it was deleted.
+    """
+    kinds = {"CreateSimulationJob": _single_job, "StartSimulationJobBatch": _batch_jobs}
+    return kinds[operation](arn, service) if operation in kinds else []
 
 
 def _single_job(arn: str, service: Service) -> list[ReportedJob]:

@@ -136,6 +136,10 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
     call.add_argument("--wait", action="store_true", help="carry a job to its end and print its final description")
     _add_output(call, ("json", "yaml"))
 
+    perform = _command(commands, shared, "perform", "carry a stored job or batch to its end", "")
+    perform.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it")
+    _add_output(perform, ("json", "yaml"))
+
     schema = _command(
         commands, shared, "schema", "print the JSON Schema of specifications, or of an operation's request", ""
     )

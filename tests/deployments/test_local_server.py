@@ -1,5 +1,6 @@
 import http.server
 import json
+import socket
 import subprocess
 import threading
 import urllib.request
@@ -36,6 +37,20 @@ def test_a_state_file_of_a_dead_server_is_not_believed(settings: Settings) -> No
 
     assert not server_status(settings, {}).running
     assert not stop_server(settings)
+
+
+def test_a_server_that_is_started_again_has_the_port_it_had(tmp_path: Path) -> None:
+    memory = tmp_path / "port"
+
+    port = local_server._port(memory)
+
+    assert local_server._port(memory) == port
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", port))
+        taken.listen()
+        assert local_server._port(memory) != port
+    memory.write_text("nonsense")
+    assert local_server._port(memory) > 0
 
 
 def test_a_damaged_state_file_counts_as_no_server(settings: Settings) -> None:

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from ruamel.yaml import YAML
@@ -59,7 +60,7 @@ def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None
     ended = robomaker("call", "CreateWorldGenerationJob", "--input", json.dumps(request))
     assert ended.code == 0
     assert json.loads(ended.out)["status"] == "Pending"
-    assert "--wait carries it to its end" in ended.err
+    assert f"robomaker perform {json.loads(ended.out)['arn']}" in ended.err
 
 
 def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:
@@ -68,11 +69,48 @@ def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "robotApplications": [{"application": "scout", "launchConfig": {}}],
     }
-    words = ["call", "CreateSimulationJob", "--wait", "--input", json.dumps(request)]
-    environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
-    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
-    ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    def start(*words: str) -> subprocess.CompletedProcess[str]:
+        environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
+        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    stored = json.loads(start("call", "CreateSimulationJob", "--input", json.dumps(request)).stdout)
+    assert stored["status"] == "Pending"
+    ended = start("perform", stored["arn"])
     answer = json.loads(ended.stdout)
     # Nothing says which world to drive in: the job fails, not the call.
     assert (answer["status"], answer["failureCode"]) == ("Failed", "InvalidInput")
     assert ended.returncode == 3
+    assert start("perform", "arn:aws:robomaker:us-east-1:000000000000:world/x").returncode == 2
+
+
+def test_a_verdict_of_fail_ends_a_waited_call_with_1(home, prefect_server: str) -> None:
+    """The cartpole of the examples falls when its agent does nothing."""
+    environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
+    environ["PYTHONPATH"] = str(Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle")
+
+    def call(operation: str, request: dict, *more: str) -> subprocess.CompletedProcess[str]:
+        words = ["call", operation, "--input", json.dumps(request), *more]
+        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    suites = {"robotSoftwareSuite": {"name": "General"}}
+    robot = {"name": "agent", "environment": {"uri": "python://my_cartpole.agent"}, **suites}
+    assert call("CreateRobotApplication", robot).returncode == 0
+    arena = {"name": "arena", "environment": {"uri": "python://my_cartpole.arena"}, **suites}
+    runtime = {"simulationSoftwareSuite": {"name": "SimulationRuntime"}}
+    assert call("CreateSimulationApplication", arena | runtime).returncode == 0
+    job = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [
+            {"application": "agent", "launchConfig": {"environmentVariables": {"GAIN": "0"}}},
+        ],
+        "simulationApplications": [{"application": "arena", "launchConfig": {}}],
+    }
+
+    ended = call("CreateSimulationJob", job, "--wait")
+
+    assert json.loads(ended.stdout)["status"] == "Completed"
+    assert ended.returncode == 1
