@@ -90,6 +90,12 @@ def store_job(
     if (world := world_arn(wire)) is not None:
         service.catalog.get(world, kind="world")
     check_output_location(wire.get("outputLocation"))
+    for index, source in enumerate(wire.get("dataSources") or []):
+        if destination := source.get("destination"):
+            raise InvalidParameterException(
+                f"dataSources[{index}].destination: {destination!r} cannot be used here yet; leave it out, "
+                "the job finds the source in context.data_dir by its name"
+            )
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)
     job_id = new_id("sim", service.chance)
@@ -166,6 +172,7 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Se
     for index, config in enumerate(request.get(f"{role}Applications") or []):
         application = find_application(config["application"], role, config.get("applicationVersion"), service)
         _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
+        _check_extras(config, f"{role}Applications[{index}]")
         names.append(application.name)
     return names
 
@@ -181,6 +188,17 @@ def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) 
             f"{place}: packageName and launchFile have to say what of the archive is started, "
             "such as my_nav and arena.make_environment"
         )
+
+
+def _check_extras(config: Mapping[str, Any], place: str) -> None:
+    """Refuses what a job would only seem to do: tools and own uploads are not carried out yet."""
+    for member, instead in (
+        ("tools", "start them in the application"),
+        ("uploadConfigurations", "write files into context.output_dir, all of which are stored"),
+    ):
+        if config.get(member):
+            names = ", ".join(entry["name"] for entry in config[member])
+            raise InvalidParameterException(f"{place}.{member}: {names} cannot be used here yet; {instead}")
 
 
 def __getattr__(name: str) -> Any:

@@ -92,7 +92,7 @@ class SimulationJobOrder(Shape):
         description="Wall-clock limit in seconds, 1 to 1209600; reaching it ends the job normally."
     )
     failureBehavior: FailureBehavior | None = Field(
-        default=None, description="After a crash: Fail (the default) ends the job, Continue keeps it for inspection."
+        default=None, description="What happens after a crash; both Fail (the default) and Continue end the job."
     )
     robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
     simulationApplications: SimulationApplicationConfigs | None = Field(

@@ -134,6 +134,24 @@ def test_a_job_reads_its_data_sources(service: Service, order: Order, simulate: 
             InvalidParameterException,
             "launchConfig.command",
         ),
+        (
+            {
+                "robotApplications": [
+                    {
+                        "application": "scout",
+                        "launchConfig": {},
+                        "tools": [{"name": "terminal", "command": "xterm"}],
+                    }
+                ]
+            },
+            InvalidParameterException,
+            r"robotApplications\[0\]\.tools: terminal",
+        ),
+        (
+            {"dataSources": [{"name": "x", "s3Bucket": "applications", "s3Keys": ["y"], "destination": "/opt/maps"}]},
+            InvalidParameterException,
+            r"dataSources\[0\]\.destination: '/opt/maps'",
+        ),
         ({"maxJobDurationInSeconds": 0}, InvalidParameterException, "maxJobDurationInSeconds"),
     ],
 )

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from PIL import Image, ImageDraw
+
 from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld
 from prefect_robomaker.schemas.simulation_run import Collision, Requirement, RoomVisit, RunResult
 from prefect_robomaker.schemas.world import Floorplan, Furniture, Passage, Room, Wall, Window, Wish, World

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from PIL import Image, ImageStat
+
 from prefect_robomaker.tasks.reporting import write_report
 
 BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")

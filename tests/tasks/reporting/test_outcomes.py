@@ -1,6 +1,7 @@
 from typing import Any
 
 import pytest
+
 from prefect_robomaker.tasks.reporting.outcomes import Outcome, count_outcomes, headline, outcome_of
 
 

@@ -3,6 +3,7 @@ import io
 
 import pytest
 from PIL import Image
+
 from prefect_robomaker.tasks.reporting.pictures import PictureError, embed_picture, embed_svg
 
 

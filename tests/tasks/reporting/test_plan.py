@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from prefect_robomaker.schemas.simulation_run import Collision
 from prefect_robomaker.schemas.world import MODEL_TYPES, Furniture, World
 from prefect_robomaker.tasks.reporting import plan

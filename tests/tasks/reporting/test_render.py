@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from PIL import Image
+
 from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedStep
 from prefect_robomaker.schemas.world import World
 from prefect_robomaker.tasks.reporting import render_report, write_report

@@ -1,8 +1,9 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from prefect_robomaker.tasks.reporting import wilson_interval
 from scipy.stats import binomtest
+
+from prefect_robomaker.tasks.reporting import wilson_interval
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 1), (3, 4), (0, 10), (8, 10), (10, 10), (497, 1000)])

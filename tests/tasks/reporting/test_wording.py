@@ -1,6 +1,7 @@
 from datetime import datetime, timedelta, timezone
 
 import pytest
+
 from prefect_robomaker.tasks.reporting import wording
 
 
