@@ -34,12 +34,12 @@ def test_put_files_against_upload_file(
     ours: list[tuple[float, float]] = []
     theirs: list[tuple[float, float]] = []
     for repeat in range(3):
-        loop = [(str(path), BUCKET, f"plain{repeat}/{key}") for key, path in files.items()]
+        loop = [(str(path), BUCKET, f"plain{count}-{repeat}/{key}") for key, path in files.items()]
         theirs.append(measured(lambda loop=loop: [plain.upload_file(*one) for one in loop]))
-        named = {f"ours{repeat}/{key}": path for key, path in files.items()}
+        named = {f"ours{count}-{repeat}/{key}": path for key, path in files.items()}
         ours.append(measured(lambda named=named: store.put_files(BUCKET, named)))
     for side in ("plain", "ours"):
-        assert [info.size_bytes for info in store.list(BUCKET, f"{side}2/")] == [size] * count
+        assert [info.size_bytes for info in store.list(BUCKET, f"{side}{count}-2/")] == [size] * count
     (wall, cpu), (plain_wall, plain_cpu) = (tuple(map(min, zip(*side, strict=True))) for side in (ours, theirs))
     with capsys.disabled():
         print(
