@@ -39,6 +39,8 @@ def test_agrees_with_single_rays_everywhere(make_context) -> None:
     @given(st.floats(-1.5, 5.5), st.sampled_from([-0.5, 0.0, 0.6, 1.7, 2.5, 3.8]), st.floats(-3.1, 3.1))
     @settings(max_examples=12, deadline=None)
     def agrees(x: float, y: float, yaw: float) -> None:
+        # Off the grid that furniture stands on: a ray along an edge may hit or miss, and both are right.
+        x, y, yaw = x + 0.00137, y + 0.00071, yaw + 0.00113
         data.qpos[start : start + 7] = (x, y, 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2))
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(finder.measure(), single_rays(physics, lidar.SCAN_ANGLES_RAD), atol=1e-9)
