@@ -8,6 +8,7 @@ from ..schemas.request_problems import nearest
 from ..schemas.spec import CheckedSpec
 from ..schemas.spec_text import plain
 from ..tasks.service import Service
+from ..tasks.uploads import prepare_bucket
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 
@@ -21,7 +22,7 @@ def check_surroundings(checked: CheckedSpec, service: Service) -> None:
       SpecError: an application is named that does not exist; says where and what is near.
       StorageError: the object store cannot be used.
     """
-    service.store.ensure_bucket(service.settings.bucket)
+    prepare_bucket(service, service.settings.bucket)
     made = {
         (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)
         for step in checked.steps.values()
