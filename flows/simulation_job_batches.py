@@ -6,7 +6,6 @@ from typing import Any
 
 from ..schemas.common import shorten
 from ..schemas.errors import ServiceError
-from ..schemas.ids import new_id
 from ..schemas.lifecycles import batch_outcome, is_terminal
 from ..schemas.simulation_job_batches import (
     DescribeSimulationJobBatchRequest,
@@ -51,25 +50,19 @@ def start_simulation_job_batch(
     request: StartSimulationJobBatchRequest, service: Service
 ) -> StartSimulationJobBatchResponse:
     """Stores a batch; its requests become jobs when it is performed."""
-    batch_id = new_id("batch", service.chance)
     policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
-    batch = service.catalog.create(
-        Resource.new(
-            arn=service.arn(KIND, batch_id),
-            kind=KIND,
-            id=batch_id,
-            name="",
-            status="Pending",
-            tags=request.tags or {},
-            document={
-                "request": request.to_wire(),
-                "batchPolicy": {
-                    "timeoutInSeconds": policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
-                    "maxConcurrency": policy.get("maxConcurrency", service.settings.max_jobs),
-                },
-                "failed": {},
+    batch = service.store_job(
+        KIND,
+        "batch",
+        {
+            "request": request.to_wire(),
+            "batchPolicy": {
+                "timeoutInSeconds": policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
+                "maxConcurrency": policy.get("maxConcurrency", service.settings.max_jobs),
             },
-        ),
+            "failed": {},
+        },
+        tags=request.tags,
         token=ClientToken.of("StartSimulationJobBatch", request),
     )
     answer = _described(batch, service)

@@ -5,7 +5,6 @@ from datetime import datetime
 from typing import Any
 
 from ..schemas.errors import InvalidParameterException
-from ..schemas.ids import new_id
 from ..schemas.operations import seed_of, video_of
 from ..schemas.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
@@ -98,26 +97,20 @@ def store_job(
             )
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)
-    job_id = new_id("sim", service.chance)
-    return service.catalog.create(
-        Resource.new(
-            arn=service.arn(KIND, job_id),
-            kind=KIND,
-            id=job_id,
-            name=job_id,
-            status="Pending",
-            parent=batch[0] if batch else None,
-            tags=request.tags or {},
-            document={
-                "request": wire,
-                "requestIndex": batch[1] if batch else None,
-                "seed": service.new_seed() if seed is None else seed,
-                "video": video_of(request) or "none",
-                "dataSources": data_sources,
-                **applications,
-            },
-        ),
+    return service.store_job(
+        KIND,
+        "sim",
+        {
+            "request": wire,
+            "requestIndex": batch[1] if batch else None,
+            "seed": service.new_seed() if seed is None else seed,
+            "video": video_of(request) or "none",
+            "dataSources": data_sources,
+            **applications,
+        },
+        tags=request.tags,
         token=token,
+        parent=batch[0] if batch else None,
     )
 
 

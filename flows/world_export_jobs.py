@@ -11,7 +11,6 @@ from ..schemas.errors import (
     ResourceNotFoundException,
     StorageAccessDeniedError,
 )
-from ..schemas.ids import new_id
 from ..schemas.world_export_jobs import (
     CreateWorldExportJobRequest,
     CreateWorldExportJobResponse,
@@ -50,17 +49,11 @@ def _stored(request: CreateWorldExportJobRequest, token: ClientToken | None, ser
     check_output_location(request.outputLocation.to_wire())
     for world in request.worlds:
         service.catalog.get(world, kind="world")
-    job_id = new_id("export", service.chance)
-    return service.catalog.create(
-        Resource.new(
-            arn=service.arn(KIND, job_id),
-            kind=KIND,
-            id=job_id,
-            name="",
-            status="Pending",
-            tags=request.tags or {},
-            document={"request": request.to_wire()},
-        ),
+    return service.store_job(
+        KIND,
+        "export",
+        {"request": request.to_wire()},
+        tags=request.tags,
         token=token,
     )
 

@@ -5,7 +5,7 @@ import threading
 from typing import Any
 
 from ..schemas.common import shorten
-from ..schemas.ids import new_id, world_id
+from ..schemas.ids import world_id
 from ..schemas.operations import seed_of
 from ..schemas.world_generation_jobs import (
     CreateWorldGenerationJobRequest,
@@ -39,21 +39,15 @@ def create_world_generation_job(
 def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None, service: Service) -> Resource:
     template = service.catalog.get(request.template, kind="world-template")
     seed = seed_of(request)
-    job_id = new_id("generation", service.chance)
-    return service.catalog.create(
-        Resource.new(
-            arn=service.arn(KIND, job_id),
-            kind=KIND,
-            id=job_id,
-            name="",
-            status="Pending",
-            tags=request.tags or {},
-            document={
-                "request": request.to_wire(),
-                "templateBody": template.document["templateBody"],
-                "seed": service.new_seed() if seed is None else seed,
-            },
-        ),
+    return service.store_job(
+        KIND,
+        "generation",
+        {
+            "request": request.to_wire(),
+            "templateBody": template.document["templateBody"],
+            "seed": service.new_seed() if seed is None else seed,
+        },
+        tags=request.tags,
         token=token,
     )
 

@@ -13,8 +13,10 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ..schemas.arns import resource_arn
+from ..schemas.ids import IdPrefix, new_id
 from ..schemas.settings import Settings
 from .builtins import register_builtins
 from .catalog import Catalog, ClientToken, Resource
@@ -94,6 +96,41 @@ class Service:
     def arn(self, kind: str, resource_id: str) -> str:
         """The ARN of a resource of this service."""
         return resource_arn(self.settings.region, self.settings.account, kind, resource_id)
+
+    def store_job(
+        self,
+        kind: str,
+        prefix: IdPrefix,
+        document: Mapping[str, Any],
+        *,
+        tags: Mapping[str, str] | None,
+        token: ClientToken | None,
+        parent: str | None = None,
+    ) -> Resource:
+        """Stores a new job as `Pending`, under an id of its own.
+
+        Args:
+          kind: its kind of resource, as in its ARN.
+          prefix: what its id begins with.
+          document: the request, and what its performer needs besides.
+          tags: its tags.
+          token: makes the call repeatable.
+          parent: ARN of the batch it belongs to.
+
+        Raises:
+          IdempotentParameterMismatchException: the token was used for another request.
+        """
+        job_id = new_id(prefix, self.chance)
+        job = Resource.new(
+            arn=self.arn(kind, job_id),
+            kind=kind,
+            id=job_id,
+            status="Pending",
+            parent=parent,
+            tags=tags,
+            document=document,
+        )
+        return self.catalog.create(job, token=token)
 
     def made_before(self, token: ClientToken | None) -> Resource | None:
         """What an earlier call with the same token made: repeating it succeeds whatever has changed since.

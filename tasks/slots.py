@@ -32,7 +32,7 @@ class Slots:
     """The slots that this performer holds of one batch; use as a context manager.
 
     Args:
-      name: name of the global concurrency limit; equal on every machine that performs the batch.
+      name: name of the global concurrency limit, the batch's own.
       limit: how many slots there are.
       wanted: how many this performer can use at once.
     """

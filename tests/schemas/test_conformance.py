@@ -147,10 +147,10 @@ def _equal(what: str, ours: object, published: object) -> Iterator[str]:
 def installers(target: Path) -> list[list[str]]:
     options = ["install", "--quiet", "--no-deps", "--target", str(target), BOTOCORE]
     commands = []
-    if uv := shutil.which("uv"):
-        commands.append([uv, "pip", *options, "--python", sys.executable])
     if importlib.util.find_spec("pip"):
         commands.append([sys.executable, "-m", "pip", *options])
+    if uv := shutil.which("uv"):
+        commands.append([uv, "pip", *options, "--python", sys.executable])
     if pip := shutil.which("pip"):
         commands.append([pip, *options])
     return commands
