@@ -35,10 +35,14 @@ Handler = Callable[[Any, Service], Shape]
 Performer = Callable[[str, Service], None]
 
 _MODULES = (
+    "deployment_jobs",
+    "fleets",
     "robot_applications",
+    "robots",
     "simulation_applications",
     "simulation_job_batches",
     "simulation_jobs",
+    "tags",
     "world_export_jobs",
     "world_generation_jobs",
     "world_templates",

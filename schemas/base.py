@@ -1,5 +1,6 @@
 """The base classes of every model: strict, closed, immutable."""
 
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -25,3 +26,15 @@ class Shape(Model):
     def to_wire(self) -> dict[str, Any]:
         """Returns the members that are present, as plain values (`datetime` stays `datetime`)."""
         return self.model_dump(exclude_none=True)
+
+
+@dataclass(frozen=True)
+class ShapeName:
+    """The service's name of a simple shape, list or map: put into a type's metadata with `Annotated`.
+
+    Bounds are given where the service publishes some that we do not enforce: those of lists in answers.
+    """
+
+    name: str
+    minimum: int | None = None
+    maximum: int | None = None

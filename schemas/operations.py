@@ -13,54 +13,44 @@ Extensions to the service's inputs, all of them:
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
-from . import errors
+from . import (
+    deployment_jobs,
+    fleets,
+    robot_applications,
+    robots,
+    simulation_applications,
+    simulation_job_batches,
+    simulation_jobs,
+    tags,
+    world_export_jobs,
+    world_generation_jobs,
+    world_templates,
+    worlds,
+)
 from .base import Shape
 from .common import MAX_SEED
+from .errors import InvalidParameterException
+from .operation_shape import ErrorClass, OperationShape
 from .request_problems import RequestProblem, nearest, problems_of
-from .robot_applications import CreateRobotApplicationRequest, CreateRobotApplicationResponse
-from .simulation_applications import CreateSimulationApplicationRequest, CreateSimulationApplicationResponse
-from .simulation_job_batches import (
-    DescribeSimulationJobBatchRequest,
-    DescribeSimulationJobBatchResponse,
-    StartSimulationJobBatchRequest,
-    StartSimulationJobBatchResponse,
-)
-from .simulation_jobs import (
-    BatchDescribeSimulationJobRequest,
-    BatchDescribeSimulationJobResponse,
-    CreateSimulationJobRequest,
-    CreateSimulationJobResponse,
-    DescribeSimulationJobRequest,
-    DescribeSimulationJobResponse,
-    SimulationJobOrder,
-)
+from .simulation_jobs import SimulationJobOrder
 from .simulation_run import VideoPolicy
-from .world_export_jobs import (
-    CreateWorldExportJobRequest,
-    CreateWorldExportJobResponse,
-    DescribeWorldExportJobRequest,
-    DescribeWorldExportJobResponse,
-)
-from .world_generation_jobs import (
-    CreateWorldGenerationJobRequest,
-    CreateWorldGenerationJobResponse,
-    DescribeWorldGenerationJobRequest,
-    DescribeWorldGenerationJobResponse,
-)
-from .world_templates import (
-    CreateWorldTemplateRequest,
-    CreateWorldTemplateResponse,
-    DescribeWorldTemplateRequest,
-    DescribeWorldTemplateResponse,
-    GetWorldTemplateBodyRequest,
-    GetWorldTemplateBodyResponse,
-)
-from .worlds import DescribeWorldRequest, DescribeWorldResponse, ListWorldsRequest, ListWorldsResponse
+from .world_generation_jobs import CreateWorldGenerationJobRequest
+
+__all__ = [
+    "EXTENSIONS",
+    "OPERATIONS",
+    "ErrorClass",
+    "OperationShape",
+    "check_request",
+    "operation_shape",
+    "parse_request",
+    "seed_of",
+    "video_of",
+]
 
 EXTENSIONS: Mapping[str, frozenset[str]] = {
     "CreateWorldGenerationJobRequest": frozenset({"seed"}),
@@ -76,162 +66,24 @@ SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"
 
 _Value = TypeVar("_Value")
-ErrorClass = type[errors.ServiceError]
-
-
-@dataclass(frozen=True)
-class OperationShape:
-    """One operation."""
-
-    name: str
-    """The service's name of it."""
-
-    request: type[Shape]
-    """What it takes."""
-
-    response: type[Shape]
-    """What it gives."""
-
-    errors: tuple[ErrorClass, ...]
-    """What it may raise."""
-
-    description: str
-    """What it does, in one line."""
-
-    is_job: bool = False
-    """Whether it starts something that goes on after the answer."""
-
-    method: str = "POST"
-    """HTTP method."""
-
-    @property
-    def path(self) -> str:
-        """HTTP path."""
-        return "/" + self.name[0].lower() + self.name[1:]
-
-
-_INVALID = errors.InvalidParameterException
-_EXISTS = errors.ResourceAlreadyExistsException
-_NOT_FOUND = errors.ResourceNotFoundException
-_MISMATCH = errors.IdempotentParameterMismatchException
-_LIMIT = errors.LimitExceededException
-_THROTTLED = errors.ThrottlingException
-_INTERNAL = errors.InternalServerException
-_UNAVAILABLE = errors.ServiceUnavailableException
-
-_LIST = (_INVALID, _THROTTLED, _INTERNAL)
-_READ = (_INVALID, _NOT_FOUND, _THROTTLED, _INTERNAL)
-_CREATE_APPLICATION = (_INVALID, _EXISTS, _LIMIT, _THROTTLED, _INTERNAL, _MISMATCH)
-_EXPORT = (_NOT_FOUND, _INVALID, _INTERNAL, _THROTTLED, _MISMATCH, _UNAVAILABLE)
-
-_ALL = (
-    OperationShape(
-        "CreateWorldTemplate",
-        CreateWorldTemplateRequest,
-        CreateWorldTemplateResponse,
-        (_INVALID, _EXISTS, _NOT_FOUND, _LIMIT, _THROTTLED, _INTERNAL),
-        "Keeps a description that worlds can be generated from.",
-    ),
-    OperationShape(
-        "DescribeWorldTemplate",
-        DescribeWorldTemplateRequest,
-        DescribeWorldTemplateResponse,
-        _READ,
-        "Says what is known of a world template.",
-    ),
-    OperationShape(
-        "GetWorldTemplateBody",
-        GetWorldTemplateBodyRequest,
-        GetWorldTemplateBodyResponse,
-        _READ,
-        "Gives a world template's body, as it is or as a generation job used it.",
-    ),
-    OperationShape(
-        "CreateWorldGenerationJob",
-        CreateWorldGenerationJobRequest,
-        CreateWorldGenerationJobResponse,
-        (*_EXPORT, _LIMIT),
-        "Generates worlds from a template.",
-        is_job=True,
-    ),
-    OperationShape(
-        "DescribeWorldGenerationJob",
-        DescribeWorldGenerationJobRequest,
-        DescribeWorldGenerationJobResponse,
-        _READ,
-        "Says how far a world generation job is and which worlds it made.",
-    ),
-    OperationShape("DescribeWorld", DescribeWorldRequest, DescribeWorldResponse, _READ, "Says what a world holds."),
-    OperationShape("ListWorlds", ListWorldsRequest, ListWorldsResponse, _LIST, "Lists worlds, newest first."),
-    OperationShape(
-        "CreateWorldExportJob",
-        CreateWorldExportJobRequest,
-        CreateWorldExportJobResponse,
-        _EXPORT,
-        "Packs worlds into an archive in the object store.",
-        is_job=True,
-    ),
-    OperationShape(
-        "DescribeWorldExportJob",
-        DescribeWorldExportJobRequest,
-        DescribeWorldExportJobResponse,
-        _READ,
-        "Says how far a world export job is.",
-    ),
-    OperationShape(
-        "CreateRobotApplication",
-        CreateRobotApplicationRequest,
-        CreateRobotApplicationResponse,
-        _CREATE_APPLICATION,
-        "Makes a robot application known under a name.",
-    ),
-    OperationShape(
-        "CreateSimulationApplication",
-        CreateSimulationApplicationRequest,
-        CreateSimulationApplicationResponse,
-        _CREATE_APPLICATION,
-        "Makes a simulation application known under a name.",
-    ),
-    OperationShape(
-        "CreateSimulationJob",
-        CreateSimulationJobRequest,
-        CreateSimulationJobResponse,
-        (*_EXPORT, _LIMIT),
-        "Runs one simulation.",
-        is_job=True,
-    ),
-    OperationShape(
-        "DescribeSimulationJob",
-        DescribeSimulationJobRequest,
-        DescribeSimulationJobResponse,
-        _READ,
-        "Says how far a simulation job is, and how it ended.",
-    ),
-    OperationShape(
-        "BatchDescribeSimulationJob",
-        BatchDescribeSimulationJobRequest,
-        BatchDescribeSimulationJobResponse,
-        _READ,
-        "Says the same of up to 100 simulation jobs.",
-    ),
-    OperationShape(
-        "StartSimulationJobBatch",
-        StartSimulationJobBatchRequest,
-        StartSimulationJobBatchResponse,
-        (_INVALID, _LIMIT, _THROTTLED, _MISMATCH, _INTERNAL),
-        "Runs many simulations, so many at a time.",
-        is_job=True,
-    ),
-    OperationShape(
-        "DescribeSimulationJobBatch",
-        DescribeSimulationJobBatchRequest,
-        DescribeSimulationJobBatchResponse,
-        (_NOT_FOUND, _INVALID, _INTERNAL),
-        "Says how far a batch is and what became of its requests.",
-    ),
+_RESOURCES = (
+    deployment_jobs,
+    fleets,
+    robot_applications,
+    robots,
+    simulation_applications,
+    simulation_job_batches,
+    simulation_jobs,
+    tags,
+    world_export_jobs,
+    world_generation_jobs,
+    world_templates,
+    worlds,
 )
 
-OPERATIONS: Mapping[str, OperationShape] = {operation.name: operation for operation in _ALL}
+OPERATIONS: Mapping[str, OperationShape] = {
+    operation.name: operation for resource in _RESOURCES for operation in resource.OPERATIONS
+}
 """Every operation by name."""
 
 
@@ -243,7 +95,7 @@ def operation_shape(name: str) -> OperationShape:
     """
     if (operation := OPERATIONS.get(name)) is None:
         hint = nearest(name, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
-        raise errors.InvalidParameterException(f"there is no operation {name!r}{hint}")
+        raise InvalidParameterException(f"there is no operation {name!r}{hint}")
     return operation
 
 
@@ -277,7 +129,7 @@ def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
         return model.model_validate(dict(data))
     except ValidationError as error:
         lines = [f"{operation_name}: {problem}" for problem in problems_of(error, model)]
-        raise errors.InvalidParameterException("\n".join(lines)) from error
+        raise InvalidParameterException("\n".join(lines)) from error
 
 
 def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> int | None:
@@ -290,7 +142,7 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> in
     if tag is None:
         return request.seed
     if not re.fullmatch("[0-9]+", tag) or int(tag) > MAX_SEED:
-        raise _INVALID(f"tags.{SEED_TAG} is {tag!r}; it has to be a whole number from 0 to {MAX_SEED}")
+        raise InvalidParameterException(f"tags.{SEED_TAG} is {tag!r}; it has to be a whole number from 0 to {MAX_SEED}")
     return _agreed("seed", SEED_TAG, request.seed, int(tag))
 
 
@@ -306,10 +158,14 @@ def video_of(request: SimulationJobOrder) -> VideoPolicy | None:
     for policy in get_args(VideoPolicy):
         if tag == policy:
             return _agreed("video", VIDEO_TAG, request.video, policy)
-    raise _INVALID(f"tags.{VIDEO_TAG} is {tag!r}; it has to be {' or '.join(map(repr, get_args(VideoPolicy)))}")
+    raise InvalidParameterException(
+        f"tags.{VIDEO_TAG} is {tag!r}; it has to be {' or '.join(map(repr, get_args(VideoPolicy)))}"
+    )
 
 
 def _agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:
     if by_member is not None and by_member != by_tag:
-        raise _INVALID(f"{member} is {by_member!r}, but tags.{tag} is {by_tag!r}; leave one of them out")
+        raise InvalidParameterException(
+            f"{member} is {by_member!r}, but tags.{tag} is {by_tag!r}; leave one of them out"
+        )
     return by_tag

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from .base import Shape
 from .common import Architecture, Arn, Name, S3Bucket, S3Etag, S3Key, TagMap, Timestamp, Version, exactly_one, text
+from .operation_shape import CREATE_APPLICATION_ERRORS, OperationShape
 
 RobotSoftwareSuiteType = Literal["ROS", "ROS2", "General"]
 RobotSoftwareSuiteVersionType = Literal["Kinetic", "Melodic", "Dashing", "Foxy"]
@@ -89,3 +90,14 @@ class CreateRobotApplicationResponse(Shape):
     revisionId: RevisionId | None = Field(default=None, description="Changes with every change of the application.")
     tags: TagMap | None = Field(default=None, description="Its tags.")
     environment: Environment | None = Field(default=None, description="Where it comes from, instead of archives.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateRobotApplication",
+        CreateRobotApplicationRequest,
+        CreateRobotApplicationResponse,
+        CREATE_APPLICATION_ERRORS,
+        "Makes a robot application known under a name.",
+    ),
+)

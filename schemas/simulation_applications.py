@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from .base import Shape
 from .common import Name, TagMap, text
+from .operation_shape import CREATE_APPLICATION_ERRORS, OperationShape
 from .robot_applications import (
     CreateRobotApplicationResponse,
     Environment,
@@ -60,3 +61,14 @@ class CreateSimulationApplicationResponse(CreateRobotApplicationResponse):
         default=None, description="The simulator it is written for."
     )
     renderingEngine: RenderingEngine | None = Field(default=None, description="Rendering engine, for Gazebo.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateSimulationApplication",
+        CreateSimulationApplicationRequest,
+        CreateSimulationApplicationResponse,
+        CREATE_APPLICATION_ERRORS,
+        "Makes a simulation application known under a name.",
+    ),
+)

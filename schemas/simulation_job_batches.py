@@ -6,6 +6,7 @@ from pydantic import Field
 
 from .base import Shape
 from .common import MAX_DURATION_S, Arn, ClientRequestToken, GenericString, TagMap, Timestamp
+from .operation_shape import INTERNAL, INVALID, LIMIT, MISMATCH, NOT_FOUND, THROTTLED, OperationShape
 from .simulation_jobs import SimulationJobErrorCode, SimulationJobRequest, SimulationJobRequests, SimulationJobSummary
 
 SimulationJobBatchStatus = Literal[
@@ -81,3 +82,22 @@ class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
     """One batch."""
 
     lastUpdatedAt: Timestamp | None = Field(default=None, description="When it last changed.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "StartSimulationJobBatch",
+        StartSimulationJobBatchRequest,
+        StartSimulationJobBatchResponse,
+        (INVALID, LIMIT, THROTTLED, MISMATCH, INTERNAL),
+        "Runs many simulations, so many at a time.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeSimulationJobBatch",
+        DescribeSimulationJobBatchRequest,
+        DescribeSimulationJobBatchResponse,
+        (NOT_FOUND, INVALID, INTERNAL),
+        "Says how far a batch is and what became of its requests.",
+    ),
+)

@@ -18,6 +18,7 @@ from .common import (
     TagMap,
     Timestamp,
 )
+from .operation_shape import CREATE_EXPORT_ERRORS, LIMIT, READ_ERRORS, OperationShape
 from .simulation_job_configs import (
     Compute,
     ComputeResponse,
@@ -202,3 +203,29 @@ class SimulationJobSummary(Shape):
 
 
 SimulationJobRequests = Annotated[list[SimulationJobRequest], Field(min_length=1, max_length=1000)]
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateSimulationJob",
+        CreateSimulationJobRequest,
+        CreateSimulationJobResponse,
+        (*CREATE_EXPORT_ERRORS, LIMIT),
+        "Runs one simulation.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeSimulationJob",
+        DescribeSimulationJobRequest,
+        DescribeSimulationJobResponse,
+        READ_ERRORS,
+        "Says how far a simulation job is, and how it ended.",
+    ),
+    OperationShape(
+        "BatchDescribeSimulationJob",
+        BatchDescribeSimulationJobRequest,
+        BatchDescribeSimulationJobResponse,
+        READ_ERRORS,
+        "Says the same of up to 100 simulation jobs.",
+    ),
+)

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from .base import Shape
 from .common import Arn, Arns, ClientRequestToken, GenericString, IamRole, OutputLocation, TagMap, Timestamp
+from .operation_shape import CREATE_EXPORT_ERRORS, READ_ERRORS, OperationShape
 
 WorldExportJobStatus = Literal["Pending", "Running", "Completed", "Failed", "Canceling", "Canceled"]
 WorldExportJobErrorCode = Literal[
@@ -49,3 +50,22 @@ class DescribeWorldExportJobResponse(CreateWorldExportJobResponse):
 
     failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
     worlds: list[Arn] | None = Field(default=None, description="ARNs of the worlds in the archive.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateWorldExportJob",
+        CreateWorldExportJobRequest,
+        CreateWorldExportJobResponse,
+        CREATE_EXPORT_ERRORS,
+        "Packs worlds into an archive in the object store.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeWorldExportJob",
+        DescribeWorldExportJobRequest,
+        DescribeWorldExportJobResponse,
+        READ_ERRORS,
+        "Says how far a world export job is.",
+    ),
+)

@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from .base import Shape
 from .common import Arn, ClientRequestToken, GenericString, Seed, TagMap, Timestamp
+from .operation_shape import CREATE_EXPORT_ERRORS, LIMIT, READ_ERRORS, OperationShape
 
 WorldGenerationJobStatus = Literal[
     "Pending", "Running", "Completed", "Failed", "PartialFailed", "Canceling", "Canceled"
@@ -109,3 +110,22 @@ class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):
 
     failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
     finishedWorldsSummary: FinishedWorldsSummary | None = Field(default=None, description="What became of the worlds.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateWorldGenerationJob",
+        CreateWorldGenerationJobRequest,
+        CreateWorldGenerationJobResponse,
+        (*CREATE_EXPORT_ERRORS, LIMIT),
+        "Generates worlds from a template.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeWorldGenerationJob",
+        DescribeWorldGenerationJobRequest,
+        DescribeWorldGenerationJobResponse,
+        READ_ERRORS,
+        "Says how far a world generation job is and which worlds it made.",
+    ),
+)

@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from .base import Shape
 from .common import Arn, ClientRequestToken, GenericString, Json, S3Bucket, S3Key, TagMap, Timestamp, exactly_one, text
+from .operation_shape import EXISTS, INTERNAL, INVALID, LIMIT, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
 
 
 def _as_text(body: object) -> object:
@@ -93,3 +94,28 @@ class GetWorldTemplateBodyResponse(Shape):
     """A template's body."""
 
     templateBody: Json | None = Field(default=None, description="The body, JSON text.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateWorldTemplate",
+        CreateWorldTemplateRequest,
+        CreateWorldTemplateResponse,
+        (INVALID, EXISTS, NOT_FOUND, LIMIT, THROTTLED, INTERNAL),
+        "Keeps a description that worlds can be generated from.",
+    ),
+    OperationShape(
+        "DescribeWorldTemplate",
+        DescribeWorldTemplateRequest,
+        DescribeWorldTemplateResponse,
+        READ_ERRORS,
+        "Says what is known of a world template.",
+    ),
+    OperationShape(
+        "GetWorldTemplateBody",
+        GetWorldTemplateBodyRequest,
+        GetWorldTemplateBodyResponse,
+        READ_ERRORS,
+        "Gives a world template's body, as it is or as a generation job used it.",
+    ),
+)

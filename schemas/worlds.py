@@ -4,6 +4,7 @@ from pydantic import Field
 
 from .base import Shape
 from .common import Arn, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
+from .operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
 
 
 class DescribeWorldRequest(Shape):
@@ -47,3 +48,18 @@ class ListWorldsResponse(Shape):
 
     worldSummaries: list[WorldSummary] | None = Field(default=None, description="Worlds, newest first.")
     nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "DescribeWorld", DescribeWorldRequest, DescribeWorldResponse, READ_ERRORS, "Says what a world holds."
+    ),
+    OperationShape(
+        "ListWorlds",
+        ListWorldsRequest,
+        ListWorldsResponse,
+        LIST_ERRORS,
+        "Lists worlds, newest first.",
+        result_key="worldSummaries",
+    ),
+)

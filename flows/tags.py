@@ -1,0 +1,9 @@
+"""Tags: words that users put on resources."""
+
+from typing import Any
+
+from .operation import flows_of
+
+
+def __getattr__(name: str) -> Any:
+    return flows_of(__name__)(name)

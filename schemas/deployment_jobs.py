@@ -1,0 +1,5 @@
+"""Deployment jobs: an application brought to the robots of a fleet."""
+
+from .operation_shape import OperationShape
+
+OPERATIONS: tuple[OperationShape, ...] = ()

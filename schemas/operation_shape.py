@@ -1,0 +1,69 @@
+"""What an operation is, as data; each resource's module lists its own as `OPERATIONS`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from . import errors
+from .base import Shape
+
+ErrorClass = type[errors.ServiceError]
+Location = Literal["uri", "querystring"]
+
+INVALID = errors.InvalidParameterException
+EXISTS = errors.ResourceAlreadyExistsException
+NOT_FOUND = errors.ResourceNotFoundException
+MISMATCH = errors.IdempotentParameterMismatchException
+LIMIT = errors.LimitExceededException
+THROTTLED = errors.ThrottlingException
+INTERNAL = errors.InternalServerException
+UNAVAILABLE = errors.ServiceUnavailableException
+CONCURRENT = errors.ConcurrentDeploymentException
+
+LIST_ERRORS: tuple[ErrorClass, ...] = (INVALID, THROTTLED, INTERNAL)
+READ_ERRORS: tuple[ErrorClass, ...] = (INVALID, NOT_FOUND, THROTTLED, INTERNAL)
+CREATE_APPLICATION_ERRORS: tuple[ErrorClass, ...] = (INVALID, EXISTS, LIMIT, THROTTLED, INTERNAL, MISMATCH)
+CREATE_EXPORT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, MISMATCH, UNAVAILABLE)
+
+
+@dataclass(frozen=True)
+class OperationShape:
+    """One operation: what it takes, gives and refuses, and how it is reached."""
+
+    name: str
+    """The service's name of it."""
+
+    request: type[Shape]
+    """What it takes."""
+
+    response: type[Shape]
+    """What it gives."""
+
+    errors: tuple[ErrorClass, ...]
+    """What it may raise."""
+
+    description: str
+    """What it does, in one line."""
+
+    is_job: bool = False
+    """Whether it starts something that goes on after the answer."""
+
+    method: str = "POST"
+    """HTTP method."""
+
+    uri: str | None = None
+    """HTTP path, with members in braces, where it is not the operation's name."""
+
+    locations: Mapping[str, Location] = field(default_factory=dict)
+    """Members of the request that travel in the path or the query, not in the body."""
+
+    result_key: str | None = None
+    """For lists: the member of the response that holds the entries of a page."""
+
+    deprecated: bool = False
+    """Whether the service's last model marked it so."""
+
+    @property
+    def path(self) -> str:
+        """HTTP path."""
+        return self.uri or "/" + self.name[0].lower() + self.name[1:]
