@@ -97,7 +97,9 @@ IamRole = Annotated[str, text(1, 255, r"arn:aws:iam::\w+:role/.*")]
 
 TagKey = Annotated[str, text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 TagValue = Annotated[str, text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
-TagMap = Annotated[dict[TagKey, TagValue], Field(max_length=50), AfterValidator(_no_reserved_tags)]
+MAX_TAGS = 50
+"""How many tags a resource may have."""
+TagMap = Annotated[dict[TagKey, TagValue], Field(max_length=MAX_TAGS), AfterValidator(_no_reserved_tags)]
 
 # Object store
 

@@ -6,7 +6,7 @@ itself calls (in a worker, from a schedule) find it through `Service.current`.
 
 import os
 import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
@@ -106,6 +106,7 @@ class Service:
         tags: Mapping[str, str] | None,
         token: ClientToken | None,
         parent: str | None = None,
+        labels: Mapping[str, Sequence[str]] | None = None,
     ) -> Resource:
         """Stores a new job as `Pending`, under an id of its own.
 
@@ -116,6 +117,7 @@ class Service:
           tags: its tags.
           token: makes the call repeatable.
           parent: ARN of the batch it belongs to.
+          labels: what else lists find it by.
 
         Raises:
           IdempotentParameterMismatchException: the token was used for another request.
@@ -128,6 +130,7 @@ class Service:
             status="Pending",
             parent=parent,
             tags=tags,
+            labels=labels,
             document=document,
         )
         return self.catalog.create(job, token=token)

@@ -1,20 +1,28 @@
 """The catalog: every resource, whoever asks, from any thread and any process."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Engine, RowMapping, and_, delete, func, insert, or_, select, update
-from sqlalchemy.exc import DBAPIError, IntegrityError
+from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, func, insert, or_, select, update
+from sqlalchemy.exc import IntegrityError
 
 from ...schemas.arns import ResourceArn
-from ...schemas.errors import ServiceUnavailableException, StateConflictError
+from ...schemas.common import MAX_TAGS
+from ...schemas.errors import InvalidParameterException, LimitExceededException, StateConflictError
 from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
-from .engine import open_engine, writing
-from .pages import decode_page_token, encode_page_token
-from .queries import COLUMNS, changed_one, check_free, list_conditions, not_found, one_row, repeated, resource_of
-from .records import ClientToken, NewResource, Page, Resource
+from .queries import (
+    changed_one,
+    check_free,
+    insert_labels,
+    not_found,
+    one_row,
+    repeated,
+    replace_labels,
+    resource_of,
+)
+from .reading import CatalogReader
+from .records import ClientToken, NewResource, Resource
 from .tables import client_tokens, resources
 
 _MAX_ATTEMPTS = 100
@@ -22,7 +30,7 @@ _MAX_ATTEMPTS = 100
 Document = dict[str, Any]
 
 
-class Catalog:
+class Catalog(CatalogReader):
     """Resources in a database; open with `Catalog.open`.
 
     Every method is one transaction, and raises `ServiceUnavailableException` when the database does
@@ -32,11 +40,6 @@ class Catalog:
     hold the resource's lease: a performer that lost its lease to another cannot change anything any
     more.
     """
-
-    def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
-        self._engine = open_engine(url)
-        self._writer = writing(self._engine)
-        self._clock = clock
 
     @classmethod
     def open(cls, url: str, *, clock: Callable[[], datetime]) -> "Catalog":
@@ -50,10 +53,6 @@ class Catalog:
           ConfigurationError: the URL leads nowhere, or a newer program made the catalog.
         """
         return cls(url, clock)
-
-    def close(self) -> None:
-        """Closes all connections; the catalog reopens them when it is used again."""
-        self._engine.dispose()
 
     # Creating and deleting
 
@@ -83,22 +82,7 @@ class Catalog:
             if token is not None and (earlier := repeated(connection, token, account)) is not None:
                 return earlier
             check_free(connection, resource, unique_name)
-            now = self._now()
-            row = {
-                "arn": resource.arn,
-                "kind": resource.kind,
-                "id": resource.id,
-                "name": resource.name,
-                "unique_name": resource.name if unique_name else None,
-                "status": resource.status,
-                "parent": resource.parent,
-                "created_at": now,
-                "updated_at": now,
-                "revision": 1,
-                "tags": dict(resource.tags),
-                "document": dict(resource.document),
-            }
-            connection.execute(insert(resources).values(row))
+            created = self._insert(connection, resource, unique_name)
             if token is not None:
                 connection.execute(
                     insert(client_tokens).values(
@@ -109,11 +93,61 @@ class Catalog:
                         arn=resource.arn,
                     )
                 )
-            del row["unique_name"]
-            return Resource(**row)
+            return created
 
-    def delete(self, arn: str) -> None:
+    def _insert(self, connection: Connection, resource: NewResource, unique_name: bool = False) -> Resource:
+        now = self._now()
+        row = {
+            "arn": resource.arn,
+            "kind": resource.kind,
+            "id": resource.id,
+            "name": resource.name,
+            "status": resource.status,
+            "parent": resource.parent,
+            "created_at": now,
+            "updated_at": now,
+            "revision": 1,
+            "tags": dict(resource.tags),
+            "labels": {key: list(values) for key, values in resource.labels.items()},
+            "document": dict(resource.document),
+        }
+        unique = {"unique_name": resource.name if unique_name else None}
+        added = insert(resources).values({**row, **unique}).returning(resources.c.sequence)
+        insert_labels(connection, connection.execute(added).scalar_one(), resource.labels)
+        return Resource(**row)
+
+    def create_numbered(self, parent: str, make: Callable[[Resource, int], NewResource], *, most: int) -> Resource:
+        """Adds the next of a parent's numbered children; of several callers each gets a number of its own.
+
+        Args:
+          parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
+          make: given the parent and the number, describes the child; what it raises is raised.
+          most: how many children of that kind there may be.
+
+        Raises:
+          ResourceNotFoundException: there is no such parent.
+          LimitExceededException: there are `most` already.
+        """
+        with self._transaction(self._writer) as connection:
+            row = one_row(connection, parent)
+            number = int(row["document"].get("lastNumber", 0)) + 1
+            child = make(resource_of(row), number)
+            siblings = and_(resources.c.parent == parent, resources.c.kind == child.kind)
+            if (existing := connection.scalar(select(func.count()).where(siblings)) or 0) >= most:
+                raise LimitExceededException(
+                    f"{parent} has {existing} of at most {most} of kind {child.kind}; delete some first"
+                )
+            check_free(connection, child, unique_name=False)
+            counted = {"document": {**row["document"], "lastNumber": number}, "revision": row["revision"] + 1}
+            connection.execute(update(resources).where(resources.c.arn == parent).values(counted))
+            return self._insert(connection, child)
+
+    def delete(self, arn: str, *, children: Sequence[str] = ()) -> None:
         """Removes a resource and forgets the tokens that made it.
+
+        Args:
+          arn: its ARN.
+          children: kinds of children that go with it.
 
         Raises:
           ResourceNotFoundException: there is none.
@@ -121,114 +155,76 @@ class Catalog:
         with self._transaction(self._writer) as connection:
             if not changed_one(connection.execute(delete(resources).where(resources.c.arn == arn))):
                 raise not_found(arn)
-
-    # Reading
-
-    def get(self, arn: str, kind: str | None = None) -> Resource:
-        """Reads a resource.
-
-        Args:
-          arn: its ARN.
-          kind: what it has to be; `None`: anything.
-
-        Raises:
-          ResourceNotFoundException: there is none of that ARN and kind.
-        """
-        with self._transaction(self._engine) as connection:
-            return resource_of(one_row(connection, arn, kind))
-
-    def get_many(self, arns: Iterable[str]) -> dict[str, Resource]:
-        """Reads several resources; those that do not exist are absent from the answer."""
-        wanted = list(arns)
-        found: dict[str, Resource] = {}
-        with self._transaction(self._engine) as connection:
-            for start in range(0, len(wanted), 500):  # databases limit the number of values in a statement
-                chunk = wanted[start : start + 500]
-                for row in connection.execute(select(*COLUMNS).where(resources.c.arn.in_(chunk))).mappings():
-                    found[row["arn"]] = resource_of(row)
-        return found
-
-    def made_before(self, token: ClientToken | None, account: str) -> Resource | None:
-        """The resource that an earlier call with this token added; asked before anything else is checked.
-
-        Args:
-          token: the caller's token; `None`: there was no such call.
-          account: whose token it is.
-
-        Raises:
-          IdempotentParameterMismatchException: that call was another request.
-        """
-        if token is None:
-            return None
-        with self._transaction(self._engine) as connection:
-            return repeated(connection, token, account)
-
-    def find(self, kind: str, name: str) -> Resource | None:
-        """The newest resource of a kind and name."""
-        query = select(*COLUMNS).where(resources.c.kind == kind, resources.c.name == name)
-        with self._transaction(self._engine) as connection:
-            row = connection.execute(query.order_by(resources.c.sequence.desc()).limit(1)).mappings().one_or_none()
-        return None if row is None else resource_of(row)
-
-    def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
-        """The resources of a kind that came from a parent, oldest first."""
-        query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)
-        with self._transaction(self._engine) as connection:
-            return tuple(
-                resource_of(row) for row in connection.execute(query.order_by(resources.c.sequence)).mappings()
-            )
-
-    def count_children(self, parent: str, kind: str) -> dict[str, int]:
-        """How many resources of a kind that came from a parent are in each status."""
-        query = select(resources.c.status, func.count()).where(resources.c.parent == parent, resources.c.kind == kind)
-        with self._transaction(self._engine) as connection:
-            return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.status))}
-
-    def list(
-        self,
-        kind: str,
-        *,
-        filters: Mapping[str, Sequence[str]] | None = None,
-        limit: int = 100,
-        after: str | None = None,
-    ) -> Page:
-        """Reads a page of resources, newest first; resources added meanwhile do not shift later pages.
-
-        Args:
-          kind: what is listed.
-          filters: for `name`, `parent` or `status` the values that are wanted.
-          limit: how many at most.
-          after: the page before's `next_token`; `None`: the first page.
-
-        Raises:
-          InvalidParameterException: a filter is not known, or the token is not of this list.
-        """
-        wanted = filters or {}
-        query = select(resources.c.sequence, *COLUMNS).where(*list_conditions(kind, wanted))
-        if after is not None:
-            query = query.where(resources.c.sequence < decode_page_token(kind, wanted, after))
-        with self._transaction(self._engine) as connection:
-            rows = connection.execute(query.order_by(resources.c.sequence.desc()).limit(limit + 1)).mappings().all()
-        more = len(rows) > limit
-        token = encode_page_token(kind, wanted, rows[limit - 1]["sequence"]) if more else None
-        return Page(tuple(resource_of(row) for row in rows[:limit]), token)
+            if children:
+                theirs = and_(resources.c.parent == arn, resources.c.kind.in_(children))
+                connection.execute(delete(resources).where(theirs))
 
     # Changing
 
-    def update(self, arn: str, changes: Callable[[Document], Document], *, owner: str | None = None) -> Resource:
+    def update(
+        self,
+        arn: str,
+        changes: Callable[[Document], Document],
+        *,
+        owner: str | None = None,
+        name: str | None = None,
+        labels: Mapping[str, Sequence[str]] | None = None,
+        status: str | None = None,
+    ) -> Resource:
         """Changes a resource's document.
 
         Args:
           arn: its ARN.
           changes: given the document, returns the new one; has to be quick, and is called again
-            when somebody else changed the resource meanwhile.
+            when somebody else changed the resource meanwhile; what it raises is raised, and nothing
+            is changed.
           owner: who has to hold the lease; `None`: it does not matter.
+          name: its new name, for kinds whose names may repeat; `None`: as it is.
+          labels: its new labels; `None`: as they are.
+          status: its new status, for kinds without a lifecycle; `None`: as it is.
 
         Raises:
           ResourceNotFoundException: there is no such resource.
           StateConflictError: `owner` does not hold the lease.
         """
-        return self._change(arn, owner, lambda row: {"document": changes(dict(row["document"]))})
+        given = {"name": name, "labels": labels, "status": status}
+        others = {column: value for column, value in given.items() if value is not None}
+
+        def compute(row: RowMapping) -> dict[str, Any]:
+            if status is not None and row["kind"] in LIFECYCLES:
+                raise StateConflictError(f"{arn} is a {row['kind']}; its status changes by events only")
+            return {**others, "document": changes(dict(row["document"]))}
+
+        return self._change(arn, owner, compute)
+
+    def set_tags(self, arn: str, tags: Mapping[str, str]) -> Resource:
+        """Adds tags to a resource's, and replaces the values of those it has.
+
+        Raises:
+          ResourceNotFoundException: there is no such resource.
+          InvalidParameterException: it would have more than 50.
+        """
+
+        def merged(row: RowMapping) -> dict[str, Any]:
+            after = {**row["tags"], **tags}
+            if len(after) > MAX_TAGS:
+                raise InvalidParameterException(
+                    f"tags: {arn} would have {len(after)} tags; a resource has at most {MAX_TAGS}"
+                )
+            return {"tags": after}
+
+        return self._change(arn, None, merged)
+
+    def remove_tags(self, arn: str, keys: Iterable[str]) -> Resource:
+        """Removes tags of a resource; keys it does not have are ignored.
+
+        Raises:
+          ResourceNotFoundException: there is no such resource.
+        """
+        gone = set(keys)
+        return self._change(
+            arn, None, lambda row: {"tags": {key: value for key, value in row["tags"].items() if key not in gone}}
+        )
 
     def transition(
         self,
@@ -273,6 +269,8 @@ class Catalog:
                 values = {**compute(row), "revision": row["revision"] + 1, "updated_at": self._now()}
                 unchanged = and_(resources.c.arn == arn, resources.c.revision == row["revision"])
                 if changed_one(connection.execute(update(resources).where(unchanged).values(values))):
+                    if "labels" in values:
+                        replace_labels(connection, arn, values["labels"])
                     return resource_of(row, **values)
         raise StateConflictError(f"{arn} was changed by others {_MAX_ATTEMPTS} times in a row; try again later")
 
@@ -348,16 +346,3 @@ class Catalog:
                 return True
             one_row(connection, arn)
             return False
-
-    @contextmanager
-    def _transaction(self, engine: Engine) -> Iterator[Connection]:
-        try:
-            with engine.begin() as connection:
-                yield connection
-        except IntegrityError:
-            raise
-        except DBAPIError as error:
-            raise ServiceUnavailableException(f"the catalog {engine.url!r} does not answer: {error.orig}") from error
-
-    def _now(self) -> datetime:
-        return self._clock().astimezone(UTC)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, make_url, select, text
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from ...schemas.errors import ConfigurationError
@@ -16,7 +16,14 @@ from .tables import metadata, schema_version
 _BUSY_TIMEOUT_S = 30.0
 _MIGRATION_LOCK = 0x0B07  # any number, the same for all programs that use this catalog
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all,)
+
+def _add_labels(connection: Connection) -> None:
+    metadata.create_all(connection)
+    if "labels" not in {column["name"] for column in inspect(connection).get_columns("resources")}:
+        connection.execute(text("ALTER TABLE resources ADD COLUMN labels JSON"))
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all, _add_labels)
 """Each brings the tables one version further; later ones are added at the end and never change.
 
 The first makes all tables as they are now, so a migration added later is for catalogs that were

@@ -3,16 +3,15 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, Connection, CursorResult, RowMapping, and_, or_, select
+from sqlalchemy import ColumnElement, Connection, CursorResult, RowMapping, and_, delete, insert, or_, select
 
 from ...schemas.errors import (
     IdempotentParameterMismatchException,
-    InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
 )
 from .records import ClientToken, NewResource, Resource
-from .tables import client_tokens, resources
+from .tables import client_tokens, resource_labels, resources
 
 COLUMNS = (
     resources.c.arn,
@@ -25,6 +24,7 @@ COLUMNS = (
     resources.c.updated_at,
     resources.c.revision,
     resources.c.tags,
+    resources.c.labels,
     resources.c.document,
 )
 """What a `Resource` is made of."""
@@ -34,7 +34,9 @@ _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": re
 
 def resource_of(row: RowMapping, **changes: Any) -> Resource:
     """Makes a resource of a row, with some values replaced."""
-    return Resource(**{column.name: row[column.name] for column in COLUMNS} | changes)
+    values = {column.name: row[column.name] for column in COLUMNS} | changes
+    values["labels"] = values["labels"] or {}  # rows from before there were labels have none
+    return Resource(**values)
 
 
 def not_found(arn: str) -> ResourceNotFoundException:
@@ -62,18 +64,41 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
     return row
 
 
-def list_conditions(kind: str, filters: Mapping[str, Sequence[str]]) -> list[ColumnElement[bool]]:
-    """The conditions for a list: of a kind, and for each filter one of its values.
+def list_conditions(kinds: Sequence[str], filters: Mapping[str, Sequence[str]]) -> list[ColumnElement[bool]]:
+    """The conditions for a list: of some kinds, and for each filter one of its values.
 
-    Raises:
-      InvalidParameterException: there is no filter of that name.
+    A filter that names no column is one of a label.
     """
-    conditions: list[ColumnElement[bool]] = [resources.c.kind == kind]
+    one_kind = len(kinds) == 1
+    conditions: list[ColumnElement[bool]] = [resources.c.kind == kinds[0] if one_kind else resources.c.kind.in_(kinds)]
     for name, values in filters.items():
-        if name not in _FILTERS:
-            raise InvalidParameterException(f"filters: {name!r} is not known; known are {', '.join(_FILTERS)}")
-        conditions.append(_FILTERS[name].in_(values))
+        if (column := _FILTERS.get(name)) is not None:
+            conditions.append(column.in_(values))
+            continue
+        labelled = select(resource_labels.c.sequence).where(
+            resource_labels.c.key == name, resource_labels.c.value.in_(values)
+        )
+        conditions.append(resources.c.sequence.in_(labelled))
     return conditions
+
+
+def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Sequence[str]]) -> None:
+    """Adds the labels of a row, by which lists find it."""
+    rows = [
+        {"sequence": sequence, "key": key, "value": value}
+        for key, values in labels.items()
+        for value in dict.fromkeys(values)
+    ]
+    if rows:
+        connection.execute(insert(resource_labels), rows)
+
+
+def replace_labels(connection: Connection, arn: str, labels: Mapping[str, Sequence[str]]) -> None:
+    """Puts other labels in the place of a row's."""
+    sequence = connection.scalar(select(resources.c.sequence).where(resources.c.arn == arn))
+    if sequence is not None:
+        connection.execute(delete(resource_labels).where(resource_labels.c.sequence == sequence))
+        insert_labels(connection, sequence, labels)
 
 
 def repeated(connection: Connection, token: ClientToken, account: str) -> Resource | None:

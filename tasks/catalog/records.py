@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -30,6 +30,9 @@ class NewResource:
 
     tags: Mapping[str, str] = field(default_factory=dict)
 
+    labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Further values that lists filter by, such as the names of a job's applications."""
+
     document: Mapping[str, Any] = field(default_factory=dict)
     """Plain JSON: the request, and whatever its performer records."""
 
@@ -55,6 +58,7 @@ class Resource(NewResource):
         status: str = "",
         parent: str | None = None,
         tags: Mapping[str, str] | None = None,
+        labels: Mapping[str, Sequence[str]] | None = None,
         document: Mapping[str, Any] | None = None,
     ) -> NewResource:
         """Describes a resource to create; the catalog adds the times."""
@@ -66,6 +70,7 @@ class Resource(NewResource):
             status=status,
             parent=parent,
             tags=tags or {},
+            labels={key: list(values) for key, values in (labels or {}).items()},
             document=document or {},
         )
 

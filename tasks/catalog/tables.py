@@ -58,6 +58,7 @@ resources = Table(
     Column("updated_at", UtcTime, nullable=False),
     Column("revision", Integer, nullable=False),
     Column("tags", JSON, nullable=False),
+    Column("labels", JSON, comment="further values that lists filter by; also in resource_labels"),
     Column("document", JSON, nullable=False),
     Column("cancel_requested", Boolean, nullable=False, default=False),
     Column("lease_owner", String(255)),
@@ -69,6 +70,15 @@ resources = Table(
     Index("resources_by_parent", "parent", "kind", "sequence"),
     # Ids of deleted rows must not come back: page tokens point between them.
     sqlite_autoincrement=True,
+)
+
+resource_labels = Table(
+    "resource_labels",
+    metadata,
+    # In this order one look-up finds the resources of a label, in the order of their creation.
+    Column("key", String(64), primary_key=True),
+    Column("value", String(255), primary_key=True),
+    Column("sequence", ForeignKey("resources.sequence", ondelete="CASCADE"), primary_key=True, index=True),
 )
 
 client_tokens = Table(

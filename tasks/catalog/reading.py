@@ -1,0 +1,164 @@
+"""Reading the catalog: one resource, several, those of a parent, pages of lists, what is left to do."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, Engine, func, or_, select
+from sqlalchemy.exc import DBAPIError, IntegrityError
+
+from ...schemas.errors import ServiceUnavailableException
+from ...schemas.lifecycles import LIFECYCLES
+from .engine import open_engine, writing
+from .pages import decode_page_token, encode_page_token
+from .queries import COLUMNS, list_conditions, one_row, repeated, resource_of
+from .records import ClientToken, Page, Resource
+from .tables import resources
+
+
+class CatalogReader:
+    """What reads and changes nothing; `Catalog` adds the rest."""
+
+    def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
+        self._engine = open_engine(url)
+        self._writer = writing(self._engine)
+        self._clock = clock
+
+    def close(self) -> None:
+        """Closes all connections; the catalog reopens them when it is used again."""
+        self._engine.dispose()
+
+    def get(self, arn: str, kind: str | None = None) -> Resource:
+        """Reads a resource.
+
+        Args:
+          arn: its ARN.
+          kind: what it has to be; `None`: anything.
+
+        Raises:
+          ResourceNotFoundException: there is none of that ARN and kind.
+        """
+        with self._transaction(self._engine) as connection:
+            return resource_of(one_row(connection, arn, kind))
+
+    def get_many(self, arns: Iterable[str]) -> dict[str, Resource]:
+        """Reads several resources; those that do not exist are absent from the answer."""
+        wanted = list(arns)
+        found: dict[str, Resource] = {}
+        with self._transaction(self._engine) as connection:
+            for start in range(0, len(wanted), 500):  # databases limit the number of values in a statement
+                chunk = wanted[start : start + 500]
+                for row in connection.execute(select(*COLUMNS).where(resources.c.arn.in_(chunk))).mappings():
+                    found[row["arn"]] = resource_of(row)
+        return found
+
+    def made_before(self, token: ClientToken | None, account: str) -> Resource | None:
+        """The resource that an earlier call with this token added; asked before anything else is checked.
+
+        Args:
+          token: the caller's token; `None`: there was no such call.
+          account: whose token it is.
+
+        Raises:
+          IdempotentParameterMismatchException: that call was another request.
+        """
+        if token is None:
+            return None
+        with self._transaction(self._engine) as connection:
+            return repeated(connection, token, account)
+
+    def find(self, kind: str, name: str) -> Resource | None:
+        """The newest resource of a kind and name."""
+        query = select(*COLUMNS).where(resources.c.kind == kind, resources.c.name == name)
+        with self._transaction(self._engine) as connection:
+            row = connection.execute(query.order_by(resources.c.sequence.desc()).limit(1)).mappings().one_or_none()
+        return None if row is None else resource_of(row)
+
+    def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
+        """The resources of a kind that came from a parent, oldest first."""
+        query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)
+        with self._transaction(self._engine) as connection:
+            return tuple(
+                resource_of(row) for row in connection.execute(query.order_by(resources.c.sequence)).mappings()
+            )
+
+    def count_children(self, parent: str, kind: str) -> dict[str, int]:
+        """How many resources of a kind that came from a parent are in each status."""
+        query = select(resources.c.status, func.count()).where(resources.c.parent == parent, resources.c.kind == kind)
+        with self._transaction(self._engine) as connection:
+            return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.status))}
+
+    def list(
+        self,
+        kinds: str | Sequence[str],
+        *,
+        filters: Mapping[str, Sequence[str]] | None = None,
+        limit: int = 100,
+        after: str | None = None,
+        scope: str = "",
+    ) -> Page:
+        """Reads a page of resources, newest first; resources added meanwhile do not shift later pages.
+
+        Args:
+          kinds: what is listed.
+          filters: for `name`, `parent`, `status` or a label the values that are wanted, one of which
+            has to be equal.
+          limit: how many at most.
+          after: the page before's `next_token`; `None`: the first page.
+          scope: for whom the list is made; page tokens of other scopes are refused.
+
+        Raises:
+          InvalidParameterException: the token is not of this list.
+        """
+        wanted = filters or {}
+        each_kind = (kinds,) if isinstance(kinds, str) else tuple(kinds)
+        listed = " ".join((scope, *each_kind))
+        query = select(resources.c.sequence, *COLUMNS).where(*list_conditions(each_kind, wanted))
+        if after is not None:
+            query = query.where(resources.c.sequence < decode_page_token(listed, wanted, after))
+        with self._transaction(self._engine) as connection:
+            rows = connection.execute(query.order_by(resources.c.sequence.desc()).limit(limit + 1)).mappings().all()
+        more = len(rows) > limit
+        token = encode_page_token(listed, wanted, rows[limit - 1]["sequence"]) if more else None
+        return Page(tuple(resource_of(row) for row in rows[:limit]), token)
+
+    def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
+        """The jobs that have not ended and that nobody performs, oldest first.
+
+        Args:
+          kinds: which kinds of jobs.
+          limit: how many at most.
+        """
+        alive = {status for kind in kinds for status in set(LIFECYCLES[kind].states) - LIFECYCLES[kind].terminal}
+        query = select(*COLUMNS).where(
+            resources.c.kind.in_(kinds),
+            resources.c.status.in_(sorted(alive)),
+            or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= self._now()),
+        )
+        with self._transaction(self._engine) as connection:
+            rows = connection.execute(query.order_by(resources.c.sequence).limit(limit)).mappings()
+            return tuple(resource_of(row) for row in rows)
+
+    def count(self) -> dict[str, dict[str, int]]:
+        """How many resources there are, by kind and status."""
+        query = select(resources.c.kind, resources.c.status, func.count()).group_by(
+            resources.c.kind, resources.c.status
+        )
+        counts: dict[str, dict[str, int]] = {}
+        with self._transaction(self._engine) as connection:
+            for kind, status, number in connection.execute(query):
+                counts.setdefault(kind, {})[status] = number
+        return counts
+
+    @contextmanager
+    def _transaction(self, engine: Engine) -> Iterator[Connection]:
+        try:
+            with engine.begin() as connection:
+                yield connection
+        except IntegrityError:
+            raise
+        except DBAPIError as error:
+            raise ServiceUnavailableException(f"the catalog {engine.url!r} does not answer: {error.orig}") from error
+
+    def _now(self) -> datetime:
+        return self._clock().astimezone(UTC)
