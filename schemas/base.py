@@ -1,7 +1,7 @@
 """The base classes of every model: strict, closed, immutable."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict
 
@@ -38,3 +38,12 @@ class ShapeName:
     name: str
     minimum: int | None = None
     maximum: int | None = None
+    wire_type: Literal["long"] | None = None
+    """The wire's type, where Python knows no difference: a whole number of 64 bits."""
+
+
+def choices(enumeration: Any) -> tuple[Any, ...]:
+    """The values of a `Literal`, whether it has a `ShapeName` or not."""
+    if get_origin(enumeration) is Annotated:
+        enumeration = get_args(enumeration)[0]
+    return get_args(enumeration)

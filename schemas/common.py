@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
 
-from .base import Shape
+from .base import Shape, ShapeName
 
 MAX_DURATION_S = 14 * 24 * 3600
 """Longest job and longest batch: 14 days."""
@@ -68,45 +68,55 @@ def shorten(reason: str, limit: int = 1024) -> str:
 
 # Plain values
 
-Timestamp = AwareDatetime
+Timestamp = Annotated[AwareDatetime, ShapeName("CreatedAt")]
 """A moment with its time zone; on the wire a number of seconds since 1970."""
+LastStartedAt = Annotated[AwareDatetime, ShapeName("LastStartedAt")]
+LastUpdatedAt = Annotated[AwareDatetime, ShapeName("LastUpdatedAt")]
+FailedAt = Annotated[AwareDatetime, ShapeName("FailedAt")]
 
-GenericString = Annotated[str, text(0, 1024)]
-NonEmptyString = Annotated[str, text(1, 255)]
-Json = Annotated[str, text(1, 262144)]
-Name = Annotated[str, text(1, 255, r"[a-zA-Z0-9_\-]*")]
-Path = Annotated[str, text(1, 1024)]
-Version = Annotated[str, text(1, 255, r"(\$LATEST)|[0-9]*")]
-ClientRequestToken = Annotated[str, text(1, 64, r"[a-zA-Z0-9_\-=]*")]
-JobDuration = Annotated[int, Field(ge=1, le=MAX_DURATION_S)]
-Architecture = Literal["X86_64", "ARM64", "ARMHF"]
+GenericString = Annotated[str, ShapeName("GenericString"), text(0, 1024)]
+NonEmptyString = Annotated[str, ShapeName("NonEmptyString"), text(1, 255)]
+Json = Annotated[str, ShapeName("Json"), text(1, 262144)]
+Name = Annotated[str, ShapeName("Name"), text(1, 255, r"[a-zA-Z0-9_\-]*")]
+Path = Annotated[str, ShapeName("Path"), text(1, 1024)]
+Version = Annotated[str, ShapeName("Version"), text(1, 255, r"(\$LATEST)|[0-9]*")]
+ClientRequestToken = Annotated[str, ShapeName("ClientRequestToken"), text(1, 64, r"[a-zA-Z0-9_\-=]*")]
+JobDuration = Annotated[int, ShapeName("JobDuration", wire_type="long"), Field(ge=1, le=MAX_DURATION_S)]
+Architecture = Annotated[Literal["X86_64", "ARM64", "ARMHF"], ShapeName("Architecture")]
 MAX_SEED = 2**63 - 1
 """Largest seed: what databases, manifests and other programs hold as a whole number."""
-Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
+Seed = Annotated[int, ShapeName("Seed"), Field(ge=0, le=MAX_SEED)]
 
 # References
 
-Arn = Annotated[str, text(1, 1224, r"arn:.*")]
-Arns = Annotated[list[Arn], Field(min_length=1, max_length=100)]
-ApplicationReference = Annotated[str, text(1, 1224, r"arn:.*|[a-zA-Z0-9_\-]+")]
+Arn = Annotated[str, ShapeName("Arn"), text(1, 1224, r"arn:.*")]
+Arns = Annotated[list[Arn], ShapeName("Arns"), Field(min_length=1, max_length=100)]
+AnsweredArns = Annotated[list[Arn], ShapeName("Arns", 1, 100)]
+"""ARNs in an answer: as many as there are."""
+ApplicationReference = Annotated[str, ShapeName("ApplicationReference"), text(1, 1224, r"arn:.*|[a-zA-Z0-9_\-]+")]
 """An application's ARN or, an extension, its bare name."""
 
-IamRole = Annotated[str, text(1, 255, r"arn:aws:iam::\w+:role/.*")]
+IamRole = Annotated[str, ShapeName("IamRole"), text(1, 255, r"arn:aws:iam::\w+:role/.*")]
 
 # Tags
 
-TagKey = Annotated[str, text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
-TagValue = Annotated[str, text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
+TagKey = Annotated[str, ShapeName("TagKey"), text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
+TagValue = Annotated[str, ShapeName("TagValue"), text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 MAX_TAGS = 50
 """How many tags a resource may have."""
-TagMap = Annotated[dict[TagKey, TagValue], Field(max_length=MAX_TAGS), AfterValidator(_no_reserved_tags)]
+TagMap = Annotated[
+    dict[TagKey, TagValue],
+    ShapeName("TagMap"),
+    Field(max_length=MAX_TAGS),
+    AfterValidator(_no_reserved_tags),
+]
 
 # Object store
 
-S3Bucket = Annotated[str, text(3, 63, r"[a-z0-9][a-z0-9.\-]*[a-z0-9]")]
-S3Key = Annotated[str, text(1, 1024)]
-S3KeyOrPrefix = Annotated[str, text(0, 1024)]
-S3Etag = str
+S3Bucket = Annotated[str, ShapeName("S3Bucket"), text(3, 63, r"[a-z0-9][a-z0-9.\-]*[a-z0-9]")]
+S3Key = Annotated[str, ShapeName("S3Key"), text(1, 1024)]
+S3KeyOrPrefix = Annotated[str, ShapeName("S3KeyOrPrefix"), text(0, 1024)]
+S3Etag = Annotated[str, ShapeName("S3Etag")]
 
 
 class OutputLocation(Shape):
@@ -126,15 +136,15 @@ OptionalOutputLocation = Annotated[OutputLocation | None, BeforeValidator(_none_
 
 # Pages
 
-PaginationToken = Annotated[str, text(1, 2048, r"[a-zA-Z0-9_.\-\/+=]*")]
-MaxResults = Annotated[int, Field(ge=1, le=100)]
+PaginationToken = Annotated[str, ShapeName("PaginationToken"), text(1, 2048, r"[a-zA-Z0-9_.\-\/+=]*")]
+MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 
 
 class Filter(Shape):
     """A condition on the resources of a list."""
 
     name: Name | None = Field(default=None, description="What to compare, such as `status`.")
-    values: Annotated[list[Name], Field(min_length=1, max_length=1)] | None = Field(
+    values: Annotated[list[Name], ShapeName("FilterValues"), Field(min_length=1, max_length=1)] | None = Field(
         default=None, description="The value it has to be equal to; exactly one."
     )
 
@@ -145,7 +155,7 @@ class Filter(Shape):
         return self
 
 
-Filters = Annotated[list[Filter], Field(min_length=1, max_length=1)]
+Filters = Annotated[list[Filter], ShapeName("Filters"), Field(min_length=1, max_length=1)]
 
 
 def filter_values(filters: Sequence[Filter] | None) -> dict[str, list[str]]:
