@@ -5,8 +5,9 @@ These tables are the only way a status changes.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar, get_args
+from typing import Any, Generic, TypeVar
 
+from .base import choices
 from .errors import StateConflictError
 from .simulation_job_batches import SimulationJobBatchStatus
 from .simulation_jobs import SimulationJobStatus
@@ -79,7 +80,7 @@ _PREPARE_ROWS: dict[tuple[SimulationJobStatus, str], SimulationJobStatus] = {
 SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
     name="the simulation job",
     initial="Pending",
-    states=get_args(SimulationJobStatus),
+    states=choices(SimulationJobStatus),
     terminal=frozenset({"Completed", "Failed", "Terminated", "Canceled"}),
     transitions={**_table(_JOB_ROWS), **_PREPARE_ROWS},
 )
@@ -115,7 +116,7 @@ _BATCH_ROWS: dict[str, tuple[tuple[SimulationJobBatchStatus, ...], SimulationJob
 SIMULATION_JOB_BATCH: Lifecycle[SimulationJobBatchStatus] = Lifecycle(
     name="the simulation job batch",
     initial="Pending",
-    states=get_args(SimulationJobBatchStatus),
+    states=choices(SimulationJobBatchStatus),
     terminal=frozenset({"Completed", "Failed", "TimedOut", "Canceled"}),
     transitions=_table(_BATCH_ROWS),
 )
@@ -147,7 +148,7 @@ _GENERATION_ROWS: dict[str, tuple[tuple[WorldGenerationJobStatus, ...], WorldGen
 WORLD_GENERATION_JOB: Lifecycle[WorldGenerationJobStatus] = Lifecycle(
     name="the world generation job",
     initial="Pending",
-    states=get_args(WorldGenerationJobStatus),
+    states=choices(WorldGenerationJobStatus),
     terminal=frozenset({"Completed", "PartialFailed", "Failed", "Canceled"}),
     transitions=_table(_GENERATION_ROWS),
 )
@@ -173,7 +174,7 @@ _EXPORT_ROWS: dict[str, tuple[tuple[WorldExportJobStatus, ...], WorldExportJobSt
 WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
     name="the world export job",
     initial="Pending",
-    states=get_args(WorldExportJobStatus),
+    states=choices(WorldExportJobStatus),
     terminal=frozenset({"Completed", "Failed", "Canceled"}),
     transitions=_table(_EXPORT_ROWS),
 )

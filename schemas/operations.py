@@ -13,7 +13,7 @@ Extensions to the service's inputs, all of them:
 
 import re
 from collections.abc import Mapping
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -31,7 +31,7 @@ from . import (
     world_templates,
     worlds,
 )
-from .base import Shape
+from .base import Shape, choices
 from .common import MAX_SEED
 from .errors import InvalidParameterException
 from .operation_shape import ErrorClass, OperationShape
@@ -155,11 +155,11 @@ def video_of(request: SimulationJobOrder) -> VideoPolicy | None:
     tag = (request.tags or {}).get(VIDEO_TAG)
     if tag is None:
         return request.video
-    for policy in get_args(VideoPolicy):
+    for policy in choices(VideoPolicy):
         if tag == policy:
             return _agreed("video", VIDEO_TAG, request.video, policy)
     raise InvalidParameterException(
-        f"tags.{VIDEO_TAG} is {tag!r}; it has to be {' or '.join(map(repr, get_args(VideoPolicy)))}"
+        f"tags.{VIDEO_TAG} is {tag!r}; it has to be {' or '.join(map(repr, choices(VideoPolicy)))}"
     )
 
 

@@ -13,14 +13,14 @@
 
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from .base import Model
+from .base import Model, ShapeName
 
 Verdict = Literal["PASS", "FAIL", "NONE"]
-VideoPolicy = Literal["none", "always"]
+VideoPolicy = Annotated[Literal["none", "always"], ShapeName("VideoPolicy")]
 ApplicationRole = Literal["robot", "simulation"]
 
 
