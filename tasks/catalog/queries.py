@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, Connection, CursorResult, RowMapping, and_, delete, insert, or_, select
+from sqlalchemy import Connection, CursorResult, RowMapping, Select, and_, delete, insert, or_, select
 
 from ...schemas.errors import (
     IdempotentParameterMismatchException,
@@ -64,22 +64,37 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
     return row
 
 
-def list_conditions(kinds: Sequence[str], filters: Mapping[str, Sequence[str]]) -> list[ColumnElement[bool]]:
-    """The conditions for a list: of some kinds, and for each filter one of its values.
+def list_query(
+    kinds: Sequence[str], filters: Mapping[str, Sequence[str]], before: int | None, limit: int
+) -> Select[*tuple[Any, ...]]:
+    """The query for a page of a list, newest first, with each row's `sequence`.
 
-    A filter that names no column is one of a label.
+    Args:
+      kinds: what is listed.
+      filters: for each name the values one of which is wanted; a name that is no column is a label.
+      before: the place in the order of creation that the page lies before; `None`: the first page.
+      limit: how many rows at most.
     """
-    one_kind = len(kinds) == 1
-    conditions: list[ColumnElement[bool]] = [resources.c.kind == kinds[0] if one_kind else resources.c.kind.in_(kinds)]
+    kind, order = resources.c.kind, resources.c.sequence
+    query: Select[*tuple[Any, ...]] = select(resources.c.sequence, *COLUMNS)
+    query = query.where(kind == kinds[0] if len(kinds) == 1 else kind.in_(kinds))
     for name, values in filters.items():
         if (column := _FILTERS.get(name)) is not None:
-            conditions.append(column.in_(values))
-            continue
-        labelled = select(resource_labels.c.sequence).where(
-            resource_labels.c.key == name, resource_labels.c.value.in_(values)
-        )
-        conditions.append(resources.c.sequence.in_(labelled))
-    return conditions
+            query = query.where(column.in_(values))
+        elif len(values) == 1:
+            # A join walks along the label's index in the wanted order and stops when the page is full.
+            label = resource_labels.alias()
+            query = query.join(label, label.c.sequence == resources.c.sequence)
+            query = query.where(label.c.key == name, label.c.value == values[0])
+            order = label.c.sequence
+        else:
+            labels = resource_labels.c
+            query = query.where(
+                resources.c.sequence.in_(select(labels.sequence).where(labels.key == name, labels.value.in_(values)))
+            )
+    if before is not None:
+        query = query.where(order < before)
+    return query.order_by(order.desc()).limit(limit)
 
 
 def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Sequence[str]]) -> None:

@@ -11,7 +11,7 @@ from ...schemas.errors import ServiceUnavailableException
 from ...schemas.lifecycles import LIFECYCLES
 from .engine import open_engine, writing
 from .pages import decode_page_token, encode_page_token
-from .queries import COLUMNS, list_conditions, one_row, repeated, resource_of
+from .queries import COLUMNS, list_query, one_row, repeated, resource_of
 from .records import ClientToken, Page, Resource
 from .tables import resources
 
@@ -113,11 +113,9 @@ class CatalogReader:
         wanted = filters or {}
         each_kind = (kinds,) if isinstance(kinds, str) else tuple(kinds)
         listed = " ".join((scope, *each_kind))
-        query = select(resources.c.sequence, *COLUMNS).where(*list_conditions(each_kind, wanted))
-        if after is not None:
-            query = query.where(resources.c.sequence < decode_page_token(listed, wanted, after))
+        before = None if after is None else decode_page_token(listed, wanted, after)
         with self._transaction(self._engine) as connection:
-            rows = connection.execute(query.order_by(resources.c.sequence.desc()).limit(limit + 1)).mappings().all()
+            rows = connection.execute(list_query(each_kind, wanted, before, limit + 1)).mappings().all()
         more = len(rows) > limit
         token = encode_page_token(listed, wanted, rows[limit - 1]["sequence"]) if more else None
         return Page(tuple(resource_of(row) for row in rows[:limit]), token)
