@@ -8,7 +8,8 @@ Extensions to the service's inputs, all of them:
 | both orders of simulation jobs | `seed` | runs that can be repeated; also the tag `robomaker:seed` |
 | both orders of simulation jobs | `video` | `none` or `always`; also the tag `robomaker:video` |
 | both `...ApplicationConfig` | `application` | a bare name is as good as an ARN |
-| `CreateWorldTemplateRequest` | `templateBody` | a mapping is as good as JSON text |
+| requests that describe, version, update or delete an application | `application` | a bare name is as good as an ARN |
+| `CreateWorldTemplateRequest`, `UpdateWorldTemplateRequest` | `templateBody` | a mapping is as good as JSON text |
 """
 
 import re
@@ -59,6 +60,12 @@ EXTENSIONS: Mapping[str, frozenset[str]] = {
     "RobotApplicationConfig": frozenset({"application"}),
     "SimulationApplicationConfig": frozenset({"application"}),
     "CreateWorldTemplateRequest": frozenset({"templateBody"}),
+    "UpdateWorldTemplateRequest": frozenset({"templateBody"}),
+    **{
+        f"{action}{role}Application{suffix}Request": frozenset({"application"})
+        for role in ("Robot", "Simulation")
+        for action, suffix in (("Create", "Version"), ("Describe", ""), ("Update", ""), ("Delete", ""))
+    },
 }
 """Members, by shape, that are not in the service's interface or take more than it does."""
 
