@@ -8,6 +8,7 @@
 | `ROBOMAKER_REGION`, `ROBOMAKER_ACCOUNT` | what ARNs say | `us-east-1`, `000000000000` |
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once when a batch names no `maxConcurrency` | number of CPUs |
+| `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
 
@@ -27,6 +28,9 @@ from .request_problems import problems_of
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
+DEFAULT_MAX_WORLDS_PER_JOB = 50
+"""What the service allowed."""
+
 
 class Settings(Model):
     """All settings, resolved."""
@@ -42,6 +46,9 @@ class Settings(Model):
         description="Bucket for worlds, and for outputs that name none.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once when a batch names no maxConcurrency.")
+    max_worlds_per_job: int = Field(
+        default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
+    )
 
     @classmethod
     def from_environment(cls, environ: Mapping[str, str]) -> "Settings":
@@ -54,15 +61,13 @@ class Settings(Model):
           ConfigurationError: a variable has a value that cannot be used.
         """
         home = Path(environ.get("ROBOMAKER_HOME") or platformdirs.user_data_path("robomaker")).expanduser().resolve()
-        max_jobs = environ.get("ROBOMAKER_MAX_JOBS") or str(os.cpu_count() or 1)
-        if not re.fullmatch(r"[1-9][0-9]{0,3}", max_jobs):
-            raise ConfigurationError(f"ROBOMAKER_MAX_JOBS is {max_jobs!r}; it has to be a number from 1 to 9999")
         values: dict[str, object] = {
             "home": home,
             "catalog_url": environ.get("ROBOMAKER_CATALOG_URL")
             or f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db",
             "object_store": environ.get("ROBOMAKER_OBJECT_STORE") or str(home / "objects"),
-            "max_jobs": int(max_jobs),
+            "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
+            "max_worlds_per_job": max_worlds_per_job(environ),
         }
         for name in ("region", "account", "bucket"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
@@ -72,3 +77,22 @@ class Settings(Model):
         except ValidationError as error:
             problem = problems_of(error, cls)[0]
             raise ConfigurationError(f"ROBOMAKER_{problem.path}".upper() + f" {problem.message}") from error
+
+
+def max_worlds_per_job(environ: Mapping[str, str]) -> int:
+    """How many worlds one generation job may make, without the other settings.
+
+    Args:
+      environ: environment variables, usually `os.environ`.
+
+    Raises:
+      ConfigurationError: the variable has a value that cannot be used.
+    """
+    return _number(environ, "ROBOMAKER_MAX_WORLDS_PER_JOB", DEFAULT_MAX_WORLDS_PER_JOB)
+
+
+def _number(environ: Mapping[str, str], name: str, default: int) -> int:
+    given = environ.get(name) or str(default)
+    if not re.fullmatch(r"[1-9][0-9]{0,3}", given):
+        raise ConfigurationError(f"{name} is {given!r}; it has to be a number from 1 to 9999")
+    return int(given)

@@ -1,16 +1,32 @@
 """World export jobs: worlds packed into one archive in the object store."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .base import Shape
-from .common import Arn, Arns, ClientRequestToken, GenericString, IamRole, OutputLocation, TagMap, Timestamp
-from .operation_shape import CREATE_EXPORT_ERRORS, READ_ERRORS, OperationShape
+from .base import Shape, ShapeName
+from .common import (
+    AnsweredArns,
+    Arn,
+    Arns,
+    ClientRequestToken,
+    Filters,
+    GenericString,
+    IamRole,
+    MaxResults,
+    OutputLocation,
+    PaginationToken,
+    TagMap,
+    Timestamp,
+)
+from .operation_shape import CREATE_EXPORT_ERRORS, LIST_ERRORS, READ_ERRORS, OperationShape
 
 WorldExportJobStatus = Literal["Pending", "Running", "Completed", "Failed", "Canceling", "Canceled"]
-WorldExportJobErrorCode = Literal[
-    "InternalServiceError", "LimitExceeded", "ResourceNotFound", "RequestThrottled", "InvalidInput", "AccessDenied"
+WorldExportJobErrorCode = Annotated[
+    Literal[
+        "InternalServiceError", "LimitExceeded", "ResourceNotFound", "RequestThrottled", "InvalidInput", "AccessDenied"
+    ],
+    ShapeName("WorldExportJobErrorCode"),
 ]
 
 
@@ -49,7 +65,49 @@ class DescribeWorldExportJobResponse(CreateWorldExportJobResponse):
     """One job."""
 
     failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    worlds: list[Arn] | None = Field(default=None, description="ARNs of the worlds in the archive.")
+    worlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds in the archive.")
+
+
+class ListWorldExportJobsRequest(Shape):
+    """Asks for export jobs, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(
+        default=None,
+        description="Which jobs: by `status`, or by `generationJobId` or `templateId`, the id of what one of their "
+        "worlds came from; absent: all.",
+    )
+
+
+class WorldExportJobSummary(Shape):
+    """One export job in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the job.")
+    status: WorldExportJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    worlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds in the archive.")
+    outputLocation: OutputLocation | None = Field(default=None, description="Where the archive is put.")
+
+
+WorldExportJobSummaries = Annotated[list[WorldExportJobSummary], ShapeName("WorldExportJobSummaries", 0, 100)]
+
+
+class ListWorldExportJobsResponse(Shape):
+    """A page of export jobs."""
+
+    worldExportJobSummaries: WorldExportJobSummaries = Field(description="Jobs, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelWorldExportJobRequest(Shape):
+    """Names the job to cancel."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class CancelWorldExportJobResponse(Shape):
+    """Empty: the job is cancelled, or has ended before."""
 
 
 OPERATIONS = (
@@ -67,5 +125,20 @@ OPERATIONS = (
         DescribeWorldExportJobResponse,
         READ_ERRORS,
         "Says how far a world export job is.",
+    ),
+    OperationShape(
+        "ListWorldExportJobs",
+        ListWorldExportJobsRequest,
+        ListWorldExportJobsResponse,
+        LIST_ERRORS,
+        "Lists world export jobs, newest first.",
+        result_key="worldExportJobSummaries",
+    ),
+    OperationShape(
+        "CancelWorldExportJob",
+        CancelWorldExportJobRequest,
+        CancelWorldExportJobResponse,
+        READ_ERRORS,
+        "Cancels a world export job; it leaves no archive.",
     ),
 )

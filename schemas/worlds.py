@@ -1,9 +1,11 @@
 """Worlds: what generation jobs leave behind."""
 
+from typing import Annotated
+
 from pydantic import Field
 
-from .base import Shape
-from .common import Arn, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
+from .base import Shape, ShapeName
+from .common import AnsweredArns, Arn, Arns, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
 from .operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
 
 
@@ -31,7 +33,11 @@ class ListWorldsRequest(Shape):
 
     nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(default=None, description="Which worlds; absent: all.")
+    filters: Filters | None = Field(
+        default=None,
+        description="Which worlds: by `generationJobId` or `templateId`, the id of what they came from, or by "
+        "`status`, which is `Active` for every world; absent: all.",
+    )
 
 
 class WorldSummary(Shape):
@@ -43,11 +49,28 @@ class WorldSummary(Shape):
     template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
 
 
+WorldSummaries = Annotated[list[WorldSummary], ShapeName("WorldSummaries")]
+
+
 class ListWorldsResponse(Shape):
     """A page of worlds."""
 
-    worldSummaries: list[WorldSummary] | None = Field(default=None, description="Worlds, newest first.")
+    worldSummaries: WorldSummaries | None = Field(default=None, description="Worlds, newest first.")
     nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class BatchDeleteWorldsRequest(Shape):
+    """Names the worlds to delete."""
+
+    worlds: Arns = Field(description="ARNs of the worlds, 1 to 100.")
+
+
+class BatchDeleteWorldsResponse(Shape):
+    """What was not deleted."""
+
+    unprocessedWorlds: AnsweredArns | None = Field(
+        default=None, description="ARNs of the worlds that do not exist or could not be deleted."
+    )
 
 
 OPERATIONS = (
@@ -61,5 +84,12 @@ OPERATIONS = (
         LIST_ERRORS,
         "Lists worlds, newest first.",
         result_key="worldSummaries",
+    ),
+    OperationShape(
+        "BatchDeleteWorlds",
+        BatchDeleteWorldsRequest,
+        BatchDeleteWorldsResponse,
+        LIST_ERRORS,
+        "Deletes worlds, with what is stored of them.",
     ),
 )

@@ -247,7 +247,7 @@ def test_problems_carry_the_place_they_are_at() -> None:
 
 def test_an_unknown_operation_is_answered_with_the_nearest() -> None:
     assert "did you mean 'CreateSimulationJob'?" in complaint("createSimulationJob", {})
-    assert "there are BatchDescribeSimulationJob, " in complaint("Fly", {})
+    assert "there are BatchDeleteWorlds, " in complaint("Fly", {})
     assert operation_shape("ListWorlds").path == "/listWorlds"
 
 
