@@ -64,6 +64,8 @@ def _table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[St
 _JOB_ROWS: dict[str, tuple[tuple[SimulationJobStatus, ...], SimulationJobStatus]] = {
     "start": (("Preparing", "Restarting"), "Running"),
     "crash": (("Running",), "RunningFailed"),
+    "restart": (("Running", "RunningFailed"), "Restarting"),
+    "finish": (("Running", "RunningFailed"), "Terminating"),
     "terminate": (("Pending", "Preparing", "Running", "Restarting", "RunningFailed"), "Terminating"),
     "complete": (("Terminating",), "Completed"),
     "fail": (("Pending", "Preparing", "Restarting", "Terminating"), "Failed"),
@@ -87,19 +89,21 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
 """One simulation job.
 
 ```
-          prepare            start           terminate              complete
+          prepare            start            finish                complete
   Pending ───────> Preparing ─────> Running ──────────> Terminating ────────> Completed
-     │                 │    prepare │ ^ │ crash          ^  │  └─── cancel ──> Canceled
-     │                 │            v │ v      terminate │  │
+     │                 │    restart │ ^ │ crash          ^  │  └─── cancel ──> Canceled
+     │                 │            v │ v         finish │  │
      │                 │    Restarting  RunningFailed ───┘  │ fail
      └────── fail ─────┴── fail ┘                           └───────────────> Failed
 ```
 
-`terminate` is possible in every state on the way and opens the phase of uploads; a job that will
-fail carries its failure code from then on. `crash` is for `failureBehavior: Continue`; with `Fail`
-the job terminates. `prepare` may happen again, for a restart or after its performer died; a job that
-has run before is `Restarting` meanwhile. `Terminated` is in the interface, but nothing published
-says what it meant; no event leads there.
+`finish` is the end that a run comes to by itself; `terminate` stops a job, and is possible in every
+state on the way. Both open the phase of uploads; a job that will fail carries its failure code from
+then on. `restart` is ordered by somebody else while the run goes on: one that ends at the same moment
+cannot `finish` any more and is run again, so no accepted restart is lost. `crash` is for
+`failureBehavior: Continue`; with `Fail` the job terminates. `prepare` may happen again, for a restart
+or after its performer died; a job that has run before is `Restarting` meanwhile. `Terminated` is in
+the interface, but nothing published says what it meant; no event leads there.
 """
 
 _BATCH_ROWS: dict[str, tuple[tuple[SimulationJobBatchStatus, ...], SimulationJobBatchStatus]] = {

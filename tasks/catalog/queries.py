@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
-from sqlalchemy import Connection, CursorResult, RowMapping, Select, and_, delete, insert, or_, select
+from sqlalchemy import Connection, CursorResult, RowMapping, Select, and_, delete, insert, null, or_, select
 
 from ...schemas.errors import (
     IdempotentParameterMismatchException,
@@ -95,6 +95,23 @@ def list_query(
     if before is not None:
         query = query.where(order < before)
     return query.order_by(order.desc()).limit(limit)
+
+
+def only_members(query: Select[*tuple[Any, ...]], members: Sequence[str]) -> Select[*tuple[Any, ...]]:
+    """The same query, for which the database takes a few members out of each document."""
+    columns = (column for column in COLUMNS if column is not resources.c.document)
+    document = (resources.c.document[member].label(_member(member)) for member in members)
+    return query.with_only_columns(resources.c.sequence, *columns, null().label("document"), *document)
+
+
+def resource_with(row: RowMapping, members: Sequence[str]) -> Resource:
+    """Makes a resource of a row of such a query; members that its document does not have are absent."""
+    found = {member: row[_member(member)] for member in members}
+    return resource_of(row, document={member: value for member, value in found.items() if value is not None})
+
+
+def _member(name: str) -> str:
+    return f"document_{name}"
 
 
 def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Sequence[str]]) -> None:
