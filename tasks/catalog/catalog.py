@@ -1,16 +1,17 @@
 """The catalog: every resource, whoever asks, from any thread and any process."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, func, insert, or_, select, update
+from sqlalchemy import Connection, RowMapping, and_, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from ...schemas.arns import ResourceArn
 from ...schemas.common import MAX_TAGS
 from ...schemas.errors import InvalidParameterException, LimitExceededException, StateConflictError
 from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
+from .leases import CatalogLeases
 from .queries import (
     changed_one,
     check_free,
@@ -21,7 +22,6 @@ from .queries import (
     replace_labels,
     resource_of,
 )
-from .reading import CatalogReader
 from .records import ClientToken, NewResource, Resource
 from .tables import client_tokens, resources
 
@@ -30,7 +30,7 @@ _MAX_ATTEMPTS = 100
 Document = dict[str, Any]
 
 
-class Catalog(CatalogReader):
+class Catalog(CatalogLeases):
     """Resources in a database; open with `Catalog.open`.
 
     Every method is one transaction, and raises `ServiceUnavailableException` when the database does
@@ -299,50 +299,3 @@ class Catalog(CatalogReader):
         if asked is None:
             raise not_found(arn)
         return bool(asked)
-
-    # Leases: who performs a resource
-
-    def claim(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Takes a resource's lease if nobody else holds it.
-
-        Args:
-          arn: the resource.
-          owner: who asks; unlike anybody else, in this process or another.
-          lease_s: after how many seconds another may take it, unless it is renewed.
-
-        Returns:
-          Whether `owner` holds the lease now.
-
-        Raises:
-          ResourceNotFoundException: there is no such resource.
-        """
-        now = self._now()
-        free = or_(
-            resources.c.lease_owner.is_(None), resources.c.lease_owner == owner, resources.c.lease_expires_at <= now
-        )
-        return self._lease(arn, free, {"lease_owner": owner, "lease_expires_at": now + timedelta(seconds=lease_s)})
-
-    def renew(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Prolongs a lease, even one that ran out, as long as nobody else has taken it.
-
-        Returns:
-          Whether `owner` still holds the lease.
-        """
-        until = self._now() + timedelta(seconds=lease_s)
-        return self._lease(arn, resources.c.lease_owner == owner, {"lease_expires_at": until})
-
-    def release(self, arn: str, owner: str) -> bool:
-        """Gives a lease back.
-
-        Returns:
-          Whether `owner` held it.
-        """
-        return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
-
-    def _lease(self, arn: str, condition: ColumnElement[bool], values: Mapping[str, Any]) -> bool:
-        with self._transaction(self._writer) as connection:
-            taken = connection.execute(update(resources).where(resources.c.arn == arn, condition).values(values))
-            if changed_one(taken):
-                return True
-            one_row(connection, arn)
-            return False

@@ -23,7 +23,12 @@ def _add_labels(connection: Connection) -> None:
         connection.execute(text("ALTER TABLE resources ADD COLUMN labels JSON"))
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all, _add_labels)
+def _add_lost_performers(connection: Connection) -> None:
+    if "lost_performers" not in {column["name"] for column in inspect(connection).get_columns("resources")}:
+        connection.execute(text("ALTER TABLE resources ADD COLUMN lost_performers INTEGER NOT NULL DEFAULT 0"))
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all, _add_labels, _add_lost_performers)
 """Each brings the tables one version further; later ones are added at the end and never change.
 
 The first makes all tables as they are now, so a migration added later is for catalogs that were

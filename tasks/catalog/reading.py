@@ -4,11 +4,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from sqlalchemy import Connection, Engine, func, or_, select
+from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.errors import ServiceUnavailableException
-from ...schemas.lifecycles import LIFECYCLES
 from .engine import open_engine, writing
 from .pages import decode_page_token, encode_page_token
 from .queries import COLUMNS, list_query, one_row, repeated, resource_of
@@ -119,23 +118,6 @@ class CatalogReader:
         more = len(rows) > limit
         token = encode_page_token(listed, wanted, rows[limit - 1]["sequence"]) if more else None
         return Page(tuple(resource_of(row) for row in rows[:limit]), token)
-
-    def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
-        """The jobs that have not ended and that nobody performs, oldest first.
-
-        Args:
-          kinds: which kinds of jobs.
-          limit: how many at most.
-        """
-        alive = {status for kind in kinds for status in set(LIFECYCLES[kind].states) - LIFECYCLES[kind].terminal}
-        query = select(*COLUMNS).where(
-            resources.c.kind.in_(kinds),
-            resources.c.status.in_(sorted(alive)),
-            or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= self._now()),
-        )
-        with self._transaction(self._engine) as connection:
-            rows = connection.execute(query.order_by(resources.c.sequence).limit(limit)).mappings()
-            return tuple(resource_of(row) for row in rows)
 
     def count(self) -> dict[str, dict[str, int]]:
         """How many resources there are, by kind and status."""

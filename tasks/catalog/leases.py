@@ -1,0 +1,129 @@
+"""Leases: who performs which job, what waits for a performer, and how many performers a job has lost."""
+
+from collections.abc import Mapping, Sequence
+from datetime import timedelta
+from typing import Any
+
+from sqlalchemy import ColumnElement, and_, case, or_, select, update
+
+from ...schemas.lifecycles import LIFECYCLES
+from .queries import COLUMNS, changed_one, not_found, one_row, resource_of
+from .reading import CatalogReader
+from .records import Resource
+from .tables import resources
+
+_BATCH = "simulation-job-batch"
+
+
+class CatalogLeases(CatalogReader):
+    """What performers take their jobs with."""
+
+    def claim(self, arn: str, owner: str, lease_s: float) -> bool:
+        """Takes a resource's lease if nobody else holds it.
+
+        A lease that has run out was its owner's until it died: `lost_performers` counts that.
+
+        Args:
+          arn: the resource.
+          owner: who asks; unlike anybody else, in this process or another.
+          lease_s: after how many seconds another may take it, unless it is renewed.
+
+        Returns:
+          Whether `owner` holds the lease now.
+
+        Raises:
+          ResourceNotFoundException: there is no such resource.
+        """
+        now = self._now()
+        free = or_(
+            resources.c.lease_owner.is_(None), resources.c.lease_owner == owner, resources.c.lease_expires_at <= now
+        )
+        left_behind = and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != owner)
+        values = {
+            "lost_performers": resources.c.lost_performers + case((left_behind, 1), else_=0),
+            "lease_owner": owner,
+            "lease_expires_at": now + timedelta(seconds=lease_s),
+        }
+        return self._lease(arn, free, values)
+
+    def renew(self, arn: str, owner: str, lease_s: float) -> bool:
+        """Prolongs a lease, even one that ran out, as long as nobody else has taken it.
+
+        Returns:
+          Whether `owner` still holds the lease.
+        """
+        until = self._now() + timedelta(seconds=lease_s)
+        return self._lease(arn, resources.c.lease_owner == owner, {"lease_expires_at": until})
+
+    def release(self, arn: str, owner: str) -> bool:
+        """Gives a lease back.
+
+        Returns:
+          Whether `owner` held it.
+        """
+        return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
+
+    def expire_leases(self, owners: str) -> int:
+        """Ends the leases of a process that is known to be dead, so that nobody has to wait until they run out.
+
+        Args:
+          owners: what the names of the leases' owners begin with.
+
+        Returns:
+          How many leases it held.
+        """
+        held = resources.c.lease_owner.startswith(owners, autoescape=True)
+        with self._transaction(self._writer) as connection:
+            ended = connection.execute(update(resources).where(held).values(lease_expires_at=self._now()))
+            return ended.rowcount
+
+    def lost_performers(self, arn: str) -> int:
+        """How many performers died while they held a resource's lease, as far as others took it over since.
+
+        Raises:
+          ResourceNotFoundException: there is no such resource.
+        """
+        with self._transaction(self._engine) as connection:
+            lost = connection.scalar(select(resources.c.lost_performers).where(resources.c.arn == arn))
+        if lost is None:
+            raise not_found(arn)
+        return int(lost)
+
+    def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
+        """The jobs that have not ended and that nobody performs, oldest first.
+
+        Jobs of a batch that has not ended are left out: whoever performs the batch performs them.
+
+        Args:
+          kinds: which kinds of jobs.
+          limit: how many at most.
+        """
+        batches = resources.alias("batches")
+        in_live_batch = (
+            select(batches.c.arn)
+            .where(batches.c.arn == resources.c.parent, batches.c.kind == _BATCH, batches.c.status.in_(_alive(_BATCH)))
+            .exists()
+        )
+        query = select(*COLUMNS).where(
+            resources.c.kind.in_(kinds),
+            resources.c.status.in_(sorted({status for kind in kinds for status in _alive(kind)})),
+            or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= self._now()),
+            ~in_live_batch,
+        )
+        # Not by the plain column: SQLite would walk along all jobs there ever were instead of the few unfinished.
+        oldest_first = query.order_by(resources.c.sequence + 0).limit(limit)
+        with self._transaction(self._engine) as connection:
+            return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
+
+    def _lease(self, arn: str, condition: ColumnElement[bool], values: Mapping[str, Any]) -> bool:
+        with self._transaction(self._writer) as connection:
+            taken = connection.execute(update(resources).where(resources.c.arn == arn, condition).values(values))
+            if changed_one(taken):
+                return True
+            one_row(connection, arn)
+            return False
+
+
+def _alive(kind: str) -> list[str]:
+    """The statuses in which a job has not ended."""
+    return sorted(set(LIFECYCLES[kind].states) - LIFECYCLES[kind].terminal)
