@@ -1,0 +1,9 @@
+"""The service over HTTP, for clients that were written for it: the rest-json protocol with SigV4 signatures.
+
+```
+request ── limits (bodies) ── who may (origins, authentication) ── which operation (routes)
+        ── members (wire) ── the registry of operations ── answer (wire)
+```
+
+Nothing here knows a single operation: paths, members, answers and errors are read from `OPERATIONS`.
+"""

@@ -1,0 +1,51 @@
+"""The access log: one line per request, when somebody asks for it.
+
+```
+2026-01-31T12:00:00Z 127.0.0.1 POST /describeWorld 200 - 1.8 ms 0f7a…
+```
+"""
+
+import logging
+import time
+from pathlib import Path
+
+from .messages import HttpAnswer, HttpRequest
+
+LOGGER = logging.getLogger("robomaker.access")
+LOGGER.propagate = False  # nothing is written, and nothing costs time, until `write_access_log`
+
+
+def write_access_log(path: Path | None = None) -> logging.Handler:
+    """Begins to log requests.
+
+    Args:
+      path: file that lines are added to; `None`: standard error.
+
+    Returns:
+      The handler; closing it is the caller's.
+
+    Raises:
+      OSError: the file cannot be written.
+    """
+    handler = logging.StreamHandler() if path is None else logging.FileHandler(path, encoding="utf-8")
+    formatter = logging.Formatter("%(asctime)s %(message)s", datefmt="%Y-%m-%dT%H:%M:%SZ")
+    formatter.converter = time.gmtime
+    handler.setFormatter(formatter)
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    return handler
+
+
+def log_access(request: HttpRequest, answer: HttpAnswer, duration_s: float, request_id: str) -> None:
+    """Logs one request, if anybody asked for it."""
+    if LOGGER.handlers:
+        LOGGER.info(
+            "%s %s %s %d %s %.1f ms %s",
+            request.client,
+            ascii(request.method)[1:-1],
+            ascii(request.raw_path)[1:-1][:500],
+            answer.status,
+            answer.error or "-",
+            duration_s * 1000,
+            request_id,
+        )

@@ -1,0 +1,177 @@
+"""The endpoint as an ASGI application."""
+
+import asyncio
+import logging
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+
+from ...flows.operation import registry
+from ...schemas.errors import ThrottlingException
+from ...schemas.operation_shape import OperationShape
+from ...tasks.service import Service
+from .access_log import log_access
+from .authentication import Authenticator
+from .failures import failure_answer
+from .health import HealthPages
+from .limits import ClientGone, read_body
+from .messages import ASGIApplication, ASGIReceive, ASGIScope, ASGISend, HttpAnswer, HttpRequest
+from .origins import check_origin
+from .routes import Route, Router
+from .wire import MAX_BODY_BYTES, answer_of, request_members
+
+# SQLite reads in parallel, but Python runs one thread at a time: more threads only wait for each other.
+WORKERS = 8
+MAX_IN_PROGRESS = 128
+"""Requests at once; whoever comes then is asked to come again."""
+
+RETRY_AFTER_S = 1
+
+LOGGER = logging.getLogger("robomaker.endpoint")
+
+
+def ignore(arn: str) -> None:
+    """Hears of a job and does nothing."""
+
+
+def make_application(
+    service: Service,
+    *,
+    access_keys: Mapping[str, str] | None = None,
+    on_submitted: Callable[[str], None] = ignore,
+    performer_status: Callable[[], Mapping[str, object]] = dict,
+) -> ASGIApplication:
+    """Makes the application that serves every operation over HTTP.
+
+    Args:
+      service: where the operations happen.
+      access_keys: secret access keys by id; `None`: nobody has to sign, and web pages are kept out.
+      on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
+        several threads, before the client has its answer.
+      performer_status: what the health page shows of whoever carries the jobs out; plain JSON.
+    """
+    return Endpoint(service, access_keys, on_submitted, performer_status)
+
+
+class Endpoint:
+    """The application; `make_application` says what it takes."""
+
+    def __init__(
+        self,
+        service: Service,
+        access_keys: Mapping[str, str] | None,
+        on_submitted: Callable[[str], None],
+        performer_status: Callable[[], Mapping[str, object]],
+    ) -> None:
+        settings = service.settings
+        self.checks_signatures = access_keys is not None
+        """Whether requests have to be signed."""
+
+        self._service = service
+        self._operations = registry()
+        self._router = Router(each.shape for each in self._operations.values())
+        self._authenticator = (
+            None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
+        )
+        self._on_submitted = on_submitted
+        self._health = HealthPages(service, performer_status, is_open=access_keys is None)
+        self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="endpoint")
+        self._in_progress = 0
+
+    async def __call__(self, scope: ASGIScope, receive: ASGIReceive, send: ASGISend) -> None:
+        """Serves one connection's request, or the server's start and end."""
+        if scope["type"] == "http":
+            await self._serve(scope, receive, send)
+        elif scope["type"] == "lifespan":
+            await self._live(receive, send)
+
+    async def _live(self, receive: ASGIReceive, send: ASGISend) -> None:
+        while (message := await receive())["type"] != "lifespan.shutdown":
+            await send({"type": f"{message['type']}.complete"})
+        await asyncio.to_thread(self._workers.shutdown)
+        await send({"type": "lifespan.shutdown.complete"})
+
+    async def _serve(self, scope: ASGIScope, receive: ASGIReceive, send: ASGISend) -> None:
+        began = time.perf_counter()
+        request_id = str(uuid.uuid4())
+        request = _request_of(scope)
+        self._in_progress += 1
+        try:
+            answer = await self._answer(request, receive, request_id)
+        except ClientGone:
+            return
+        finally:
+            self._in_progress -= 1
+        await _send(send, answer, request_id, head_only=request.method == "HEAD")
+        log_access(request, answer, time.perf_counter() - began, request_id)
+
+    async def _answer(self, request: HttpRequest, receive: ASGIReceive, request_id: str) -> HttpAnswer:
+        try:
+            if self._in_progress > MAX_IN_PROGRESS:
+                return self._overloaded(request_id)
+            body = await read_body(receive, request.header("content-length"), MAX_BODY_BYTES)
+        except ClientGone:
+            raise
+        except Exception as error:
+            return failure_answer(error, None, request_id)
+        return await asyncio.get_running_loop().run_in_executor(
+            self._workers, self._perform, request.with_body(body), request_id
+        )
+
+    def _overloaded(self, request_id: str) -> HttpAnswer:
+        error = ThrottlingException(f"{MAX_IN_PROGRESS} requests are in progress; try again in {RETRY_AFTER_S} s")
+        headers = ((b"retry-after", str(RETRY_AFTER_S).encode()),)
+        return failure_answer(error, None, request_id, headers)
+
+    def _perform(self, request: HttpRequest, request_id: str) -> HttpAnswer:
+        """Answers a request; in a thread of its own, since operations wait for the database."""
+        operation: OperationShape | None = None
+        try:
+            if self._authenticator is None:
+                check_origin(request)
+            if (page := self._health.answer(request)) is not None:
+                return page
+            if self._authenticator is not None:
+                self._authenticator.check(request)
+            route = self._router.find(request.method, request.raw_path)
+            operation = route.operation
+            return self._called(route, request, request_id)
+        except Exception as error:
+            return failure_answer(error, operation, request_id)
+
+    def _called(self, route: Route, request: HttpRequest, request_id: str) -> HttpAnswer:
+        members = self._operations[route.operation.name].answer(request_members(route, request), self._service)
+        if route.operation.is_job:
+            self._tell(members["arn"], request_id)
+        return answer_of(members)
+
+    def _tell(self, arn: str, request_id: str) -> None:
+        try:
+            self._on_submitted(arn)
+        except Exception:
+            # The job is stored, and whoever performs jobs finds it there, later.
+            LOGGER.exception("nobody could be told of %s (request %s)", arn, request_id)
+
+
+def _request_of(scope: ASGIScope) -> HttpRequest:
+    client = scope.get("client")
+    return HttpRequest(
+        method=scope["method"],
+        raw_path=scope["raw_path"].decode("latin-1"),
+        query=scope["query_string"].decode("latin-1"),
+        headers=tuple(scope["headers"]),
+        client=client[0] if client else "-",
+    )
+
+
+async def _send(send: ASGISend, answer: HttpAnswer, request_id: str, *, head_only: bool) -> None:
+    headers = [
+        (b"content-type", answer.content_type),
+        (b"content-length", str(len(answer.body)).encode()),
+        (b"x-amzn-requestid", request_id.encode()),
+        (b"x-content-type-options", b"nosniff"),
+        *answer.headers,
+    ]
+    await send({"type": "http.response.start", "status": answer.status, "headers": headers})
+    await send({"type": "http.response.body", "body": b"" if head_only else answer.body})

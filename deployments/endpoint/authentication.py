@@ -1,0 +1,179 @@
+"""Signatures of requests, Signature Version 4, checked with the code that AWS's own SDK signs with."""
+
+import hashlib
+import hmac
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from email.utils import parsedate_to_datetime
+
+from botocore.auth import SigV4Auth
+from botocore.awsrequest import AWSRequest
+from botocore.compat import HTTPHeaders
+from botocore.credentials import Credentials
+
+from .messages import (
+    HttpRequest,
+    IncompleteSignatureException,
+    InvalidSignatureException,
+    MissingAuthenticationTokenException,
+    ProtocolError,
+    UnrecognizedClientException,
+)
+
+SERVICE = "robomaker"
+MAX_CLOCK_SKEW = timedelta(minutes=5)
+_ALGORITHM = "AWS4-HMAC-SHA256"
+_TIME = "%Y%m%dT%H%M%SZ"
+_SIGNATURE = re.compile(r"[0-9a-f]{64}")
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What an `Authorization` header says."""
+
+    access_key: str
+    date: str
+    region: str
+    service: str
+    signed_headers: tuple[str, ...]
+    value: str
+
+
+class Authenticator:
+    """Checks who signed a request."""
+
+    def __init__(self, access_keys: Mapping[str, str], region: str, clock: Callable[[], datetime]) -> None:
+        self._access_keys = access_keys
+        self._region = region
+        self._clock = clock
+
+    def check(self, request: HttpRequest) -> str:
+        """Finds out who signed a request.
+
+        Returns:
+          The access key's id.
+
+        Raises:
+          ProtocolError: nobody known did, with the reason in the terms AWS uses.
+        """
+        signature = _parsed(request)
+        secret = self._access_keys.get(signature.access_key)
+        if secret is None:
+            raise UnrecognizedClientException(f"there is no access key {signature.access_key[:128]!r}")
+        self._check_scope(signature)
+        signed_at = self._check_time(request, signature)
+        _check_coverage(request, signature)
+        _check_payload(request)
+        if not hmac.compare_digest(_expected(request, signature, secret, signed_at), signature.value):
+            raise InvalidSignatureException(
+                "the signature is not the one this request has with this access key; check the secret access key"
+            )
+        return signature.access_key
+
+    def _check_scope(self, signature: Signature) -> None:
+        for what, given, wanted in (
+            ("service", signature.service, SERVICE),
+            ("region", signature.region, self._region),
+        ):
+            if given != wanted:
+                raise InvalidSignatureException(f"the request is signed for {what} {given[:64]!r}; sign for {wanted!r}")
+
+    def _check_time(self, request: HttpRequest, signature: Signature) -> datetime:
+        signed_at = _signed_at(request)
+        if signed_at.strftime("%Y%m%d") != signature.date:
+            raise InvalidSignatureException(f"the credential is of {signature.date}, the request of {signed_at:%Y%m%d}")
+        now = self._clock()
+        if abs(now - signed_at) > MAX_CLOCK_SKEW:
+            raise InvalidSignatureException(
+                f"the request was signed at {signed_at:{_TIME}}, here it is {now:{_TIME}}; "
+                f"{MAX_CLOCK_SKEW.seconds // 60} minutes apart is the most; check both clocks"
+            )
+        return signed_at
+
+
+def _parsed(request: HttpRequest) -> Signature:
+    headers = request.all_headers("authorization")
+    if not headers:
+        raise MissingAuthenticationTokenException("the request is not signed; sign it with Signature Version 4")
+    algorithm, _, rest = headers[0].partition(" ")
+    if len(headers) > 1 or algorithm != _ALGORITHM:
+        raise IncompleteSignatureException(f"Authorization has to be one header that begins with {_ALGORITHM}")
+    pairs = (part.strip().partition("=") for part in rest.split(","))
+    parts = {name: value for name, _, value in pairs}
+    if missing := [name for name in ("Credential", "SignedHeaders", "Signature") if not parts.get(name)]:
+        raise IncompleteSignatureException(f"Authorization lacks {' and '.join(missing)}")
+    credential = parts["Credential"].rsplit("/", 4)
+    if len(credential) != 5 or credential[4] != "aws4_request" or not all(credential):
+        raise IncompleteSignatureException(
+            "Credential in Authorization has to be <access key>/<date>/<region>/<service>/aws4_request"
+        )
+    if not _SIGNATURE.fullmatch(parts["Signature"]):
+        raise IncompleteSignatureException("Signature in Authorization has to be 64 hexadecimal digits")
+    access_key, date, region, service, _ = credential
+    return Signature(access_key, date, region, service, tuple(parts["SignedHeaders"].split(";")), parts["Signature"])
+
+
+def _signed_at(request: HttpRequest) -> datetime:
+    """The moment of signing, from `X-Amz-Date` or else `Date`."""
+    amazon, plain = request.header("x-amz-date"), request.header("date")
+    try:
+        if amazon is not None:
+            return datetime.strptime(amazon, _TIME).replace(tzinfo=UTC)
+        if plain is not None:
+            return parsedate_to_datetime(plain).astimezone(UTC)
+    except (ValueError, OverflowError):
+        given = str(amazon or plain)[:64]
+        raise IncompleteSignatureException(f"the date is {given!r}; X-Amz-Date has the form {_TIME}") from None
+    raise IncompleteSignatureException("X-Amz-Date is missing")
+
+
+def _check_coverage(request: HttpRequest, signature: Signature) -> None:
+    """A signature has to hold for everything that makes a difference."""
+    present = {name.decode("latin-1") for name, _ in request.headers}
+    needed = {"host"} | {name for name in present if name.startswith("x-amz-")}
+    needed |= {"date"} if "x-amz-date" not in present else set()
+    if unsigned := sorted(needed - set(signature.signed_headers)):
+        raise _incomplete("SignedHeaders", unsigned)
+    if absent := sorted(set(signature.signed_headers) - present):
+        raise InvalidSignatureException(f"the signature is for headers that are not there: {', '.join(absent)[:200]}")
+
+
+def _incomplete(what: str, names: list[str]) -> ProtocolError:
+    return InvalidSignatureException(f"{what} in Authorization lacks {', '.join(names)[:200]}")
+
+
+def _check_payload(request: HttpRequest) -> None:
+    given = request.header("x-amz-content-sha256")
+    if given is not None and given != hashlib.sha256(request.body).hexdigest():
+        raise InvalidSignatureException("X-Amz-Content-SHA256 is not the hash of the body that arrived")
+
+
+class _Verifier(SigV4Auth):
+    """Signs what the client said it had signed."""
+
+    def __init__(self, credentials: Credentials, region: str, signed_headers: tuple[str, ...]) -> None:
+        super().__init__(credentials, SERVICE, region)
+        self._signed = frozenset(signed_headers)
+
+    def headers_to_sign(self, request: AWSRequest) -> HTTPHeaders:
+        """The headers that the client named; botocore alone would leave some of other SDKs' out."""
+        chosen = HTTPHeaders()
+        for name, value in request.headers.items():
+            if name.lower() in self._signed:
+                chosen[name.lower()] = value
+        return chosen
+
+
+def _expected(request: HttpRequest, signature: Signature, secret: str, signed_at: datetime) -> str:
+    url = f"http://host{request.raw_path}" + (f"?{request.query}" if request.query else "")
+    headers = HTTPHeaders()
+    for name, value in request.headers:
+        headers[name.decode("latin-1")] = value.decode("latin-1")
+    signed = AWSRequest(method=request.method, url=url, data=request.body)
+    signed.headers = headers
+    signed.context["timestamp"] = signed_at.strftime(_TIME)
+    verifier = _Verifier(Credentials(signature.access_key, secret), signature.region, signature.signed_headers)
+    canonical = verifier.canonical_request(signed)
+    return str(verifier.signature(verifier.string_to_sign(signed, canonical), signed))

@@ -1,0 +1,59 @@
+"""Keeps web pages away from a service that asks nobody for a signature.
+
+Any page that a browser on this machine shows can send requests to 127.0.0.1. Two marks give them
+away, and neither is on a request of an SDK:
+
+- a page of another site: browsers put `Origin` on every POST, PUT and DELETE, and a page cannot
+  take it off; what can go out without it are reads whose answers the browser keeps to itself;
+- a page whose site's name was pointed at 127.0.0.1 after it was loaded ("DNS rebinding"): `Host` has the site's
+  name. That is a name with dots, which no name of this machine or of a container network is.
+"""
+
+import ipaddress
+import re
+
+from .messages import AccessDeniedException, HttpRequest
+
+_HOST = re.compile(r"(?P<name>\[[^\]]*\]|[^:\[\]]*)(:[0-9]{1,5})?")
+_ONE_LABEL = re.compile(r"[a-z0-9_-]+")
+
+
+def check_origin(request: HttpRequest) -> None:
+    """Refuses what only a web page would send.
+
+    Raises:
+      AccessDeniedException: the request has an `Origin`, or a `Host` that may be any site's name.
+    """
+    if (origin := request.header("origin")) is not None:
+        raise AccessDeniedException(
+            f"the request comes from a web page of {origin[:100]!r}; pages may not call this service"
+        )
+    hosts = request.all_headers("host")
+    if len(hosts) != 1 or not is_local_host(hosts[0]):
+        shown = ", ".join(hosts)[:100]
+        raise AccessDeniedException(
+            f"Host is {shown!r}; without access keys this service answers at localhost, at addresses and at names "
+            "without dots. Configure access keys to use another name"
+        )
+
+
+def is_local_host(host: str) -> bool:
+    """Whether no web site can have this `Host`: an address, `localhost`, or a name without dots."""
+    if (match := _HOST.fullmatch(host.strip().lower())) is None:
+        return False
+    name = match["name"].rstrip(".")
+    return bool(_ONE_LABEL.fullmatch(name)) or name.endswith(".localhost") or is_address(name)
+
+
+def is_address(name: str) -> bool:
+    """Whether a host is an IP address; one of version 6 may be in brackets."""
+    try:
+        ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only programs of this machine can reach what listens there."""
+    return host == "localhost" or (is_address(host) and ipaddress.ip_address(host.strip("[]")).is_loopback)

@@ -1,0 +1,101 @@
+"""Runs the endpoint on a port until it is told to stop."""
+
+import contextlib
+import logging
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from types import FrameType
+
+import uvicorn
+
+from ...schemas.errors import ConfigurationError
+from .messages import ASGIApplication
+from .origins import is_address, is_loopback
+
+LOGGER = logging.getLogger("robomaker.endpoint")
+
+KEEP_ALIVE_S = 75
+"""How long an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
+
+GRACE_S = 30
+"""How long requests in progress may take to end once the server is told to stop."""
+
+_BACKLOG = 512
+
+
+def run_server(application: ASGIApplication, host: str, port: int, *, ready: Callable[[int], None]) -> None:
+    """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
+
+    Args:
+      application: what `make_application` made.
+      host: name or address to listen at.
+      port: where; 0: any that is free.
+      ready: told the port once requests are answered.
+
+    Raises:
+      ConfigurationError: nothing can listen there.
+    """
+    with _listening(host, port) as listener:
+        if not is_loopback(host) and not getattr(application, "checks_signatures", False):
+            LOGGER.warning(
+                "%s can be reached from other machines, and nobody has to sign: "
+                "configure access keys, or listen at 127.0.0.1",
+                host,
+            )
+        config = uvicorn.Config(
+            application,
+            http="h11",  # the same parser, and so the same answers to odd requests, wherever it is installed
+            ws="none",
+            log_config=None,
+            log_level=logging.WARNING,
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            timeout_keep_alive=KEEP_ALIVE_S,
+            timeout_graceful_shutdown=GRACE_S,
+        )
+        _Server(config, listener, ready).run(sockets=[listener])
+
+
+@contextlib.contextmanager
+def _listening(host: str, port: int) -> Iterator[socket.socket]:
+    family = socket.AF_INET6 if is_address(host) and ":" in host else socket.AF_INET
+    try:
+        listener = socket.create_server((host.strip("[]"), port), family=family, backlog=_BACKLOG)
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ConfigurationError(f"cannot listen at {host} port {port}: {reason}; choose another") from error
+    with listener:
+        yield listener
+
+
+class _Server(uvicorn.Server):
+    """uvicorn's server, which says when it is ready, and returns when it is stopped."""
+
+    def __init__(self, config: uvicorn.Config, listener: socket.socket, ready: Callable[[int], None]) -> None:
+        super().__init__(config)
+        self._listener = listener
+        self._ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts to answer."""
+        await super().startup(sockets)
+        self._ready(self._listener.getsockname()[1])
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Stops at signals. uvicorn's own sends them again afterwards, and so ends the caller too."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = {number: signal.signal(number, self._stop) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        self.handle_exit(number, frame)

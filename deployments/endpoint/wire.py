@@ -1,0 +1,139 @@
+"""Members of requests and answers as they travel: in path, query and body; times as seconds since 1970."""
+
+import json
+from collections.abc import Mapping
+from datetime import datetime
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+from urllib.parse import parse_qsl
+
+from ...schemas.common import shorten
+from ...schemas.errors import InvalidParameterException
+from ...schemas.operation_shape import OperationShape
+from ...schemas.strict_json import load_strict
+from .messages import Headers, HttpAnswer, HttpRequest, SerializationException, UnsupportedMediaTypeException
+from .routes import Route
+
+MAX_BODY_BYTES = 10 * 1024 * 1024
+"""Longest body; a batch of 1000 ordinary requests has some 2 MiB."""
+
+MAX_MESSAGE_CHARACTERS = 4096
+_MAX_QUERY_MEMBERS = 1000
+_JSON_TYPES = frozenset({"application/json", "application/x-amz-json-1.0", "application/x-amz-json-1.1"})
+
+
+def request_members(route: Route, request: HttpRequest) -> dict[str, Any]:
+    """Gathers the members of an operation's request from where they travel.
+
+    Args:
+      route: the operation, with the members in the path.
+      request: the rest.
+
+    Raises:
+      SerializationException: query or body cannot be read.
+      UnsupportedMediaTypeException: the body is not JSON.
+      InvalidParameterException: a member is in the body that belongs elsewhere.
+    """
+    operation = route.operation
+    members: dict[str, Any] = dict(route.members)
+    in_query = [name for name, location in operation.locations.items() if location == "querystring"]
+    if in_query:
+        members |= _query_members(operation, in_query, request.query)
+    if operation.request.model_fields.keys() <= operation.locations.keys():
+        return members  # nothing is left for a body; whatever is there has no meaning
+    body = _body_members(request)
+    for name in operation.locations:
+        if name in body:
+            raise InvalidParameterException(f"{name} belongs into the {_place(operation, name)}, not into the body")
+    return members | body
+
+
+def _place(operation: OperationShape, name: str) -> str:
+    return "path" if operation.locations[name] == "uri" else "query"
+
+
+def _query_members(operation: OperationShape, names: list[str], query: str) -> dict[str, Any]:
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, errors="strict", max_num_fields=_MAX_QUERY_MEMBERS)
+    except UnicodeDecodeError:
+        raise SerializationException("the query is not encoded as UTF-8") from None
+    except ValueError:
+        raise SerializationException(f"the query has more than {_MAX_QUERY_MEMBERS} members") from None
+    found: dict[str, Any] = {}
+    for name in names:
+        values = [value for key, value in pairs if key == name]
+        if values and is_list_member(operation, name):
+            found[name] = values
+        elif values:
+            found[name] = values[0]
+    return found
+
+
+def is_list_member(operation: OperationShape, name: str) -> bool:
+    """Whether a member of an operation's request is a list; in a query, its name is repeated."""
+    return _is_list(operation.request.model_fields[name].annotation)
+
+
+def _is_list(annotation: Any) -> bool:
+    origin = get_origin(annotation)
+    return origin is list or (origin in (Annotated, Union, UnionType) and any(map(_is_list, get_args(annotation))))
+
+
+def _body_members(request: HttpRequest) -> dict[str, Any]:
+    if not request.body:
+        return {}
+    _check_content_type(request.header("content-type"))
+    try:
+        text = request.body.decode()
+    except UnicodeDecodeError as error:
+        raise SerializationException(f"the body is not UTF-8: {error.reason} at byte {error.start}") from None
+    try:
+        document = load_strict(text, "the body", MAX_BODY_BYTES)
+    except InvalidParameterException as error:
+        raise SerializationException(str(error)) from None
+    if not isinstance(document, dict):
+        raise SerializationException(f"the body is {_kind(document)}; it has to be a JSON object")
+    return document
+
+
+def _check_content_type(content_type: str | None) -> None:
+    """SDKs send `application/json`, or nothing; whoever sends something else means something else."""
+    if content_type is None:
+        return
+    kind = content_type.partition(";")[0].strip().lower()
+    if kind and kind not in _JSON_TYPES:
+        raise UnsupportedMediaTypeException(f"Content-Type is {kind[:100]!r}; it has to be application/json")
+
+
+def _kind(document: Any) -> str:
+    kinds = {str: "text", bool: "true or false", int: "a number", float: "a number", list: "an array"}
+    return kinds.get(type(document), "null")
+
+
+def answer_of(members: Mapping[str, Any]) -> HttpAnswer:
+    """Writes an operation's answer."""
+    return HttpAnswer(200, _json(members))
+
+
+def error_answer(code: str, status: int, message: str, headers: Headers = ()) -> HttpAnswer:
+    """Writes an error in the form SDKs read: its name in a header and in the body.
+
+    Args:
+      code: the error's name.
+      status: HTTP status.
+      message: what is wrong; shortened to what fits a log.
+      headers: further headers.
+    """
+    body = _json({"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)})
+    return HttpAnswer(status, body, headers=((b"x-amzn-errortype", code.encode()), *headers), error=code)
+
+
+def _json(document: Mapping[str, Any]) -> bytes:
+    return json.dumps(document, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
+
+
+def _seconds(value: object) -> float:
+    """A moment as seconds since 1970, to the millisecond as the service had it."""
+    if isinstance(value, datetime):
+        return round(value.timestamp(), 3)
+    raise TypeError(f"{value!r} has no JSON form")
