@@ -101,15 +101,34 @@ def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], 
     Raises:
       ResourceNotFoundException: there is no such job.
     """
-    owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
-    while True:
-        job = service.catalog.get(arn, kind=kind)
-        if is_terminal(job.kind, job.status):
-            return
-        if service.catalog.claim(arn, owner, LEASE_S):
-            break
+    while not perform_if_idle(arn, kind, service, work):
         time.sleep(_WAIT_S)
+
+
+def perform_if_idle(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> bool:
+    """Runs `work` on a job if it has not ended and nobody performs it.
+
+    Args:
+      arn: the job.
+      kind: the resource kind it has to be.
+      service: where it is stored.
+      work: carries the job on, holding its lease.
+
+    Returns:
+      Whether there is nothing to wait for: `work` was run, or the job had ended; false if another
+      performs it.
+
+    Raises:
+      ResourceNotFoundException: there is no such job.
+    """
+    job = service.catalog.get(arn, kind=kind)
+    if is_terminal(job.kind, job.status):
+        return True
+    owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
+    if not service.catalog.claim(arn, owner, LEASE_S):
+        return False
     lease = Lease(job, owner, service)
     with lease.renewed():
         if not is_terminal(kind, lease.refreshed().status):
             work(lease)
+    return True

@@ -5,7 +5,7 @@ import pytest
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.errors import ServiceUnavailableException, StateConflictError
 from prefect_robomaker.tasks import performing
-from prefect_robomaker.tasks.performing import Lease, perform_once
+from prefect_robomaker.tasks.performing import Lease, perform_if_idle, perform_once
 from prefect_robomaker.tasks.service import Service
 
 KIND = "world-generation-job"
@@ -58,3 +58,17 @@ def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(
     perform_once(job, KIND, service, work)
 
     assert service.catalog.claim(job, "another", 60)
+
+
+def test_a_job_that_somebody_performs_is_left_to_them(service: Service, job: str) -> None:
+    worked = []
+    assert service.catalog.claim(job, "another", 60)
+
+    assert not perform_if_idle(job, KIND, service, worked.append)
+    assert worked == []
+
+    service.catalog.release(job, "another")
+    assert perform_if_idle(job, KIND, service, lambda lease: worked.append(lease.transition("cancel")))
+    service.catalog.transition(job, "canceled")
+    assert perform_if_idle(job, KIND, service, worked.append)
+    assert [entry.status for entry in worked] == ["Canceling"]
