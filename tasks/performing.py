@@ -7,11 +7,8 @@ dead one runs out.
 """
 
 import logging
-import os
-import socket
 import threading
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -19,6 +16,8 @@ from typing import Any
 from ..schemas.errors import ServiceUnavailableException
 from ..schemas.lifecycles import is_terminal
 from .catalog import Resource
+from .giving_up import give_up, why_hopeless
+from .held_leases import HELD
 from .service import Service
 
 LEASE_S = 30.0
@@ -120,15 +119,20 @@ def perform_if_idle(arn: str, kind: str, service: Service, work: Callable[[Lease
 
     Raises:
       ResourceNotFoundException: there is no such job.
+      PerformerEnding: this process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)
     if is_terminal(job.kind, job.status):
         return True
-    owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
-    if not service.catalog.claim(arn, owner, LEASE_S):
-        return False
-    lease = Lease(job, owner, service)
-    with lease.renewed():
-        if not is_terminal(kind, lease.refreshed().status):
-            work(lease)
+    with HELD.owner_of(arn) as owner:
+        if not service.catalog.claim(arn, owner, LEASE_S):
+            return False
+        lease = Lease(job, owner, service)
+        with lease.renewed():
+            if is_terminal(kind, lease.refreshed().status):
+                return True
+            if reason := why_hopeless(lease, service):
+                give_up(lease, reason, service)
+            else:
+                work(lease)
     return True

@@ -1,0 +1,112 @@
+"""A performer that ends gives its jobs back; one that keeps dying loses them."""
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.flows.simulation_jobs import store_job
+from prefect_robomaker.schemas.errors import StateConflictError
+from prefect_robomaker.schemas.simulation_jobs import SimulationJobRequest
+from prefect_robomaker.tasks import performing
+from prefect_robomaker.tasks.giving_up import MOST_LOST_PERFORMERS
+from prefect_robomaker.tasks.held_leases import HeldLeases, PerformerEnding, owners_of
+from prefect_robomaker.tasks.performing import Lease, perform_once
+from prefect_robomaker.tasks.service import Service
+
+KIND = "world-generation-job"
+
+
+@pytest.fixture
+def held(monkeypatch: pytest.MonkeyPatch) -> HeldLeases:
+    """What a process that has just started holds: nothing."""
+    leases = HeldLeases()
+    monkeypatch.setattr(performing, "HELD", leases)
+    return leases
+
+
+@pytest.fixture
+def job(service: Service, template: str) -> str:
+    """ARN of a job that waits to be performed."""
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    return call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"]
+
+
+def test_what_is_given_back_cannot_be_changed_any_more_and_nothing_new_begins(
+    service: Service, job: str, held: HeldLeases
+) -> None:
+    def work(lease: Lease) -> None:
+        lease.transition("start")
+        assert held.give_back_all(service.catalog) == (job,)
+        lease.transition("complete")
+
+    with pytest.raises(StateConflictError, match="does not hold the lease"):
+        perform_once(job, KIND, service, work)
+    with pytest.raises(PerformerEnding):
+        perform_once(job, KIND, service, work)
+
+    assert service.catalog.get(job).status == "Running"
+    assert [each.arn for each in service.catalog.unfinished([KIND])] == [job]
+    assert service.catalog.lost_performers(job) == 0
+
+
+def test_a_reserved_job_is_performed_under_its_reservation(service: Service, job: str, held: HeldLeases) -> None:
+    assert held.reserve(job, service.catalog, 30)
+    assert not held.reserve(job, service.catalog, 30)
+    assert not HeldLeases().reserve(job, service.catalog, 30)
+    assert service.catalog.unfinished([KIND]) == ()
+    begun: list[str] = []
+
+    perform_once(job, KIND, service, lambda lease: begun.append(lease.job.arn))
+    held.cancel_reservation(job, service.catalog)
+
+    assert begun == [job]
+    assert HeldLeases().reserve(job, service.catalog, 30)
+    assert service.catalog.lost_performers(job) == 0
+
+
+def test_a_job_that_takes_its_performers_along_fails(service: Service, job: str, held: HeldLeases) -> None:
+    for number in range(MOST_LOST_PERFORMERS):
+        assert service.catalog.claim(job, f"{owners_of(os.getpid())}{number}", -1)
+    begun: list[str] = []
+
+    perform_once(job, KIND, service, lambda lease: begun.append(lease.job.arn))
+
+    assert begun == []
+    described = call("DescribeWorldGenerationJob", {"job": job}, service)
+    assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
+    assert "3 performers died" in described["failureReason"]
+
+
+def test_a_batch_outlives_more_performers_and_takes_its_jobs_along_when_it_is_given_up(
+    service: Service, held: HeldLeases, order: Callable[..., dict[str, Any]]
+) -> None:
+    kind = "simulation-job-batch"
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order()]}, service)["arn"]
+    job = store_job(SimulationJobRequest.model_validate(order()), service, token=None, batch=(batch, 0)).arn
+    for number in range(5):
+        service.catalog.claim(batch, str(number), -1)
+    perform_once(batch, kind, service, lambda lease: lease.transition("start"))
+    assert service.catalog.get(batch).status == "InProgress"
+    for number in range(5, 10):
+        service.catalog.claim(batch, str(number), -1)
+
+    perform_once(batch, kind, service, lambda lease: lease.transition("drain"))
+
+    assert service.catalog.get(batch).status == "Failed"
+    assert service.catalog.cancel_requested(job)
+
+
+def test_a_simulation_job_is_given_up_with_its_reason(
+    service: Service, held: HeldLeases, order: Callable[..., dict[str, Any]]
+) -> None:
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    for number in range(MOST_LOST_PERFORMERS):
+        service.catalog.claim(job, str(number), -1)
+
+    perform_once(job, "simulation-job", service, lambda lease: lease.transition("prepare"))
+
+    described = call("DescribeSimulationJob", {"job": job}, service)
+    assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
