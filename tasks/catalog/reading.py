@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 from ...schemas.errors import ServiceUnavailableException
 from .engine import open_engine, writing
 from .pages import decode_page_token, encode_page_token
-from .queries import COLUMNS, list_query, one_row, repeated, resource_of
+from .queries import COLUMNS, list_query, not_found, one_row, only_members, repeated, resource_of, resource_with
 from .records import ClientToken, Page, Resource
 from .tables import resources
 
@@ -81,6 +81,27 @@ class CatalogReader:
                 resource_of(row) for row in connection.execute(query.order_by(resources.c.sequence)).mappings()
             )
 
+    def standing(self, arn: str) -> tuple[str, bool]:
+        """The status of a resource, and whether it is to be cancelled; quick enough to be asked all the time.
+
+        Raises:
+          ResourceNotFoundException: there is no such resource.
+        """
+        query = select(resources.c.status, resources.c.cancel_requested).where(resources.c.arn == arn)
+        with self._transaction(self._engine) as connection:
+            row = connection.execute(query).one_or_none()
+        if row is None:
+            raise not_found(arn)
+        return row[0], bool(row[1])
+
+    def count_each(self, parents: Iterable[str], kind: str) -> dict[str, int]:
+        """How many resources of a kind came from each of some parents; those without any are absent."""
+        query = select(resources.c.parent, func.count()).where(
+            resources.c.parent.in_(list(parents)), resources.c.kind == kind
+        )
+        with self._transaction(self._engine) as connection:
+            return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.parent))}
+
     def count_children(self, parent: str, kind: str) -> dict[str, int]:
         """How many resources of a kind that came from a parent are in each status."""
         query = select(resources.c.status, func.count()).where(resources.c.parent == parent, resources.c.kind == kind)
@@ -95,6 +116,7 @@ class CatalogReader:
         limit: int = 100,
         after: str | None = None,
         scope: str = "",
+        members: Sequence[str] | None = None,
     ) -> Page:
         """Reads a page of resources, newest first; resources added meanwhile do not shift later pages.
 
@@ -105,6 +127,8 @@ class CatalogReader:
           limit: how many at most.
           after: the page before's `next_token`; `None`: the first page.
           scope: for whom the list is made; page tokens of other scopes are refused.
+          members: which members of the documents are read, for kinds whose documents are large;
+            `None`: all.
 
         Raises:
           InvalidParameterException: the token is not of this list.
@@ -113,11 +137,13 @@ class CatalogReader:
         each_kind = (kinds,) if isinstance(kinds, str) else tuple(kinds)
         listed = " ".join((scope, *each_kind))
         before = None if after is None else decode_page_token(listed, wanted, after)
+        query = list_query(each_kind, wanted, before, limit + 1)
         with self._transaction(self._engine) as connection:
-            rows = connection.execute(list_query(each_kind, wanted, before, limit + 1)).mappings().all()
+            rows = connection.execute(query if members is None else only_members(query, members)).mappings().all()
         more = len(rows) > limit
         token = encode_page_token(listed, wanted, rows[limit - 1]["sequence"]) if more else None
-        return Page(tuple(resource_of(row) for row in rows[:limit]), token)
+        found = (resource_of(row) if members is None else resource_with(row, members) for row in rows[:limit])
+        return Page(tuple(found), token)
 
     def count(self) -> dict[str, dict[str, int]]:
         """How many resources there are, by kind and status."""

@@ -12,7 +12,7 @@ import pytest
 from prefect_robomaker.flows.operation import call, perform_flow
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.simulation import launcher
+from prefect_robomaker.tasks.job_runs import launcher
 
 JOBS = 50
 WORKERS = 2

@@ -66,7 +66,7 @@ def test_nothing_is_left_of_a_job_that_could_not_be_prepared(
     request = order()
     service.store.put_bytes("applications", "sleeper.tar.gz", b"something else")
 
-    assert simulate(request)["failureCode"] == "MismatchedEtag"
+    assert simulate(request)["failureCode"] == "InvalidBundleSimulationApplication"
     assert list((service.settings.home / "jobs").iterdir()) == []
 
 
@@ -152,15 +152,15 @@ def test_a_catalog_that_is_away_for_a_moment_ends_no_run(
 ) -> None:
     request = order({"DURATION_S": "0.8"})
     asked = []
-    cancel_requested = service.catalog.cancel_requested
+    standing = service.catalog.standing
 
-    def sometimes(arn: str) -> bool:
+    def sometimes(arn: str) -> tuple[str, bool]:
         asked.append(arn)
         if len(asked) in (3, 4):
             raise ServiceUnavailableException("the database starts again")
-        return cancel_requested(arn)
+        return standing(arn)
 
-    monkeypatch.setattr(service.catalog, "cancel_requested", sometimes)
+    monkeypatch.setattr(service.catalog, "standing", sometimes)
 
     assert simulate(request)["status"] == "Completed"
     assert len(asked) > 4

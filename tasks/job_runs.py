@@ -1,0 +1,290 @@
+"""Running one simulation job: prepare, run its process, store its outputs, settle its end; again after a restart."""
+
+import logging
+import shutil
+import subprocess
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..schemas.common import shorten
+from ..schemas.errors import (
+    BucketNotFoundError,
+    LaunchError,
+    ServiceUnavailableException,
+    StateConflictError,
+    StorageAccessDeniedError,
+    StorageError,
+)
+from ..schemas.simulation_run import RunOutcome
+from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
+from .performing import Lease, perform_if_idle, perform_once
+from .run_plans import run_plan
+from .runtime.launcher import Launcher
+from .service import Service
+from .storage import publish, read_manifest, store_unfinished
+from .uploads import output_place, prepare_bucket
+
+KIND = "simulation-job"
+
+Stop = Callable[[], str | None]
+"""Asked while a job runs; answers the failure code it should stop with, or `None`."""
+
+_RESTART = "restarted"
+_BEFORE_IT_RAN = "the job was stopped before it ran"
+_NOBODY_LEFT = "the job was stopped after its performer had died"
+
+_logger = logging.getLogger(__name__)
+
+
+def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
+    """Carries a simulation job from wherever it stands to its end.
+
+    A job that a dead performer left half-way is run again from the start, as a new run with a
+    folder of its own; nothing of the dead run has a manifest.
+
+    Args:
+      arn: the job.
+      service: where it is stored.
+      stop: asked several times a second; see `Stop`.
+    """
+    perform_once(arn, KIND, service, lambda lease: JobRun(lease, service, stop).run())
+
+
+def stop_idle_job(arn: str, service: Service, reason: str = CANCELED) -> bool:
+    """Ends a job that has to stop, if nobody performs it: outputs that a dead performer left here are stored.
+
+    Args:
+      arn: the job.
+      service: where it is stored.
+      reason: the failure code it stops with, or `CANCELED`.
+
+    Returns:
+      Whether the job has ended; false if another performs it, who sees to its end.
+    """
+    return perform_if_idle(arn, KIND, service, lambda lease: JobRun(lease, service).end(reason))
+
+
+@cache
+def launcher() -> Launcher:
+    """The launcher of this process: one warm parent for all its simulation processes."""
+    return Launcher()
+
+
+class JobRun:
+    """One performer's work on one simulation job.
+
+    Args:
+      lease: the right to change the job.
+      service: where it is stored.
+      stop: see `Stop`.
+    """
+
+    def __init__(self, lease: Lease, service: Service, stop: Stop = lambda: None) -> None:
+        self._lease = lease
+        self._service = service
+        self._stop = stop
+
+    def run(self) -> None:
+        """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
+        again = True
+        while again:
+            reason = self._why_stop()
+            if reason or self._lease.job.status == "Terminating":
+                self.end(reason or CANCELED)
+                return
+            again = self._run_once(self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ"))
+
+    def end(self, reason: str) -> None:
+        """Ends a job that does not run; what a dead performer's run left on this machine is stored first.
+
+        Args:
+          reason: why it has to stop, `CANCELED` or a failure code; one that is `Terminating` keeps the
+            ending that it has already.
+        """
+        run_id = self._lease.job.document.get("runId")
+        if self._lease.job.status == "Terminating":
+            self._settle(self._published_after_all())
+        elif run_id is None or not Path(self._folder(run_id), "output").is_dir():
+            self._terminate(stopped(reason, _BEFORE_IT_RAN if run_id is None else _NOBODY_LEFT))
+        else:
+            ending = stopped(reason, _NOBODY_LEFT)
+            self._lease.transition("terminate", ending=ending, finished=False, **members_of(ending))
+            self._settle(self._published(run_id, ending))
+        if run_id is not None:
+            self._clean_up(run_id)
+
+    def _run_once(self, run_id: str) -> bool:
+        """Carries out one run; returns whether the job is to be run again."""
+        try:
+            return self._prepare_and_run(run_id)
+        except LaunchError as error:
+            self._terminate(failed(error.failure_code, str(error)))
+        except Exception as error:  # the job has to end whatever breaks
+            _logger.exception("simulation job %s broke", self._lease.job.arn)
+            self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
+        finally:
+            self._clean_up(run_id)
+        return False
+
+    def _prepare_and_run(self, run_id: str) -> bool:
+        folder = self._service.folder("jobs", self._lease.job.id, run_id)
+        self._lease.transition("prepare", runId=run_id)
+        self._prepare_bucket(run_id)
+        plan = run_plan(self._lease.job, run_id, folder, self._service)
+        self._lease.transition(
+            "start",
+            lastStartedAt=self._service.clock().isoformat(),
+            networkInterface={
+                "networkInterfaceId": f"eni-{self._lease.job.id.removeprefix('sim-')}",
+                # Clients index either address without looking; all ports are those of this machine.
+                "privateIpAddress": "127.0.0.1",
+                "publicIpAddress": "127.0.0.1",
+            },
+        )
+        outcome = launcher().run(plan, lambda: "canceled" if self._why_interrupt() else None)
+        why_stop = self._why_stop()
+        ending = ending_of(outcome, why_stop)
+        try:
+            self._lease.transition(
+                "terminate" if why_stop else "finish", ending=ending, finished=outcome.finished, **members_of(ending)
+            )
+        except StateConflictError:
+            if self._lease.lost or self._lease.refreshed().status != "Restarting":
+                raise
+            self._keep_earlier_run(run_id, outcome)
+            return True
+        self._settle(self._published(run_id, ending))
+        return False
+
+    # Stopping
+
+    def _why_stop(self) -> str | None:
+        """Why the job has to end, if it has to: `CANCELED` or a failure code."""
+        return self._asked()[1]
+
+    def _why_interrupt(self) -> str | None:
+        """Why the run that goes on has to end, if it has to."""
+        status, reason = self._asked()
+        return reason or (_RESTART if status == "Restarting" else None)
+
+    def _asked(self) -> tuple[str, str | None]:
+        """The job's status, which is `Restarting` when a restart of its run is ordered; and why it has to end."""
+        if self._lease.lost:
+            return self._lease.job.status, CANCELED  # whoever took over runs the job again
+        try:
+            status, canceled = self._service.catalog.standing(self._lease.job.arn)
+            return status, CANCELED if canceled else self._stop()
+        except ServiceUnavailableException as error:  # nothing to end a run for; it is asked again at once
+            _logger.warning("whether %s is to be stopped is not known: %s", self._lease.job.arn, error)
+            return self._lease.job.status, None
+
+    def _terminate(self, ending: Ending) -> None:
+        if self._lease.job.status != "Terminating":
+            self._lease.transition("terminate", ending=ending, **members_of(ending))
+        self._settle(ending)
+
+    def _settle(self, ending: Ending) -> None:
+        self._lease.transition(END_EVENTS[ending["status"]], **members_of(ending))
+
+    # Outputs
+
+    def _folder(self, run_id: str) -> Path:
+        return self._service.settings.home / "jobs" / self._lease.job.id / run_id
+
+    def _prepare_bucket(self, run_id: str) -> None:
+        """Finds out before a long run that its outputs have nowhere to go."""
+        bucket, _ = output_place(self._lease.job, run_id, self._service)
+        try:
+            prepare_bucket(self._service, bucket)
+        except BucketNotFoundError as error:
+            raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
+
+    def _store(self, run_id: str, about: dict[str, Any], *, finished: bool) -> dict[str, str]:
+        """Stores a run's outputs; returns where.
+
+        What a crashed or killed run left is stored too, but without a manifest: it is not whole.
+
+        Raises:
+          StorageError: that does not work.
+          OSError: the outputs cannot be read.
+        """
+        job, output_dir = self._lease.job, self._folder(run_id) / "output"
+        bucket, prefix = output_place(job, run_id, self._service)
+        prepare_bucket(self._service, bucket)
+        if finished:
+            whole = {"job": job.arn, "run": run_id, "seed": job.document["seed"], **about}
+            publish(self._service.store, bucket, prefix, output_dir, about=whole, created_at=self._service.clock())
+        else:
+            store_unfinished(self._service.store, bucket, prefix, output_dir)
+        return {"bucket": bucket, "prefix": prefix}
+
+    def _not_stored(self, run_id: str, error: Exception) -> str:
+        bucket, prefix = output_place(self._lease.job, run_id, self._service)
+        folder = self._folder(run_id) / "output"
+        return f"outputs could not be stored in s3://{bucket}/{prefix}: {error}; they are in {folder}"
+
+    def _published(self, run_id: str, ending: Ending) -> Ending:
+        """Stores the outputs; returns the ending, which is a failure when that does not work."""
+        try:
+            place = self._store(run_id, ending, finished=self._lease.job.document["finished"])
+        except (StorageError, OSError) as error:
+            refused = isinstance(error, StorageAccessDeniedError | BucketNotFoundError)
+            code = "BadPermissionsS3Output" if refused else "InternalServiceError"
+            return without_outputs(ending, code, self._not_stored(run_id, error))
+        return {**ending, "outputs": place}
+
+    def _published_after_all(self) -> Ending:
+        """The ending of a job whose performer died in the midst of publishing; its outputs may be here or stored."""
+        document = self._lease.job.document
+        ending, run_id = document["ending"], document.get("runId")
+        if run_id is None or "finished" not in document:
+            return ending  # it ended before it ran
+        if self._folder(run_id).is_dir():
+            return self._published(run_id, ending)
+        bucket, prefix = output_place(self._lease.job, run_id, self._service)
+        try:
+            if document["finished"]:
+                read_manifest(self._service.store, bucket, prefix)
+        except StorageError as error:
+            reason = f"the machine it ran on died before its outputs were stored in s3://{bucket}/{prefix}: {error}"
+            return without_outputs(ending, "InternalServiceError", reason)
+        return {**ending, "outputs": {"bucket": bucket, "prefix": prefix}}
+
+    def _keep_earlier_run(self, run_id: str, outcome: RunOutcome) -> None:
+        """Stores what a run left that was ended for another, and notes it; the restart goes on whatever comes of it."""
+        about = {**ending_of(outcome, None), "restarted": True}
+        run: dict[str, Any] = {"runId": run_id, "startedAt": self._lease.job.document["lastStartedAt"], **about}
+        try:
+            run["outputs"] = self._store(run_id, about, finished=outcome.finished)
+            _remove(self._folder(run_id))
+        except (StorageError, OSError) as error:
+            run["notStored"] = shorten(self._not_stored(run_id, error))
+            _logger.warning("%s is restarted, but its %s", self._lease.job.arn, run["notStored"])
+        self._lease.update(lambda document: {**document, "earlierRuns": [*document.get("earlierRuns", []), run]})
+
+    def _clean_up(self, run_id: str) -> None:
+        """Removes what is not needed any more; outputs that could not be stored stay."""
+        folder, document = self._folder(run_id), self._lease.job.document
+        if "outputs" in document:
+            kept = {run["runId"] for run in document.get("earlierRuns", ()) if "outputs" not in run}
+            for each in folder.parent.glob("*"):  # also what performers left that died
+                if each.name not in kept:
+                    _remove(each)
+        elif any(Path(folder, "output").glob("*")):
+            _remove(folder / "work")
+            _remove(folder / "data")
+        else:
+            _remove(folder)
+        with suppress(OSError):
+            folder.parent.rmdir()
+
+
+def _remove(folder: Path) -> None:
+    """Removes a run's folder as far as that is possible."""
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+    except RecursionError:  # an application made folders a thousand levels deep, and rm does not mind
+        subprocess.run(["rm", "-rf", "--", str(folder)], check=False)
