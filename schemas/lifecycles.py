@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from .base import choices
+from .deployment_jobs import DeploymentStatus
 from .errors import StateConflictError
 from .simulation_job_batches import SimulationJobBatchStatus
 from .simulation_jobs import SimulationJobStatus
@@ -192,11 +193,39 @@ WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
 ```
 """
 
+_DEPLOYMENT_ROWS: dict[str, tuple[tuple[DeploymentStatus, ...], DeploymentStatus]] = {
+    "prepare": (("Pending",), "Preparing"),
+    "start": (("Preparing",), "InProgress"),
+    "succeed": (("InProgress",), "Succeeded"),
+    "fail": (("Pending", "Preparing", "InProgress"), "Failed"),
+    "cancel": (("Pending", "Preparing", "InProgress"), "Canceled"),
+}
+
+DEPLOYMENT_JOB: Lifecycle[DeploymentStatus] = Lifecycle(
+    name="the deployment job",
+    initial="Pending",
+    states=choices(DeploymentStatus),
+    terminal=frozenset({"Succeeded", "Failed", "Canceled"}),
+    transitions=_table(_DEPLOYMENT_ROWS),
+)
+"""One deployment job.
+
+```
+          prepare            start             succeed
+  Pending ───────> Preparing ─────> InProgress ───────> Succeeded
+     ├─────────────────┼────────────────┼───── fail ──> Failed
+     └─────────────────┴────────────────┴── cancel ───> Canceled
+```
+
+Deployments do not act yet, so only `fail` (the fleet is deleted) and `cancel` happen.
+"""
+
 LIFECYCLES: Mapping[str, Lifecycle[Any]] = {
     "simulation-job": SIMULATION_JOB,
     "simulation-job-batch": SIMULATION_JOB_BATCH,
     "world-generation-job": WORLD_GENERATION_JOB,
     "world-export-job": WORLD_EXPORT_JOB,
+    "deployment-job": DEPLOYMENT_JOB,
 }
 """The state machine of each kind of resource that has one."""
 
