@@ -85,7 +85,7 @@ JobDuration = Annotated[int, ShapeName("JobDuration", wire_type="long"), Field(g
 Architecture = Annotated[Literal["X86_64", "ARM64", "ARMHF"], ShapeName("Architecture")]
 MAX_SEED = 2**63 - 1
 """Largest seed: what databases, manifests and other programs hold as a whole number."""
-Seed = Annotated[int, ShapeName("Seed"), Field(ge=0, le=MAX_SEED)]
+Seed = Annotated[int, ShapeName("Seed", wire_type="long"), Field(ge=0, le=MAX_SEED)]
 
 # References
 

@@ -1,15 +1,6 @@
 """The service's operations as data: what each takes, gives and refuses, and how it is reached.
 
-Extensions to the service's inputs, all of them:
-
-| shape | member | what it adds |
-| --- | --- | --- |
-| `CreateWorldGenerationJobRequest` | `seed` | worlds that can be generated again; also the tag `robomaker:seed` |
-| both orders of simulation jobs | `seed` | runs that can be repeated; also the tag `robomaker:seed` |
-| both orders of simulation jobs | `video` | `none` or `always`; also the tag `robomaker:video` |
-| both `...ApplicationConfig` | `application` | a bare name is as good as an ARN |
-| requests that describe, version, update or delete an application | `application` | a bare name is as good as an ARN |
-| `CreateWorldTemplateRequest`, `UpdateWorldTemplateRequest` | `templateBody` | a mapping is as good as JSON text |
+`differences` lists everything in which they are not what the service published, extensions included.
 """
 
 import re
@@ -42,7 +33,6 @@ from .simulation_run import VideoPolicy
 from .world_generation_jobs import CreateWorldGenerationJobRequest
 
 __all__ = [
-    "EXTENSIONS",
     "OPERATIONS",
     "ErrorClass",
     "OperationShape",
@@ -52,22 +42,6 @@ __all__ = [
     "seed_of",
     "video_of",
 ]
-
-EXTENSIONS: Mapping[str, frozenset[str]] = {
-    "CreateWorldGenerationJobRequest": frozenset({"seed"}),
-    "CreateSimulationJobRequest": frozenset({"seed", "video"}),
-    "SimulationJobRequest": frozenset({"seed", "video"}),
-    "RobotApplicationConfig": frozenset({"application"}),
-    "SimulationApplicationConfig": frozenset({"application"}),
-    "CreateWorldTemplateRequest": frozenset({"templateBody"}),
-    "UpdateWorldTemplateRequest": frozenset({"templateBody"}),
-    **{
-        f"{action}{role}Application{suffix}Request": frozenset({"application"})
-        for role in ("Robot", "Simulation")
-        for action, suffix in (("Create", "Version"), ("Describe", ""), ("Update", ""), ("Delete", ""))
-    },
-}
-"""Members, by shape, that are not in the service's interface or take more than it does."""
 
 SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"

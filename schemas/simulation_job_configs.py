@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from .base import Shape
+from .base import Shape, ShapeName
 from .common import (
     ApplicationReference,
     Arn,
@@ -21,19 +21,21 @@ from .common import (
     unique_names,
 )
 
-Command = Annotated[str, text(1, 1024, r"[a-zA-Z0-9_.\-]*")]
-CommandList = list[NonEmptyString]
-UnrestrictedCommand = Annotated[str, text(1, 1024)]
-EnvironmentVariableKey = Annotated[str, text(1, 1024, r"[A-Z_][A-Z0-9_]*")]
-EnvironmentVariableValue = Annotated[str, text(1, 1024)]
-Port = Annotated[int, Field(ge=1, le=65535)]
-NonSystemPort = Annotated[int, Field(ge=1024, le=65535)]
-SimulationUnit = Annotated[int, Field(ge=1, le=15)]
-GPUUnit = Annotated[int, Field(ge=0, le=1)]
-ComputeType = Literal["CPU", "GPU_AND_CPU"]
-ExitBehavior = Literal["FAIL", "RESTART"]
-UploadBehavior = Literal["UPLOAD_ON_TERMINATE", "UPLOAD_ROLLING_AUTO_REMOVE"]
-DataSourceType = Literal["Prefix", "Archive", "File"]
+Command = Annotated[str, ShapeName("Command"), text(1, 1024, r"[a-zA-Z0-9_.\-]*")]
+CommandList = Annotated[list[NonEmptyString], ShapeName("CommandList")]
+UnrestrictedCommand = Annotated[str, ShapeName("UnrestrictedCommand"), text(1, 1024)]
+EnvironmentVariableKey = Annotated[str, ShapeName("EnvironmentVariableKey"), text(1, 1024, r"[A-Z_][A-Z0-9_]*")]
+EnvironmentVariableValue = Annotated[str, ShapeName("EnvironmentVariableValue"), text(1, 1024)]
+Port = Annotated[int, ShapeName("Port"), Field(ge=1, le=65535)]
+NonSystemPort = Annotated[int, ShapeName("NonSystemPort"), Field(ge=1024, le=65535)]
+SimulationUnit = Annotated[int, ShapeName("SimulationUnit"), Field(ge=1, le=15)]
+GPUUnit = Annotated[int, ShapeName("GPUUnit"), Field(ge=0, le=1)]
+ComputeType = Annotated[Literal["CPU", "GPU_AND_CPU"], ShapeName("ComputeType")]
+ExitBehavior = Annotated[Literal["FAIL", "RESTART"], ShapeName("ExitBehavior")]
+UploadBehavior = Annotated[Literal["UPLOAD_ON_TERMINATE", "UPLOAD_ROLLING_AUTO_REMOVE"], ShapeName("UploadBehavior")]
+DataSourceType = Annotated[Literal["Prefix", "Archive", "File"], ShapeName("DataSourceType")]
+
+Boolean = Annotated[bool, ShapeName("Boolean")]
 
 # Deprecated members are marked in the JSON Schema only: reading one must not warn.
 _DEPRECATED: dict[str, bool] = {"deprecated": True}
@@ -50,6 +52,7 @@ def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
 
 EnvironmentVariableMap = Annotated[
     dict[EnvironmentVariableKey, EnvironmentVariableValue],
+    ShapeName("EnvironmentVariableMap"),
     Field(max_length=20),
     AfterValidator(_possible_variables),
 ]
@@ -66,7 +69,7 @@ class PortMapping(Shape):
 class PortForwardingConfig(Shape):
     """Ports of the application that are reachable from outside."""
 
-    portMappings: Annotated[list[PortMapping], Field(max_length=10)] | None = Field(
+    portMappings: Annotated[list[PortMapping], ShapeName("PortMappingList"), Field(max_length=10)] | None = Field(
         default=None, description="The ports, at most 10."
     )
 
@@ -113,9 +116,12 @@ class Tool(Shape):
 
 
 UploadConfigurations = Annotated[
-    list[UploadConfiguration], Field(max_length=10), AfterValidator(unique_names("uploadConfigurations"))
+    list[UploadConfiguration],
+    ShapeName("UploadConfigurations"),
+    Field(max_length=10),
+    AfterValidator(unique_names("uploadConfigurations")),
 ]
-Tools = Annotated[list[Tool], Field(max_length=10), AfterValidator(unique_names("tools"))]
+Tools = Annotated[list[Tool], ShapeName("Tools"), Field(max_length=10), AfterValidator(unique_names("tools"))]
 
 
 class RobotApplicationConfig(Shape):
@@ -143,13 +149,17 @@ class WorldConfig(Shape):
 class SimulationApplicationConfig(RobotApplicationConfig):
     """A simulation application in a simulation job."""
 
-    worldConfigs: Annotated[list[WorldConfig], Field(max_length=1)] | None = Field(
+    worldConfigs: Annotated[list[WorldConfig], ShapeName("WorldConfigs"), Field(max_length=1)] | None = Field(
         default=None, description="The world it simulates, at most one."
     )
 
 
-RobotApplicationConfigs = Annotated[list[RobotApplicationConfig], Field(min_length=1, max_length=1)]
-SimulationApplicationConfigs = Annotated[list[SimulationApplicationConfig], Field(min_length=1, max_length=1)]
+RobotApplicationConfigs = Annotated[
+    list[RobotApplicationConfig], ShapeName("RobotApplicationConfigs"), Field(min_length=1, max_length=1)
+]
+SimulationApplicationConfigs = Annotated[
+    list[SimulationApplicationConfig], ShapeName("SimulationApplicationConfigs"), Field(min_length=1, max_length=1)
+]
 
 
 class DataSourceConfig(Shape):
@@ -157,7 +167,7 @@ class DataSourceConfig(Shape):
 
     name: Name = Field(description="Name of the source, unique in the job.")
     s3Bucket: S3Bucket = Field(description="Bucket of the objects.")
-    s3Keys: Annotated[list[S3KeyOrPrefix], Field(min_length=1, max_length=100)] = Field(
+    s3Keys: Annotated[list[S3KeyOrPrefix], ShapeName("S3KeysOrPrefixes"), Field(min_length=1, max_length=100)] = Field(
         description="Keys of the objects, or prefixes of keys."
     )
     type: DataSourceType | None = Field(
@@ -174,7 +184,10 @@ class DataSourceConfig(Shape):
 
 
 DataSourceConfigs = Annotated[
-    list[DataSourceConfig], Field(min_length=1, max_length=6), AfterValidator(unique_names("dataSources"))
+    list[DataSourceConfig],
+    ShapeName("DataSourceConfigs"),
+    Field(min_length=1, max_length=6),
+    AfterValidator(unique_names("dataSources")),
 ]
 
 
@@ -190,7 +203,9 @@ class DataSource(Shape):
 
     name: Name | None = Field(default=None, description="Name of the source.")
     s3Bucket: S3Bucket | None = Field(default=None, description="Bucket of the objects.")
-    s3Keys: list[S3KeyOutput] | None = Field(default=None, description="The objects.")
+    s3Keys: Annotated[list[S3KeyOutput], ShapeName("S3KeyOutputs")] | None = Field(
+        default=None, description="The objects."
+    )
     type: DataSourceType | None = Field(default=None, description="File, Archive or Prefix.")
     destination: Path | None = Field(default=None, description="Folder where the job finds them.")
 
@@ -206,20 +221,26 @@ class LoggingConfig(Shape):
 class VPCConfig(Shape):
     """Network of a job."""
 
-    subnets: Annotated[list[NonEmptyString], Field(min_length=1, max_length=16)] = Field(description="Subnet ids.")
-    securityGroups: Annotated[list[NonEmptyString], Field(min_length=1, max_length=5)] | None = Field(
-        default=None, description="Security group ids."
+    subnets: Annotated[list[NonEmptyString], ShapeName("Subnets"), Field(min_length=1, max_length=16)] = Field(
+        description="Subnet ids."
     )
-    assignPublicIp: bool | None = Field(default=None, description="Whether it gets a public address.")
+    securityGroups: (
+        Annotated[list[NonEmptyString], ShapeName("SecurityGroups"), Field(min_length=1, max_length=5)] | None
+    ) = Field(default=None, description="Security group ids.")
+    assignPublicIp: Boolean | None = Field(default=None, description="Whether it gets a public address.")
 
 
 class VPCConfigResponse(Shape):
     """Network of a job."""
 
-    subnets: list[NonEmptyString] | None = Field(default=None, description="Subnet ids.")
-    securityGroups: list[NonEmptyString] | None = Field(default=None, description="Security group ids.")
+    subnets: Annotated[list[NonEmptyString], ShapeName("Subnets", 1, 16)] | None = Field(
+        default=None, description="Subnet ids."
+    )
+    securityGroups: Annotated[list[NonEmptyString], ShapeName("SecurityGroups", 1, 5)] | None = Field(
+        default=None, description="Security group ids."
+    )
     vpcId: GenericString | None = Field(default=None, description="Id of the network.")
-    assignPublicIp: bool | None = Field(default=None, description="Whether it gets a public address.")
+    assignPublicIp: Boolean | None = Field(default=None, description="Whether it gets a public address.")
 
 
 class NetworkInterface(Shape):

@@ -21,7 +21,9 @@ from .common import (
 )
 from .operation_shape import CREATE_EXPORT_ERRORS, LIST_ERRORS, READ_ERRORS, OperationShape
 
-WorldExportJobStatus = Literal["Pending", "Running", "Completed", "Failed", "Canceling", "Canceled"]
+WorldExportJobStatus = Annotated[
+    Literal["Pending", "Running", "Completed", "Failed", "Canceling", "Canceled"], ShapeName("WorldExportJobStatus")
+]
 WorldExportJobErrorCode = Annotated[
     Literal[
         "InternalServiceError", "LimitExceeded", "ResourceNotFound", "RequestThrottled", "InvalidInput", "AccessDenied"

@@ -19,8 +19,9 @@ from .common import (
 )
 from .operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
 
-WorldGenerationJobStatus = Literal[
-    "Pending", "Running", "Completed", "Failed", "PartialFailed", "Canceling", "Canceled"
+WorldGenerationJobStatus = Annotated[
+    Literal["Pending", "Running", "Completed", "Failed", "PartialFailed", "Canceling", "Canceled"],
+    ShapeName("WorldGenerationJobStatus"),
 ]
 WorldGenerationJobErrorCode = Annotated[
     Literal[

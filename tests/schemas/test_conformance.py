@@ -1,4 +1,4 @@
-"""The sixteen operations against the service's last published model."""
+"""The operations against the service's last published model."""
 
 import copy
 import gzip
@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.operations import EXTENSIONS, OPERATIONS, OperationShape
+from prefect_robomaker.schemas.differences import changed_bounds, changed_members
+from prefect_robomaker.schemas.operations import OPERATIONS, OperationShape
 
 BOTOCORE = "botocore==1.40.60"  # the last release that has the service
 SHAPES = Path("botocore/data/robomaker/2018-06-29/service-2.json.gz")
@@ -22,15 +23,8 @@ SHAPES = Path("botocore/data/robomaker/2018-06-29/service-2.json.gz")
 Model = dict[str, Any]
 Schema = dict[str, Any]
 
-# Bounds that the model leaves out and the service's documentation gives in prose.
-PROSE_BOUNDS: Mapping[str, tuple[int, int | None]] = {
-    "BatchTimeoutInSeconds": (1, 1209600),
-    "FloorplanCount": (1, None),
-    "InteriorCountPerFloorplan": (1, None),
-    "JobDuration": (1, 1209600),
-    "MaxConcurrency": (1, None),
-    "MaxResults": (1, 100),
-}
+EXTENSIONS = changed_members()
+BOUNDS = changed_bounds()
 # In Java's regular expressions `.` is no line break; nothing else is meant by these.
 ANYTHING = (".*", ".+", r"[\S\s]+")
 
@@ -114,11 +108,12 @@ class Comparison:
         yield from _equal(f"{path} (pattern)", ours.get("pattern"), expected)
 
     def _integer(self, ours: Schema, shape: Model, name: str, path: str) -> Iterator[str]:
-        yield from _equal(f"{path} (type)", ours.get("type"), "integer")
-        expected = PROSE_BOUNDS.get(name, _bounds(shape))
+        expected_type = "number" if shape["type"] == "float" else "integer"
+        yield from _equal(f"{path} (type)", ours.get("type"), expected_type)
+        expected = BOUNDS.get(path, BOUNDS.get(name, _bounds(shape)))
         yield from _equal(f"{path} (bounds)", (ours.get("minimum"), ours.get("maximum")), expected)
 
-    _long = _integer
+    _long = _float = _integer
 
     def _boolean(self, ours: Schema, shape: Model, name: str, path: str) -> Iterator[str]:
         yield from _equal(f"{path} (type)", ours.get("type"), "boolean")

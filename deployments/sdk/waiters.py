@@ -1,0 +1,97 @@
+"""Waiters: what SDKs can wait for. The service never had any."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from ...schemas.lifecycles import (
+    SIMULATION_JOB,
+    SIMULATION_JOB_BATCH,
+    WORLD_EXPORT_JOB,
+    WORLD_GENERATION_JOB,
+    Lifecycle,
+)
+
+
+@dataclass(frozen=True)
+class Waiter:
+    """Asks for a job again and again until it is where it should be, or cannot get there any more."""
+
+    name: str
+    """What SDKs call it."""
+
+    operation: str
+    """The operation that is called."""
+
+    lifecycle: Lifecycle[Any]
+    """What the job goes through: all states that nothing leads out of end the waiting."""
+
+    delay_s: int
+    """Seconds between two calls."""
+
+    most_calls: int
+    """How many calls are made before it gives up."""
+
+    wanted: Collection[str] = ("Completed",)
+    """States that are waited for."""
+
+    also_failed: Collection[str] = ()
+    """States that something leads out of, but hardly where one wants to go."""
+
+    @property
+    def failed(self) -> list[str]:
+        """States in which waiting makes no sense any more."""
+        return sorted({*self.lifecycle.terminal, *self.also_failed} - {*self.wanted})
+
+    def as_model(self) -> dict[str, Any]:
+        """The waiter as botocore reads it."""
+        ends = [("success", state) for state in self.wanted] + [("failure", state) for state in self.failed]
+        return {
+            "operation": self.operation,
+            "delay": self.delay_s,
+            "maxAttempts": self.most_calls,
+            "acceptors": [
+                {"state": end, "matcher": "path", "argument": "status", "expected": state} for end, state in ends
+            ],
+        }
+
+
+_CRASHED = ("RunningFailed",)
+
+WAITERS = (
+    # A short job may have run and ended between two calls.
+    Waiter(
+        "SimulationJobRunning",
+        "DescribeSimulationJob",
+        SIMULATION_JOB,
+        delay_s=2,
+        most_calls=900,
+        wanted=("Running", "Completed"),
+        also_failed=_CRASHED,
+    ),
+    Waiter(
+        "SimulationJobCompleted",
+        "DescribeSimulationJob",
+        SIMULATION_JOB,
+        delay_s=5,
+        most_calls=2880,
+        also_failed=_CRASHED,
+    ),
+    Waiter(
+        "SimulationJobBatchCompleted",
+        "DescribeSimulationJobBatch",
+        SIMULATION_JOB_BATCH,
+        delay_s=10,
+        most_calls=8640,
+    ),
+    Waiter(
+        "WorldGenerationJobCompleted", "DescribeWorldGenerationJob", WORLD_GENERATION_JOB, delay_s=2, most_calls=1800
+    ),
+    Waiter("WorldExportJobCompleted", "DescribeWorldExportJob", WORLD_EXPORT_JOB, delay_s=2, most_calls=1800),
+)
+"""Half an hour for a simulation to start, four hours for it to end, a day for a batch, an hour for worlds."""
+
+
+def waiters_model() -> dict[str, Any]:
+    """The content of `waiters-2.json`."""
+    return {"version": 2, "waiters": {each.name: each.as_model() for each in WAITERS}}

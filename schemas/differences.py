@@ -1,0 +1,125 @@
+"""Everything in which our interface differs from the service's last published model, with the reasons.
+
+Tests compare all operations, shapes, paginators and waiters with that model: a difference that is not
+listed here fails, and so does one that is listed but is not there.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .common import MAX_DURATION_S
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not as it was published."""
+
+    where: str
+    """`Shape`, `Shape.member` or, for one of its traits, `Shape:max` and `Shape.member:deprecated`."""
+
+    ours: Any
+    """What it is here; `None`: nothing."""
+
+    published: Any
+    """What it was; `None`: nothing."""
+
+    reason: str
+    """Why."""
+
+    in_model: bool = True
+    """Whether service models can say it; what only YAML and Python can is compared elsewhere."""
+
+
+SEED = "Extension: worlds and runs that can be made again from the same seed; the tag `robomaker:seed` says the same."
+VIDEO = "Extension: whether a run is filmed; the tag `robomaker:video` says the same."
+BARE_NAME = "Extension: an application's bare name is as good as its ARN."
+MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
+PROSE = "The service's documentation gives the bound in words; the model left it out."
+POSITIVE = "No number below 1 means anything here; no bound was published."
+LINE_BREAKS = "The pattern refuses nothing but line breaks, which real commands, reasons and documents have."
+
+_SEED_SHAPES = ("CreateSimulationJobRequest", "CreateWorldGenerationJobRequest", "SimulationJobRequest")
+_VIDEO_SHAPES = ("CreateSimulationJobRequest", "SimulationJobRequest")
+_NAMED_SHAPES = (
+    "CreateRobotApplicationVersionRequest",
+    "CreateSimulationApplicationVersionRequest",
+    "DeleteRobotApplicationRequest",
+    "DeleteSimulationApplicationRequest",
+    "DescribeRobotApplicationRequest",
+    "DescribeSimulationApplicationRequest",
+    "RobotApplicationConfig",
+    "SimulationApplicationConfig",
+    "UpdateRobotApplicationRequest",
+    "UpdateSimulationApplicationRequest",
+)
+_BODY_SHAPES = ("CreateWorldTemplateRequest", "UpdateWorldTemplateRequest")
+
+_PATTERNS_THAT_REFUSE_LINE_BREAKS = {
+    "EnvironmentVariableValue": ".*",
+    "GenericString": ".*",
+    "Id": ".*",
+    "Json": r"[\S\s]+",
+    "NonEmptyString": ".+",
+    "Path": ".*",
+    "RepositoryUrl": ".+",
+    "S3Key": ".*",
+    "S3KeyOrPrefix": ".*",
+    "TemplateName": ".*",
+    "UnrestrictedCommand": ".*",
+}
+
+SHORT_PAGE = 100
+"""Most entries of a page, for most lists."""
+LONGER_PAGES: Mapping[str, int] = {
+    "ListDeploymentJobsRequest": 200,
+    "ListFleetsRequest": 200,
+    "ListRobotsRequest": 200,
+}
+"""Most entries of a page, for the other lists; service models have one shape for all of them."""
+
+DIFFERENCES: tuple[Difference, ...] = (
+    *(Difference(f"{shape}.seed", "Seed", None, SEED) for shape in _SEED_SHAPES),
+    Difference("Seed", "long", None, SEED),
+    *(Difference(f"{shape}.video", "VideoPolicy", None, VIDEO) for shape in _VIDEO_SHAPES),
+    Difference("VideoPolicy", "string", None, VIDEO),
+    *(Difference(f"{shape}.application", "ApplicationReference", "Arn", BARE_NAME) for shape in _NAMED_SHAPES),
+    Difference("ApplicationReference", "string", None, BARE_NAME),
+    *(
+        Difference(f"{shape}.templateBody", "Json or a mapping", "Json", MAPPING, in_model=False)
+        for shape in _BODY_SHAPES
+    ),
+    Difference("BatchTimeoutInSeconds:min", 1, None, POSITIVE),
+    Difference("BatchTimeoutInSeconds:max", MAX_DURATION_S, None, PROSE),
+    Difference("JobDuration:min", 1, None, POSITIVE),
+    Difference("JobDuration:max", MAX_DURATION_S, None, PROSE),
+    Difference("DeploymentTimeout:min", 60, None, PROSE),
+    Difference("DeploymentTimeout:max", 7 * 24 * 3600, None, PROSE),
+    Difference("MaxResults:min", 1, None, PROSE),
+    Difference("MaxResults:max", max(LONGER_PAGES.values()), None, f"{PROSE} It is that of the longest pages."),
+    Difference("MaxConcurrency:min", 1, None, POSITIVE),
+    Difference("FloorplanCount:min", 1, None, POSITIVE),
+    Difference("InteriorCountPerFloorplan:min", 1, None, POSITIVE),
+    *(
+        Difference(f"{shape}:pattern", None, pattern, LINE_BREAKS)
+        for shape, pattern in _PATTERNS_THAT_REFUSE_LINE_BREAKS.items()
+    ),
+)
+"""All of them; new ones need a reason."""
+
+
+def changed_members() -> Mapping[str, frozenset[str]]:
+    """Members, by shape, that are not in the published interface or take more than they did."""
+    members = [each.where.split(".") for each in DIFFERENCES if "." in each.where and ":" not in each.where]
+    return {shape: frozenset(member for owner, member in members if owner == shape) for shape, _ in members}
+
+
+def changed_bounds() -> Mapping[str, tuple[int | None, int | None]]:
+    """Smallest and largest value that we take where they are not the published ones, by shape or `Shape.member`."""
+    bounds = {each.where: each.ours for each in DIFFERENCES}
+    shapes = {where.partition(":")[0] for where in bounds if where.endswith((":min", ":max"))}
+    return {
+        **{shape: (bounds.get(f"{shape}:min"), bounds.get(f"{shape}:max")) for shape in sorted(shapes)},
+        "MaxResults": (1, SHORT_PAGE),
+        **{f"{shape}.maxResults": (1, most) for shape, most in LONGER_PAGES.items()},
+    }
