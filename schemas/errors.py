@@ -20,7 +20,8 @@ RobomakerError
 │   ├── StorageAccessDeniedError
 │   ├── ObjectExistsError                     a create-only write found something there
 │   ├── StorageFullError
-│   └── ChecksumMismatchError
+│   ├── ChecksumMismatchError
+│   └── TransferStoppedError                  whoever asked for it does not want it any more
 ├── BundleError                               an application archive that cannot be unpacked safely
 ├── WorldGenerationError                      no valid world within the allowed attempts
 ├── LaunchError                               an application that cannot be started, and why
@@ -161,6 +162,10 @@ class StorageFullError(StorageError):
 
 class ChecksumMismatchError(StorageError):
     """The bytes that arrived are not the bytes that were sent."""
+
+
+class TransferStoppedError(StorageError):
+    """The transfer was ended, as whoever had asked for it wanted; nothing of it is left."""
 
 
 class BundleError(RobomakerError):

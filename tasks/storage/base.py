@@ -1,9 +1,17 @@
 """What an object store does, whichever it is."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
+
+Stopped = Callable[[], bool]
+"""Whether a transfer is not wanted any more; asked several times a second, from any thread."""
+
+
+def never() -> bool:
+    """For transfers that nobody will stop."""
+    return False
 
 
 @dataclass(frozen=True)
@@ -28,8 +36,12 @@ class ObjectStore(Protocol):
         """Creates the bucket unless it exists."""
         ...
 
-    def put_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Stores a file's content; checksums are verified by the receiving side."""
+    def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
+        """Stores a file's content; checksums are verified by the receiving side.
+
+        Raises:
+          TransferStoppedError: `stopped` said so, and the object is as it was before.
+        """
         ...
 
     def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:

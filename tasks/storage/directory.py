@@ -20,8 +20,9 @@ from ...schemas.errors import (
     ObjectExistsError,
     ObjectNotFoundError,
     StorageError,
+    TransferStoppedError,
 )
-from .base import ObjectInfo
+from .base import ObjectInfo, Stopped, never
 from .etags import etag_of, keep_etag
 from .failures import os_failures
 from .folders import open_regular
@@ -55,15 +56,16 @@ class DirectoryStore:
             _sync(self._root)
             self._remove_abandoned()
 
-    def put_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+    def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
         """Stores a file's content.
 
         Raises:
+          TransferStoppedError: `stopped` said so, and the object is as it was before.
           StorageError: also when the file is written to while it is being stored.
         """
         with os_failures(f"store {path} as {bucket}/{key}"), path.open("rb") as source:
             before = os.fstat(source.fileno())
-            with self._written(bucket, key, source) as (temporary, info):
+            with self._written(bucket, key, source, stopped) as (temporary, info):
                 after = os.fstat(source.fileno())
                 if (info.size_bytes, after.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
                     raise StorageError(f"cannot store {path} as {bucket}/{key}: it was written to meanwhile")
@@ -168,7 +170,9 @@ class DirectoryStore:
                 yield source, ObjectInfo(bucket, key, size, etag_of(source.fileno()))
 
     @contextmanager
-    def _written(self, bucket: str, key: str, source: BinaryIO) -> Iterator[tuple[Path, ObjectInfo]]:
+    def _written(
+        self, bucket: str, key: str, source: BinaryIO, stopped: Stopped = never
+    ) -> Iterator[tuple[Path, ObjectInfo]]:
         """Writes a source into a temporary file that is on the disk when the block begins and gone when it ends."""
         check_key(key)
         self._bucket_path(bucket)
@@ -179,6 +183,8 @@ class DirectoryStore:
         try:
             with temporary.open("xb") as target:
                 for chunk in _chunks(source):
+                    if stopped():
+                        raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
                     target.write(chunk)
                     digest.update(chunk)
                     size += len(chunk)

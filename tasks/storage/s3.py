@@ -9,6 +9,7 @@ An uploader that is killed leaves the parts of large files at the server, where 
 them: let a lifecycle rule of the bucket abort incomplete multipart uploads.
 """
 
+import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing
 from io import BytesIO
@@ -20,11 +21,11 @@ import boto3
 from boto3.s3.transfer import TransferConfig, create_transfer_manager
 from botocore.config import Config
 from botocore.exceptions import ClientError, IncompleteReadError, ReadTimeoutError, ResponseStreamingError
-from s3transfer.exceptions import S3DownloadFailedError
+from s3transfer.exceptions import CancelledError, S3DownloadFailedError
 from s3transfer.subscribers import BaseSubscriber
 
-from ...schemas.errors import BucketNotFoundError, ObjectNotFoundError
-from .base import ObjectInfo
+from ...schemas.errors import BucketNotFoundError, ObjectNotFoundError, TransferStoppedError
+from .base import ObjectInfo, Stopped, never
 from .checksums import compare, crc32_of, measure
 from .naming import check_bucket, check_key, check_prefix
 from .parallel import WORKERS, run_all
@@ -33,6 +34,7 @@ from .s3_failures import s3_failures
 _PART_BYTES = 16 << 20
 _CONFLICTS = 5
 _RESTARTS = 4
+_LOOK_S = 0.05
 # The last one is what a transfer makes of an object that is replaced between its parts.
 _BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3DownloadFailedError)
 
@@ -92,17 +94,20 @@ class S3Store:
                 if _code(error) != "BucketAlreadyOwnedByYou":  # somebody was quicker
                     raise
 
-    def put_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+    def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
         """Stores a file's content.
 
         Raises:
+          TransferStoppedError: `stopped` said so, and the object is as it was before.
           ChecksumMismatchError: the file was written to meanwhile, or the server has other bytes.
         """
         _check(bucket, key)
         with self._failures(f"store {path} as {bucket}/{key}"):
+            if stopped():
+                raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
             if path.stat().st_size < _PART_BYTES:
                 return self._put(bucket, key, path.read_bytes(), create_only=False)
-            return self._put_large(bucket, key, path)
+            return self._put_large(bucket, key, path, stopped)
 
     def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
@@ -204,11 +209,13 @@ class S3Store:
                 return ObjectInfo(bucket, key, len(data), answer["ETag"].strip('"'))
         raise AssertionError("the last attempt returns or raises")
 
-    def _put_large(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+    def _put_large(self, bucket: str, key: str, path: Path, stopped: Stopped) -> ObjectInfo:
         with path.open("rb") as file:
             size, crc = measure(file)
         try:
-            self._transfers.upload(str(path), bucket, key, extra_args={"ChecksumCRC32": crc}).result()
+            _wait(self._transfers.upload(str(path), bucket, key, extra_args={"ChecksumCRC32": crc}), stopped)
+        except CancelledError:
+            raise TransferStoppedError(f"{bucket}/{key} is not wanted any more") from None
         except ClientError as error:
             # When the answer to the last request is lost, repeating it finds the upload gone because it is complete.
             if _code(error) != "NoSuchUpload":
@@ -264,6 +271,20 @@ class _Known(BaseSubscriber):
     def on_queued(self, future: Any, **kwargs: Any) -> None:  # noqa: ARG002 - s3transfer's signature
         future.meta.provide_transfer_size(self._answer["ContentLength"])
         future.meta.provide_object_etag(self._answer["ETag"])
+
+
+def _wait(transfer: Any, stopped: Stopped) -> None:
+    """Waits for a transfer's end; one that is stopped aborts at the server what it has begun."""
+    try:
+        while stopped is not never and not transfer.done():
+            if stopped():
+                transfer.cancel()
+                break
+            time.sleep(_LOOK_S)
+    except BaseException:  # Ctrl-C, or the question itself failed
+        transfer.cancel()
+        raise
+    transfer.result()
 
 
 def _check(bucket: str, key: str) -> None:

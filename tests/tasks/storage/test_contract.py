@@ -15,6 +15,7 @@ from prefect_robomaker.schemas.errors import (
     ObjectExistsError,
     ObjectNotFoundError,
     StorageError,
+    TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.base import ObjectStore
 
@@ -104,6 +105,24 @@ def test_a_large_file_comes_back_whole(store: ObjectStore, bucket: str, tmp_path
     assert store.get_bytes(bucket, "large") == content
     (tmp_path / "large").write_bytes(content[:-1] + b"!")
     assert store.put_file(bucket, "large", tmp_path / "large").etag != put.etag
+
+
+@pytest.mark.parametrize(("size_mb", "goes_on"), [(1, 0), (40, 0), (40, 1)])
+def test_a_transfer_that_is_stopped_leaves_what_was_there(
+    store: ObjectStore, bucket: str, size_mb: int, goes_on: int, tmp_path: Path
+):
+    """40 MB are several parts on S3; the last case stops in the midst of them."""
+    (tmp_path / "file").write_bytes(bytes(1000) * 1000 * size_mb)
+    store.put_bytes(bucket, "there", b"before")
+
+    for key in ("there", "new"):
+        answers = iter([False] * goes_on)
+        with pytest.raises(TransferStoppedError, match=f"{bucket}/{key}"):
+            store.put_file(bucket, key, tmp_path / "file", stopped=lambda left=answers: next(left, True))
+
+    assert [info.key for info in store.list(bucket)] == ["there"]
+    assert store.get_bytes(bucket, "there") == b"before"
+    assert store.put_file(bucket, "new", tmp_path / "file", stopped=lambda: False).size_bytes == size_mb * 1_000_000
 
 
 def test_many_files_in_one_call(store: ObjectStore, bucket: str, tmp_path: Path):

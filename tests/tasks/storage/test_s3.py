@@ -26,6 +26,7 @@ from prefect_robomaker.schemas.errors import (
     StorageAccessDeniedError,
     StorageError,
     StorageFullError,
+    TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.s3 import S3Store
 from prefect_robomaker.tasks.storage.s3_failures import from_client_error
@@ -55,6 +56,21 @@ def test_large_objects_carry_the_crc32_of_the_whole(s3: S3Store, s3_server: S3Se
     seen = s3_server.client("s3").head_object(Bucket=BUCKET, Key="large", ChecksumMode="ENABLED")
     assert seen["ETag"].endswith('-2"'), "two parts"
     assert base64.b64decode(seen["ChecksumCRC32"]) == zlib.crc32(LARGE).to_bytes(4, "big")
+
+
+def test_a_stopped_upload_leaves_no_parts_at_the_server(s3: S3Store, s3_server: S3Server, tmp_path: Path):
+    (tmp_path / "large").write_bytes(LARGE * 5)
+    client = s3_server.client("s3")
+
+    def begun() -> bool:
+        return bool(client.list_multipart_uploads(Bucket=BUCKET).get("Uploads"))
+
+    with pytest.raises(TransferStoppedError, match="stopped"):
+        s3.put_file(BUCKET, "stopped", tmp_path / "large", stopped=begun)
+
+    assert not begun()
+    with pytest.raises(ObjectNotFoundError):
+        s3.head(BUCKET, "stopped")
 
 
 def test_a_large_file_written_to_during_its_upload_is_not_stored(
