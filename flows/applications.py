@@ -1,33 +1,46 @@
-"""What robot applications and simulation applications have in common."""
+"""What robot applications and simulation applications have in common; their versions are in `application_versions`."""
 
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
-from ..schemas.arns import application_arn
-from ..schemas.errors import InvalidParameterException, ResourceAlreadyExistsException, StorageError
-from ..tasks.builtins import BUILTINS
-from ..tasks.catalog import Resource
+from ..schemas.applications import ApplicationListRequest
+from ..schemas.arns import ResourceArn, application_arn
+from ..schemas.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
+from ..schemas.simulation_run import ApplicationRole
+from ..tasks.applications import (
+    LATEST,
+    check_environment,
+    find_application,
+    image_digest,
+    version_arn,
+    version_kind,
+    with_etag,
+)
+from ..tasks.builtins import is_builtin
+from ..tasks.catalog import Page, Resource
 from ..tasks.service import Service
+from .listing import page_of
 
-LATEST = "$LATEST"
-_REVISION = {"version", "revisionId"}
+_CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
+_KEPT = ("lastNumber",)  # what of the document outlives a change: the catalog's count of versions
 
 
-def create_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+def create_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
     """Stores an application and returns the members of the response.
 
     Args:
-      kind: `robot-application` or `simulation-application`.
+      role: which kind of application.
       request: the request's members.
       service: where it is stored.
 
     Raises:
       ResourceAlreadyExistsException: the name is taken.
-      InvalidParameterException: a source cannot be read, or the environment cannot be used.
+      InvalidParameterException: a source cannot be read, or the environment is none.
     """
     definition = _definition(request, service)
-    settings, now = service.settings, service.clock()
+    settings, now, kind = service.settings, service.clock(), f"{role}-application"
     arn = application_arn(settings.region, settings.account, kind, request["name"], now)
     resource = service.catalog.create(
         Resource.new(
@@ -37,45 +50,107 @@ def create_application(kind: str, request: Mapping[str, Any], service: Service) 
             name=request["name"],
             status="Active",
             tags=request.get("tags") or {},
-            document={**definition, "version": LATEST, "revisionId": _new_revision(service)},
+            document={**definition, **_new_revision(service)},
         ),
         token=None,
         unique_name=True,
     )
-    return _answer(resource)
+    return _tagged(resource)
 
 
-def check_environment(uri: str) -> None:
-    """Refuses environments that nothing here can start.
-
-    Raises:
-      InvalidParameterException: it is not `python://` and the dotted name of a package.
-    """
-    scheme, _, module = uri.partition("://")
-    if scheme == "python" and module and all(part.isidentifier() for part in module.split(".")):
-        return
-    raise InvalidParameterException(
-        f"environment.uri: {uri!r} cannot be started here; give python://package.module for an installed package, "
-        "or put the application's files into an archive and name it in sources (container images are not run yet)"
-    )
-
-
-def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[str, Any]:
-    """The source with the ETag its archive has now.
+def describe_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """The members that describe an application, or a version of it.
 
     Raises:
-      InvalidParameterException: there is no such archive, or it cannot be read.
+      ResourceNotFoundException: there is no such application, or version.
     """
-    place = f"s3://{source['s3Bucket']}/{source['s3Key']}"
-    try:
-        return {**source, "etag": service.store.head(source["s3Bucket"], source["s3Key"]).etag}
-    except StorageError as error:
+    version = request.get("applicationVersion")
+    resource = find_application(request["application"], role, version, service)
+    return {**_tagged(resource), "imageDigest": resource.document.get("imageDigest")}
+
+
+def list_applications(
+    operation: str, role: ApplicationRole, request: ApplicationListRequest, service: Service
+) -> tuple[list[dict[str, Any]], str | None]:
+    """A page of applications, newest first, and the token of the next.
+
+    Raises:
+      InvalidParameterException: a filter is not known, or the token is not of this list.
+    """
+    kind = f"{role}-application"
+    kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
+    page: Page = page_of(operation, kinds, request, service, filters={"name": "name"}, given=request.filters)
+    members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
+    described = [revision(resource) for resource in page.resources]
+    return [{key: each[key] for key in members if key in each} for each in described], page.next_token
+
+
+def change_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """Makes an application what a request says, and returns the members of the response.
+
+    Raises:
+      ResourceNotFoundException: there is no such application.
+      InvalidParameterException: it is built in, or has another revision by now; or a source cannot
+        be read, or the environment is none.
+    """
+    application = find_application(request["application"], role, None, service)
+    if is_builtin(application):
+        raise InvalidParameterException(f"{application.arn} is built in and stays as it is; make one of another name")
+    definition = _definition(request, service)
+    return revision(_replace(application.arn, definition, request.get("currentRevisionId"), service))
+
+
+def delete_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> None:
+    """Removes an application with all its versions, or one version; of no effect on what is not there.
+
+    Raises:
+      InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
+    """
+    reference, version = request["application"], request.get("applicationVersion")
+    if reference.startswith("arn:"):
+        ResourceArn.parse(reference, "robot-application" if role == "robot" else "simulation-application")
+    if version == LATEST:
         raise InvalidParameterException(
-            f"sources[{index}]: {place} cannot be read ({error}); give the bucket and key of a .tar, .tar.gz or .zip"
-        ) from error
+            f"applicationVersion: {LATEST} cannot be deleted alone; leave applicationVersion out to delete the "
+            "application with all its versions"
+        )
+    with suppress(ResourceNotFoundException):
+        application = find_application(reference, role, None, service)
+        if version is not None:
+            service.catalog.delete(version_arn(application.arn, version))
+        elif is_builtin(application):
+            raise InvalidParameterException(f"{application.arn} is built in and cannot be deleted")
+        else:
+            service.catalog.delete(application.arn, children=(version_kind(application.kind),))
 
 
-def reuse_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+def revision(resource: Resource) -> dict[str, Any]:
+    """The members of a response that say what an application, or a version of it, is."""
+    document = resource.document
+    return {
+        "arn": resource.parent or resource.arn,
+        "name": resource.name,
+        "version": document["version"],
+        "revisionId": document["revisionId"],
+        "lastUpdatedAt": resource.updated_at,
+        **{member: document[member] for member in _CONTENT if member in document},
+    }
+
+
+def check_revision(wanted: str | None, document: Mapping[str, Any]) -> None:
+    """Checks that an application still has the revision that a request is about.
+
+    Raises:
+      InvalidParameterException: it has another; says which.
+    """
+    if wanted is not None and wanted != document["revisionId"]:
+        raise InvalidParameterException(
+            f"currentRevisionId: the application has another revision than {wanted!r} by now, "
+            f"{document['revisionId']!r}; describe it, and repeat the call with that one if it is what you mean"
+        )
+
+
+def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
     """The members of the response for an application that exists with the same definition.
 
     Returns:
@@ -84,62 +159,65 @@ def reuse_application(kind: str, request: Mapping[str, Any], service: Service) -
     Raises:
       ResourceAlreadyExistsException: the name is taken by an application that differs; says in what.
     """
-    resource = service.catalog.find(kind, request["name"])
+    resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:
         return None
     wanted = _definition(request, service)
-    differing = sorted(
-        key
-        for key in wanted.keys() | resource.document.keys() - _REVISION
-        if wanted.get(key) != resource.document.get(key)
-    )
+    differing = [member for member in sorted(_CONTENT) if wanted.get(member) != resource.document.get(member)]
     if differing:
         raise ResourceAlreadyExistsException(
             f"{resource.arn} exists and differs in {', '.join(differing)}; give the new one another name, "
             "or say ifExists: update"
         )
-    return _answer(resource)
+    return _tagged(resource)
 
 
-def update_application(kind: str, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Makes an application that exists what the request says, with its archives as they are now.
+def update_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """Makes an application that exists what a request to create it says, with its archives as they are now.
 
     Returns:
       The members of the response; `None` when the name is free.
 
     Raises:
-      InvalidParameterException: a source cannot be read, or the environment cannot be used.
+      InvalidParameterException: a source cannot be read, or the environment is none.
       ResourceAlreadyExistsException: the application is a built-in one.
     """
-    resource = service.catalog.find(kind, request["name"])
+    resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:
         return None
-    if request["name"] in BUILTINS:
+    if is_builtin(resource):
         raise ResourceAlreadyExistsException(f"{resource.arn} is built in and stays as it is; choose another name")
-    revision = {"version": LATEST, "revisionId": _new_revision(service)}
-    definition = _definition(request, service)
-    return _answer(service.catalog.update(resource.arn, lambda _: {**definition, **revision}))
+    updated = _replace(resource.arn, _definition(request, service), None, service)
+    if tags := request.get("tags"):
+        updated = service.catalog.set_tags(resource.arn, tags)
+    return _tagged(updated)
 
 
 def _definition(request: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """What an application is, apart from its name and tags; archives with the ETags they have now."""
-    definition = {key: value for key, value in request.items() if key not in ("name", "tags", "sources")}
-    if environment := definition.get("environment"):
-        check_environment(environment["uri"])
-    if sources := request.get("sources"):
+    """What an application is; archives with the ETags they have now."""
+    definition = {member: request[member] for member in _CONTENT if request.get(member) is not None}
+    if sources := definition.pop("sources", None):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
+        definition.pop("environment", None)  # an empty one: requests give one of the two
+    else:
+        uri = definition["environment"]["uri"]
+        check_environment(uri)
+        if digest := image_digest(uri):
+            definition["imageDigest"] = digest
     return definition
 
 
-def _new_revision(service: Service) -> str:
-    return str(uuid.UUID(int=service.chance.getrandbits(128)))
+def _replace(arn: str, definition: Mapping[str, Any], wanted: str | None, service: Service) -> Resource:
+    def changes(document: dict[str, Any]) -> dict[str, Any]:
+        check_revision(wanted, document)
+        return {**definition, **_new_revision(service), **{key: document[key] for key in _KEPT if key in document}}
+
+    return service.catalog.update(arn, changes)
 
 
-def _answer(resource: Resource) -> dict[str, Any]:
-    return {
-        "arn": resource.arn,
-        "name": resource.name,
-        "lastUpdatedAt": resource.updated_at,
-        "tags": dict(resource.tags),
-        **resource.document,
-    }
+def _new_revision(service: Service) -> dict[str, str]:
+    return {"version": LATEST, "revisionId": str(uuid.UUID(int=service.chance.getrandbits(128)))}
+
+
+def _tagged(resource: Resource) -> dict[str, Any]:
+    return {**revision(resource), "tags": dict(resource.tags)}

@@ -263,10 +263,10 @@ class PipelineRun:
         """The answer of an application that exists already, where the step allows that."""
         from .applications import reuse_application, update_application
 
-        kind = "robot-application" if operation == "CreateRobotApplication" else "simulation-application"
+        role = "robot" if operation == "CreateRobotApplication" else "simulation"
         if if_exists == "update":
-            return update_application(kind, request, self._service)
-        return reuse_application(kind, request, self._service) if if_exists == "reuse" else None
+            return update_application(role, request, self._service)
+        return reuse_application(role, request, self._service) if if_exists == "reuse" else None
 
     def _skipped(self, name: str) -> StepRecord:
         operation = self._checked.steps[name].operation

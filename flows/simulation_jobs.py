@@ -4,28 +4,44 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException
+from ..schemas.errors import InvalidParameterException, StateConflictError
+from ..schemas.lifecycles import is_terminal
 from ..schemas.operations import seed_of, video_of
 from ..schemas.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
     BatchDescribeSimulationJobResponse,
+    CancelSimulationJobRequest,
+    CancelSimulationJobResponse,
     CreateSimulationJobRequest,
     CreateSimulationJobResponse,
     DescribeSimulationJobRequest,
     DescribeSimulationJobResponse,
+    ListSimulationJobsRequest,
+    ListSimulationJobsResponse,
+    RestartSimulationJobRequest,
+    RestartSimulationJobResponse,
     SimulationJob,
     SimulationJobOrder,
 )
 from ..schemas.simulation_run import ApplicationRole
+from ..tasks.applications import find_application, python_package
 from ..tasks.catalog import ClientToken, Resource
 from ..tasks.data_sources import resolve_data_sources
-from ..tasks.run_plans import find_application, world_arn
+from ..tasks.job_runs import stop_idle_job
+from ..tasks.run_plans import world_arn
 from ..tasks.service import Progress, Service
 from ..tasks.uploads import check_output_location
+from .listing import page_of
 from .operation import flows_of, operation
 
 KIND = "simulation-job"
 _DEFAULT_COMPUTE = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLimit": 0}
+# What lists filter by: the job's status, and the labels that `store_job` gives it.
+_FILTERS = {
+    "status": "status",
+    "simulationApplicationName": "simulationApplicationName",
+    "robotApplicationName": "robotApplicationName",
+}
 
 
 def perform_simulation_job(arn: str, service: Service) -> None:
@@ -64,6 +80,44 @@ def batch_describe_simulation_job(
     jobs = [SimulationJob.model_validate(describe(found[arn])) for arn in request.jobs if arn in found]
     missing = [arn for arn in request.jobs if arn not in found]
     return BatchDescribeSimulationJobResponse(jobs=jobs, unprocessedJobs=missing)
+
+
+@operation("ListSimulationJobs")
+def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> ListSimulationJobsResponse:
+    """Lists jobs, 100 a page at most."""
+    page = page_of("ListSimulationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    return ListSimulationJobsResponse.model_validate(
+        {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
+    )
+
+
+@operation("CancelSimulationJob")
+def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> CancelSimulationJobResponse:
+    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does.
+
+    Cancelling a job that has ended changes nothing and succeeds.
+    """
+    service.catalog.get(request.job, kind=KIND)
+    service.catalog.request_cancel(request.job)
+    stop_idle_job(request.job, service)
+    return CancelSimulationJobResponse()
+
+
+@operation("RestartSimulationJob")
+def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> RestartSimulationJobResponse:
+    """Has a running job run again from the start; whoever performs it sees the new status."""
+    job = service.catalog.get(request.job, kind=KIND)
+    _, is_to_be_cancelled = service.catalog.standing(request.job)
+    if is_to_be_cancelled and not is_terminal(KIND, job.status):
+        raise InvalidParameterException(f"job: {job.arn} is being cancelled; only a running job can be restarted")
+    try:
+        service.catalog.transition(request.job, "restart")
+    except StateConflictError as error:
+        status, _ = service.catalog.standing(request.job)
+        raise InvalidParameterException(
+            f"job: {job.arn} is {status}; only a job that is Running or RunningFailed can be restarted"
+        ) from error
+    return RestartSimulationJobResponse()
 
 
 def store_job(
@@ -111,6 +165,7 @@ def store_job(
         tags=request.tags,
         token=token,
         parent=batch[0] if batch else None,
+        labels={members.removesuffix("s"): names for members, names in applications.items()},
     )
 
 
@@ -140,7 +195,7 @@ def describe(job: Resource) -> dict[str, Any]:
         "tags": dict(job.tags),
         "vpcConfig": request.get("vpcConfig"),
         "networkInterface": document.get("networkInterface"),
-        "compute": {**_DEFAULT_COMPUTE, **request.get("compute", {})},
+        "compute": _compute(request),
     }
 
 
@@ -155,8 +210,12 @@ def summary(job: Resource) -> dict[str, Any]:
         "simulationApplicationNames": document["simulationApplicationNames"],
         "robotApplicationNames": document["robotApplicationNames"],
         "dataSourceNames": [source["name"] for source in document.get("dataSources") or []],
-        "computeType": describe(job)["compute"]["computeType"],
+        "computeType": _compute(document["request"])["computeType"],
     }
+
+
+def _compute(request: Mapping[str, Any]) -> dict[str, Any]:
+    return {**_DEFAULT_COMPUTE, **request.get("compute", {})}
 
 
 def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Service) -> list[str]:
@@ -171,12 +230,15 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Se
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
+    has_archives = bool(application.document.get("sources"))
+    if not has_archives:
+        python_package(application)  # refuses container images, whatever their command
     if launch.get("command"):
         raise InvalidParameterException(
             f"{place}.command: {launch['command']!r} cannot be run here yet; "
             "give packageName and launchFile, a dotted attribute such as my_nav and arena.make_environment"
         )
-    if application.document.get("sources") and not (launch.get("packageName") and launch.get("launchFile")):
+    if has_archives and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(
             f"{place}: packageName and launchFile have to say what of the archive is started, "
             "such as my_nav and arena.make_environment"

@@ -32,6 +32,12 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 
 
+def is_builtin(application: Resource) -> bool:
+    """Whether an application came with this package; of another kind a user's may have the same name."""
+    kind, _ = BUILTINS.get(application.name, (None, None))
+    return application.kind == kind
+
+
 def register_builtins(catalog: Catalog, settings: Settings) -> None:
     """Makes sure the built-in applications are in the catalog."""
     for name, (kind, definition) in BUILTINS.items():

@@ -33,42 +33,46 @@ def world_bundle(world: Resource, service: Service) -> Path:
     return _once(service.folder("cache", "worlds") / prefix.rsplit("/", 1)[-1], fill)
 
 
-def application_bundle(source: dict[str, str], role: str, service: Service) -> Path:
+def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:
     """The folder an application's archive was unpacked into.
 
     Args:
-      source: `s3Bucket`, `s3Key` and the `etag` it had when the application was made.
+      source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
       role: `Robot` or `Simulation`, for failure codes.
       service: where the archive is stored.
+      is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
+        `$LATEST` is whatever is there now.
 
     Raises:
-      LaunchError: it is gone, has changed, may not be read or cannot be unpacked.
+      LaunchError: it is gone, is not what it was, may not be read or cannot be unpacked.
       StorageError: the object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
     try:
-        _check_etag(service.store.head(bucket, key), source)
+        mismatch = f"{role}ApplicationVersionMismatchedEtag" if is_pinned else "MismatchedEtag"
+        found = service.store.head(bucket, key)
+        if is_pinned and found.etag != source["etag"]:
+            raise _changed(found, "the version was made", source["etag"], mismatch)
 
         def fill(folder: Path) -> None:
             with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
                 archive = Path(scratch, "archive")
-                _check_etag(service.store.get_file(bucket, key, archive), source)
+                fetched = service.store.get_file(bucket, key, archive)
+                if fetched.etag != found.etag:
+                    raise _changed(fetched, "it was looked at", found.etag, mismatch)
                 unpack(archive, folder)
 
-        return _once(service.folder("cache", "applications") / source["etag"], fill)
+        return _once(service.folder("cache", "applications") / found.etag, fill)
     except BundleError as error:
         raise LaunchError(f"s3://{bucket}/{key}: {error}", f"InvalidBundle{role}Application") from error
     except (BucketNotFoundError, ObjectNotFoundError, StorageAccessDeniedError) as error:
         raise LaunchError(str(error), f"BadPermissions{role}Application") from error
 
 
-def _check_etag(found: ObjectInfo, source: dict[str, str]) -> None:
-    if found.etag != source["etag"]:
-        raise LaunchError(
-            f"s3://{found.bucket}/{found.key} has changed since the application was made: "
-            f"ETag {found.etag}, then {source['etag']}",
-            "MismatchedEtag",
-        )
+def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> LaunchError:
+    return LaunchError(
+        f"s3://{found.bucket}/{found.key} has changed since {since}: ETag {found.etag}, then {etag}", failure_code
+    )
 
 
 def _once(folder: Path, fill: Callable[[Path], None]) -> Path:

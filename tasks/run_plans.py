@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..schemas.errors import LaunchError, ResourceNotFoundException, StorageError
+from ..schemas.errors import InvalidParameterException, LaunchError, ResourceNotFoundException, StorageError
 from ..schemas.simulation_run import ApplicationPlan, ApplicationRole, RunPlan
+from .applications import LATEST, find_application, python_package
 from .bundles import application_bundle, world_bundle
 from .catalog import Resource
 from .data_sources import fetch_data_sources
@@ -47,25 +48,6 @@ def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunP
     )
 
 
-def find_application(reference: str, role: ApplicationRole, version: str | None, service: Service) -> Resource:
-    """The application that an ARN or a bare name means.
-
-    Raises:
-      ResourceNotFoundException: there is none, of that version.
-    """
-    kind = f"{role}-application"
-    if reference.startswith("arn:"):
-        application = service.catalog.get(reference, kind=kind)
-    else:
-        found = service.catalog.find(kind, reference)
-        if found is None:
-            raise ResourceNotFoundException(f"there is no {role} application named {reference!r}")
-        application = found
-    if version not in (None, "$LATEST"):
-        raise ResourceNotFoundException(f"{application.arn} has no version {version!r}; it has $LATEST")
-    return application
-
-
 def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
     arn = world_arn(request)
     if arn is None:
@@ -94,11 +76,12 @@ def _application(
     except ResourceNotFoundException as error:
         raise LaunchError(str(error), "ResourceNotFound") from error
     path = None
-    package = launch.get("packageName")
+    package, version = launch.get("packageName"), application.document["version"]
     if sources := application.document.get("sources"):
-        path = application_bundle(_for_this_machine(sources), role.capitalize(), service)
+        source, is_pinned = _for_this_machine(sources), version != LATEST
+        path = application_bundle(source, role.capitalize(), service, is_pinned=is_pinned)
     else:
-        module = application.document["environment"]["uri"].removeprefix("python://")
+        module = _package_of(application)
         package = f"{module}.{package}" if package else module
     return ApplicationPlan(
         role=role,
@@ -107,6 +90,13 @@ def _application(
         path=path,
         environment_variables=launch.get("environmentVariables") or {},
     )
+
+
+def _package_of(application: Resource) -> str:
+    try:
+        return python_package(application)
+    except InvalidParameterException as error:  # it was made one after the job had been ordered
+        raise LaunchError(str(error), "InvalidInput") from error
 
 
 def _for_this_machine(sources: list[dict[str, Any]]) -> dict[str, Any]:

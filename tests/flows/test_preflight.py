@@ -58,17 +58,17 @@ def test_an_application_is_updated_to_its_archive_as_it_is_now(service: Service)
     made = call("CreateRobotApplication", request, service)
     service.store.put_bytes("applications", "mine.zip", b"two")
 
-    updated = update_application("robot-application", request, service)
+    updated = update_application("robot", request, service)
 
     assert updated is not None
     assert updated["arn"] == made["arn"]
     assert updated["revisionId"] != made["revisionId"]
     assert updated["sources"][0]["etag"] != made["sources"][0]["etag"]
-    assert update_application("robot-application", {**request, "name": "other"}, service) is None
+    assert update_application("robot", {**request, "name": "other"}, service) is None
 
 
 def test_a_built_in_application_is_not_updated(service: Service) -> None:
     request = {"name": "scout", "environment": {"uri": "python://mine"}, "robotSoftwareSuite": SUITE}
 
     with pytest.raises(ResourceAlreadyExistsException, match="built in"):
-        update_application("robot-application", request, service)
+        update_application("robot", request, service)

@@ -88,15 +88,6 @@ def test_performing_an_ended_job_again_changes_nothing(service: Service, order: 
     assert again == job
 
 
-def test_an_archive_that_changed_since_fails_the_job(service: Service, order: Order, simulate: Simulate) -> None:
-    request = order()
-    service.store.put_bytes("applications", "sleeper.tar.gz", b"something else")
-
-    job = simulate(request)
-
-    assert (job["status"], job["failureCode"]) == ("Failed", "MismatchedEtag")
-
-
 def test_an_archive_that_is_none_fails_the_job(service: Service, sleeper: dict[str, Any], simulate: Simulate) -> None:
     service.store.put_bytes("applications", "broken.tar.gz", b"this is no archive")
     source = [{"s3Bucket": "applications", "s3Key": "broken.tar.gz"}]

@@ -35,11 +35,11 @@ def left_in(folder: Path) -> list[str]:
 
 
 def test_an_archive_is_unpacked_once_and_found_again(service: Service, source: dict[str, str]) -> None:
-    folder = application_bundle(source, "Robot", service)
+    folder = application_bundle(source, "Robot", service, is_pinned=False)
     assert (folder / "package" / "__init__.py").read_text() == "answer = 42\n"
     (folder / "mark").touch()
 
-    assert application_bundle(source, "Robot", service) == folder
+    assert application_bundle(source, "Robot", service, is_pinned=False) == folder
     assert (folder / "mark").exists()
     assert left_in(service.folder("scratch")) == []
 
@@ -98,8 +98,10 @@ def test_a_damaged_archive_leaves_nothing_behind(service: Service) -> None:
     service.store.ensure_bucket("applications")
     etag = service.store.put_bytes("applications", "broken.tar.gz", b"this is no archive").etag
 
+    broken = {"s3Bucket": "applications", "s3Key": "broken.tar.gz", "etag": etag}
+
     with pytest.raises(LaunchError) as caught:
-        application_bundle({"s3Bucket": "applications", "s3Key": "broken.tar.gz", "etag": etag}, "Robot", service)
+        application_bundle(broken, "Robot", service, is_pinned=True)
     assert caught.value.failure_code == "InvalidBundleRobotApplication"
     assert left_in(service.folder("cache", "applications")) == []
 
@@ -109,12 +111,35 @@ def test_an_archive_that_is_gone_cannot_be_downloaded(
     service: Service, source: dict[str, str], place: dict[str, str]
 ) -> None:
     with pytest.raises(LaunchError) as caught:
-        application_bundle({**source, **place}, "Simulation", service)
+        application_bundle({**source, **place}, "Simulation", service, is_pinned=False)
     assert caught.value.failure_code == "BadPermissionsSimulationApplication"
 
 
+def test_the_archive_of_a_version_has_to_be_what_it_was_and_that_of_latest_is_what_it_is(
+    service: Service, source: dict[str, str], tmp_path: Path
+) -> None:
+    (tmp_path / "bundle" / "package" / "__init__.py").write_text("answer = 43\n")
+    pack_tar_gz(tmp_path / "bundle", tmp_path / "bundle.tar.gz")
+    service.store.put_file("applications", "bundle.tar.gz", tmp_path / "bundle.tar.gz")
+
+    with pytest.raises(LaunchError, match="has changed since the version was made") as caught:
+        application_bundle(source, "Simulation", service, is_pinned=True)
+    assert caught.value.failure_code == "SimulationApplicationVersionMismatchedEtag"
+    assert left_in(service.folder("cache", "applications")) == []
+    folder = application_bundle(source, "Simulation", service, is_pinned=False)
+    assert (folder / "package" / "__init__.py").read_text() == "answer = 43\n"
+
+
+@pytest.mark.parametrize(
+    ("is_pinned", "code"), [(False, "MismatchedEtag"), (True, "RobotApplicationVersionMismatchedEtag")]
+)
 def test_an_archive_replaced_between_looking_and_fetching_is_refused(
-    service: Service, source: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    service: Service,
+    source: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    is_pinned: bool,
+    code: str,
 ) -> None:
     head = service.store.head
 
@@ -126,7 +151,7 @@ def test_an_archive_replaced_between_looking_and_fetching_is_refused(
         return found
 
     monkeypatch.setattr(service.store, "head", head_and_replace)
-    with pytest.raises(LaunchError, match="has changed since") as caught:
-        application_bundle(source, "Robot", service)
-    assert caught.value.failure_code == "MismatchedEtag"
+    with pytest.raises(LaunchError, match="has changed since it was looked at") as caught:
+        application_bundle(source, "Robot", service, is_pinned=is_pinned)
+    assert caught.value.failure_code == code
     assert left_in(service.folder("cache", "applications")) == []
