@@ -56,7 +56,7 @@ def test_links_to_files_lead_somewhere(page: Path) -> None:
 
 
 def test_the_readme_lists_the_commands_there_are() -> None:
-    listed = set(re.findall(r"^\| `robomaker ([a-z]+)", (ROOT / "README.md").read_text(), re.MULTILINE))
+    listed = set(re.findall(r"^\| `robomaker ([a-z-]+)", (ROOT / "README.md").read_text(), re.MULTILINE))
     help_text = build_parser().format_help()
 
-    assert listed == set(re.findall(r"^    ([a-z]+) {2,}", help_text, re.MULTILINE))
+    assert listed == set(re.findall(r"^    ([a-z-]+) {2,}", help_text, re.MULTILINE))

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _execute(chosen: argparse.Namespace) -> int:
     try:
-        command = importlib.import_module(f".{chosen.command}", __package__)
+        command = importlib.import_module(f".{chosen.command.replace('-', '_')}", __package__)
         code: int = command.execute(chosen)
         sys.stdout.flush()
     except KeyboardInterrupt:

@@ -43,7 +43,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def build_parser() -> Parser:
-    """Makes the parser of the `robomaker` command; `command` is the name of the chosen command's module."""
+    """Makes the parser of the `robomaker` command; `command` is the name of the chosen command, like its module."""
     shared = Parser(add_help=False)
     shared.add_argument(
         "--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks; also ROBOMAKER_DEBUG=1"
@@ -68,6 +68,13 @@ _Commands = argparse._SubParsersAction
 
 class _Formatter(argparse.RawDescriptionHelpFormatter):
     """Lists commands without a line for the list itself."""
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """Leaves room for the longest command, which argparse forgets to indent."""
+        super().add_argument(action)
+        if isinstance(action, argparse._SubParsersAction):
+            longest = max(map(len, action.choices))
+            self._action_max_length = max(self._action_max_length, longest + 2 * self._indent_increment)
 
     def _format_action(self, action: argparse.Action) -> str:
         if isinstance(action, argparse._SubParsersAction):
@@ -144,6 +151,19 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
         commands, shared, "schema", "print the JSON Schema of specifications, or of an operation's request", ""
     )
     schema.add_argument("operation", metavar="OPERATION", nargs="?", help="an operation, such as CreateWorldTemplate")
+
+    sdk_model = _command(
+        commands,
+        shared,
+        "sdk-model",
+        "print how boto3 and the AWS CLI find RoboMaker's service model",
+        'eval "$(robomaker sdk-model)" makes those of one shell find it, --install those of this user.',
+    )
+    where = sdk_model.add_mutually_exclusive_group()
+    where.add_argument("--install", action="store_true", help="copy it to ~/.aws/models, where they look anyway")
+    where.add_argument("--uninstall", action="store_true", help="remove it from there")
+    sdk_model.add_argument("--force", action="store_true", help="with --install: replace a model from elsewhere")
+    _add_output(sdk_model, ("text", "json"))
 
     doctor = _command(commands, shared, "doctor", "say what works on this machine and what is missing", "")
     _add_output(doctor, ("text", "json"))
