@@ -10,13 +10,13 @@ from .common import (
     Architecture,
     Arn,
     Filters,
+    LastUpdatedAt,
     MaxResults,
     Name,
     PaginationToken,
     S3Bucket,
     S3Etag,
     S3Key,
-    Timestamp,
     Version,
     exactly_one,
     text,
@@ -96,7 +96,7 @@ class ApplicationRevision(Shape):
     robotSoftwareSuite: RobotSoftwareSuite | None = Field(
         default=None, description="The robot software it is written for."
     )
-    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it was last changed.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
     revisionId: RevisionId | None = Field(default=None, description="Changes with every change of the application.")
     environment: Environment | None = Field(default=None, description="Where it comes from, instead of archives.")
 

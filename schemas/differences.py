@@ -75,6 +75,7 @@ LONGER_PAGES: Mapping[str, int] = {
     "ListDeploymentJobsRequest": 200,
     "ListFleetsRequest": 200,
     "ListRobotsRequest": 200,
+    "ListSimulationJobsRequest": 1000,
 }
 """Most entries of a page, for the other lists; service models have one shape for all of them."""
 

@@ -15,7 +15,7 @@ from .applications import (
     RobotSoftwareSuite,
 )
 from .base import Shape, ShapeName
-from .common import Arn, Name, PaginationToken, TagMap, Timestamp, Version
+from .common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version
 from .operation_shape import (
     CREATE_APPLICATION_ERRORS,
     CREATE_VERSION_ERRORS,
@@ -69,7 +69,7 @@ class RobotApplicationSummary(Shape):
     name: Name | None = Field(default=None, description="Its name.")
     arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
     version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
-    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it was last changed.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
     robotSoftwareSuite: RobotSoftwareSuite | None = Field(
         default=None, description="The robot software it is written for."
     )

@@ -4,25 +4,42 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .base import Shape
-from .common import MAX_DURATION_S, Arn, ClientRequestToken, GenericString, TagMap, Timestamp
-from .operation_shape import INTERNAL, INVALID, LIMIT, MISMATCH, NOT_FOUND, THROTTLED, OperationShape
-from .simulation_jobs import SimulationJobErrorCode, SimulationJobRequest, SimulationJobRequests, SimulationJobSummary
+from .base import Shape, ShapeName
+from .common import (
+    MAX_DURATION_S,
+    Arn,
+    ClientRequestToken,
+    FailedAt,
+    Filters,
+    GenericString,
+    LastUpdatedAt,
+    MaxResults,
+    PaginationToken,
+    TagMap,
+    Timestamp,
+)
+from .operation_shape import INTERNAL, INVALID, LIMIT, MISMATCH, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
+from .simulation_jobs import SimulationJobErrorCode, SimulationJobRequest, SimulationJobRequests, SimulationJobSummaries
 
-SimulationJobBatchStatus = Literal[
-    "Pending",
-    "InProgress",
-    "Failed",
-    "Completed",
-    "Canceled",
-    "Canceling",
-    "Completing",
-    "TimingOut",
-    "TimedOut",
+SimulationJobBatchStatus = Annotated[
+    Literal[
+        "Pending",
+        "InProgress",
+        "Failed",
+        "Completed",
+        "Canceled",
+        "Canceling",
+        "Completing",
+        "TimingOut",
+        "TimedOut",
+    ],
+    ShapeName("SimulationJobBatchStatus"),
 ]
-SimulationJobBatchErrorCode = Literal["InternalServiceError"]
-BatchTimeoutInSeconds = Annotated[int, Field(ge=1, le=MAX_DURATION_S)]
-MaxConcurrency = Annotated[int, Field(ge=1)]
+SimulationJobBatchErrorCode = Annotated[Literal["InternalServiceError"], ShapeName("SimulationJobBatchErrorCode")]
+BatchTimeoutInSeconds = Annotated[
+    int, ShapeName("BatchTimeoutInSeconds", wire_type="long"), Field(ge=1, le=MAX_DURATION_S)
+]
+MaxConcurrency = Annotated[int, ShapeName("MaxConcurrency"), Field(ge=1)]
 
 
 class BatchPolicy(Shape):
@@ -51,7 +68,13 @@ class FailedCreateSimulationJobRequest(Shape):
     request: SimulationJobRequest | None = Field(default=None, description="The request as it was sent.")
     failureReason: GenericString | None = Field(default=None, description="Why not, in words.")
     failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why not.")
-    failedAt: Timestamp | None = Field(default=None, description="When that was found.")
+    failedAt: FailedAt | None = Field(default=None, description="When that was found.")
+
+
+FailedCreateSimulationJobRequests = Annotated[
+    list[FailedCreateSimulationJobRequest], ShapeName("FailedCreateSimulationJobRequests")
+]
+PendingSimulationJobRequests = Annotated[list[SimulationJobRequest], ShapeName("CreateSimulationJobRequests", 1, 1000)]
 
 
 class StartSimulationJobBatchResponse(Shape):
@@ -64,11 +87,11 @@ class StartSimulationJobBatchResponse(Shape):
     batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
     failureCode: SimulationJobBatchErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    failedRequests: list[FailedCreateSimulationJobRequest] | None = Field(
+    failedRequests: FailedCreateSimulationJobRequests | None = Field(
         default=None, description="Requests that never became jobs."
     )
-    pendingRequests: list[SimulationJobRequest] | None = Field(default=None, description="Requests that wait.")
-    createdRequests: list[SimulationJobSummary] | None = Field(default=None, description="Requests that became jobs.")
+    pendingRequests: PendingSimulationJobRequests | None = Field(default=None, description="Requests that wait.")
+    createdRequests: SimulationJobSummaries | None = Field(default=None, description="Requests that became jobs.")
     tags: TagMap | None = Field(default=None, description="The batch's tags.")
 
 
@@ -81,7 +104,52 @@ class DescribeSimulationJobBatchRequest(Shape):
 class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
     """One batch."""
 
-    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it last changed.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+
+
+class ListSimulationJobBatchesRequest(Shape):
+    """Asks for batches, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(default=None, description="Which batches: by `status`; absent: all.")
+
+
+Integer = Annotated[int, ShapeName("Integer")]
+
+
+class SimulationJobBatchSummary(Shape):
+    """One batch in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the batch.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    status: SimulationJobBatchStatus | None = Field(default=None, description="Where the batch is in its life.")
+    failedRequestCount: Integer | None = Field(default=None, description="How many requests never became jobs.")
+    pendingRequestCount: Integer | None = Field(default=None, description="How many requests wait.")
+    createdRequestCount: Integer | None = Field(default=None, description="How many requests became jobs.")
+
+
+SimulationJobBatchSummaries = Annotated[list[SimulationJobBatchSummary], ShapeName("SimulationJobBatchSummaries")]
+
+
+class ListSimulationJobBatchesResponse(Shape):
+    """A page of batches."""
+
+    simulationJobBatchSummaries: SimulationJobBatchSummaries | None = Field(
+        default=None, description="Batches, newest first."
+    )
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelSimulationJobBatchRequest(Shape):
+    """Names the batch to cancel."""
+
+    batch: Arn = Field(description="ARN of the batch.")
+
+
+class CancelSimulationJobBatchResponse(Shape):
+    """Empty: the batch and its jobs end soon, or have ended."""
 
 
 OPERATIONS = (
@@ -99,5 +167,20 @@ OPERATIONS = (
         DescribeSimulationJobBatchResponse,
         (NOT_FOUND, INVALID, INTERNAL),
         "Says how far a batch is and what became of its requests.",
+    ),
+    OperationShape(
+        "ListSimulationJobBatches",
+        ListSimulationJobBatchesRequest,
+        ListSimulationJobBatchesResponse,
+        (INVALID, INTERNAL),
+        "Lists simulation job batches, newest first.",
+        result_key="simulationJobBatchSummaries",
+    ),
+    OperationShape(
+        "CancelSimulationJobBatch",
+        CancelSimulationJobBatchRequest,
+        CancelSimulationJobBatchResponse,
+        READ_ERRORS,
+        "Stops a batch: its jobs end, requests that wait never become jobs.",
     ),
 )

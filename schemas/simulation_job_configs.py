@@ -63,7 +63,7 @@ class PortMapping(Shape):
 
     jobPort: Port = Field(description="Port of the job's network interface.")
     applicationPort: NonSystemPort = Field(description="Port the application listens on.")
-    enableOnPublicIp: bool | None = Field(default=None, description="Whether the public address answers too.")
+    enableOnPublicIp: Boolean | None = Field(default=None, description="Whether the public address answers too.")
 
 
 class PortForwardingConfig(Shape):
@@ -83,7 +83,7 @@ class LaunchConfig(Shape):
         default=None, description="Variables for the application: capitals, digits, underscores; at most 20."
     )
     portForwardingConfig: PortForwardingConfig | None = Field(default=None, description="Ports to open.")
-    streamUI: bool | None = Field(default=None, description="Whether a screen is shown to viewers.")
+    streamUI: Boolean | None = Field(default=None, description="Whether a screen is shown to viewers.")
     command: CommandList | None = Field(default=None, description="Program and arguments, one entry each.")
 
 
@@ -208,6 +208,9 @@ class DataSource(Shape):
     )
     type: DataSourceType | None = Field(default=None, description="File, Archive or Prefix.")
     destination: Path | None = Field(default=None, description="Folder where the job finds them.")
+
+
+DataSources = Annotated[list[DataSource], ShapeName("DataSources")]
 
 
 class LoggingConfig(Shape):

@@ -4,27 +4,31 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .base import Shape
+from .base import Shape, ShapeName
 from .common import (
+    AnsweredArns,
     Arn,
     Arns,
     ClientRequestToken,
+    Filters,
     GenericString,
     IamRole,
     JobDuration,
+    LastStartedAt,
+    LastUpdatedAt,
     Name,
     OptionalOutputLocation,
+    PaginationToken,
     Seed,
     TagMap,
-    Timestamp,
 )
-from .operation_shape import CREATE_EXPORT_ERRORS, LIMIT, READ_ERRORS, OperationShape
+from .operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
 from .simulation_job_configs import (
     Compute,
     ComputeResponse,
     ComputeType,
-    DataSource,
     DataSourceConfigs,
+    DataSources,
     LoggingConfig,
     NetworkInterface,
     RobotApplicationConfigs,
@@ -34,52 +38,59 @@ from .simulation_job_configs import (
 )
 from .simulation_run import VideoPolicy
 
-FailureBehavior = Literal["Fail", "Continue"]
-SimulationJobStatus = Literal[
-    "Pending",
-    "Preparing",
-    "Running",
-    "Restarting",
-    "Completed",
-    "Failed",
-    "RunningFailed",
-    "Terminating",
-    "Terminated",
-    "Canceled",
+FailureBehavior = Annotated[Literal["Fail", "Continue"], ShapeName("FailureBehavior")]
+SimulationJobStatus = Annotated[
+    Literal[
+        "Pending",
+        "Preparing",
+        "Running",
+        "Restarting",
+        "Completed",
+        "Failed",
+        "RunningFailed",
+        "Terminating",
+        "Terminated",
+        "Canceled",
+    ],
+    ShapeName("SimulationJobStatus"),
 ]
-SimulationJobErrorCode = Literal[
-    "InternalServiceError",
-    "RobotApplicationCrash",
-    "SimulationApplicationCrash",
-    "RobotApplicationHealthCheckFailure",
-    "SimulationApplicationHealthCheckFailure",
-    "BadPermissionsRobotApplication",
-    "BadPermissionsSimulationApplication",
-    "BadPermissionsS3Object",
-    "BadPermissionsS3Output",
-    "BadPermissionsCloudwatchLogs",
-    "SubnetIpLimitExceeded",
-    "ENILimitExceeded",
-    "BadPermissionsUserCredentials",
-    "InvalidBundleRobotApplication",
-    "InvalidBundleSimulationApplication",
-    "InvalidS3Resource",
-    "ThrottlingError",
-    "LimitExceeded",
-    "MismatchedEtag",
-    "RobotApplicationVersionMismatchedEtag",
-    "SimulationApplicationVersionMismatchedEtag",
-    "ResourceNotFound",
-    "RequestThrottled",
-    "BatchTimedOut",
-    "BatchCanceled",
-    "InvalidInput",
-    "WrongRegionS3Bucket",
-    "WrongRegionS3Output",
-    "WrongRegionRobotApplication",
-    "WrongRegionSimulationApplication",
-    "UploadContentMismatchError",
+SimulationJobErrorCode = Annotated[
+    Literal[
+        "InternalServiceError",
+        "RobotApplicationCrash",
+        "SimulationApplicationCrash",
+        "RobotApplicationHealthCheckFailure",
+        "SimulationApplicationHealthCheckFailure",
+        "BadPermissionsRobotApplication",
+        "BadPermissionsSimulationApplication",
+        "BadPermissionsS3Object",
+        "BadPermissionsS3Output",
+        "BadPermissionsCloudwatchLogs",
+        "SubnetIpLimitExceeded",
+        "ENILimitExceeded",
+        "BadPermissionsUserCredentials",
+        "InvalidBundleRobotApplication",
+        "InvalidBundleSimulationApplication",
+        "InvalidS3Resource",
+        "ThrottlingError",
+        "LimitExceeded",
+        "MismatchedEtag",
+        "RobotApplicationVersionMismatchedEtag",
+        "SimulationApplicationVersionMismatchedEtag",
+        "ResourceNotFound",
+        "RequestThrottled",
+        "BatchTimedOut",
+        "BatchCanceled",
+        "InvalidInput",
+        "WrongRegionS3Bucket",
+        "WrongRegionS3Output",
+        "WrongRegionRobotApplication",
+        "WrongRegionSimulationApplication",
+        "UploadContentMismatchError",
+    ],
+    ShapeName("SimulationJobErrorCode"),
 ]
+SimulationTimeMillis = Annotated[int, ShapeName("SimulationTimeMillis", wire_type="long")]
 
 
 class SimulationJobOrder(Shape):
@@ -138,21 +149,23 @@ class CreateSimulationJobResponse(Shape):
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
     status: SimulationJobStatus | None = Field(default=None, description="Where the job is in its life.")
-    lastStartedAt: Timestamp | None = Field(default=None, description="When it last began to run.")
-    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it last changed.")
+    lastStartedAt: LastStartedAt | None = Field(default=None, description="When it last began to run.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
     failureBehavior: FailureBehavior | None = Field(default=None, description="What happens after a crash.")
     failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
     outputLocation: OptionalOutputLocation = Field(default=None, description="Where outputs are put.")
     loggingConfig: LoggingConfig | None = Field(default=None, description="What is recorded.")
     maxJobDurationInSeconds: JobDuration | None = Field(default=None, description="Wall-clock limit in seconds.")
-    simulationTimeMillis: int | None = Field(default=None, description="How long the job has run, in milliseconds.")
+    simulationTimeMillis: SimulationTimeMillis | None = Field(
+        default=None, description="How long the job has run, in milliseconds."
+    )
     iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")
     robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
     simulationApplications: SimulationApplicationConfigs | None = Field(
         default=None, description="The simulation application."
     )
-    dataSources: list[DataSource] | None = Field(default=None, description="Objects the job reads.")
+    dataSources: DataSources | None = Field(default=None, description="Objects the job reads.")
     tags: TagMap | None = Field(default=None, description="The job's tags; always sent.")
     vpcConfig: VPCConfigResponse | None = Field(default=None, description="Network of the job.")
     compute: ComputeResponse | None = Field(default=None, description="What the job may use of the machine.")
@@ -185,24 +198,78 @@ class BatchDescribeSimulationJobRequest(Shape):
 class BatchDescribeSimulationJobResponse(Shape):
     """Several jobs."""
 
-    jobs: list[SimulationJob] | None = Field(default=None, description="Those that were found.")
-    unprocessedJobs: list[Arn] | None = Field(default=None, description="ARNs of the others.")
+    jobs: Annotated[list[SimulationJob], ShapeName("SimulationJobs")] | None = Field(
+        default=None, description="Those that were found."
+    )
+    unprocessedJobs: AnsweredArns | None = Field(default=None, description="ARNs of the others.")
+
+
+RobotApplicationNames = Annotated[list[Name], ShapeName("RobotApplicationNames")]
+SimulationApplicationNames = Annotated[list[Name], ShapeName("SimulationApplicationNames")]
+DataSourceNames = Annotated[list[Name], ShapeName("DataSourceNames")]
 
 
 class SimulationJobSummary(Shape):
     """One job in a list."""
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
-    lastUpdatedAt: Timestamp | None = Field(default=None, description="When it last changed.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
     name: Name | None = Field(default=None, description="Its name: the last part of its ARN.")
     status: SimulationJobStatus | None = Field(default=None, description="Where the job is in its life.")
-    simulationApplicationNames: list[Name] | None = Field(default=None, description="Its simulation application.")
-    robotApplicationNames: list[Name] | None = Field(default=None, description="Its robot application.")
-    dataSourceNames: list[Name] | None = Field(default=None, description="Its data sources.")
+    simulationApplicationNames: SimulationApplicationNames | None = Field(
+        default=None, description="Its simulation application."
+    )
+    robotApplicationNames: RobotApplicationNames | None = Field(default=None, description="Its robot application.")
+    dataSourceNames: DataSourceNames | None = Field(default=None, description="Its data sources.")
     computeType: ComputeType | None = Field(default=None, description="With or without a GPU.")
 
 
-SimulationJobRequests = Annotated[list[SimulationJobRequest], Field(min_length=1, max_length=1000)]
+SimulationJobRequests = Annotated[
+    list[SimulationJobRequest], ShapeName("CreateSimulationJobRequests"), Field(min_length=1, max_length=1000)
+]
+
+SimulationJobSummaries = Annotated[list[SimulationJobSummary], ShapeName("SimulationJobSummaries", 0, 100)]
+SimulationJobMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=1000)]
+
+
+class ListSimulationJobsRequest(Shape):
+    """Asks for jobs, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: SimulationJobMaxResults | None = Field(
+        default=None, description="Entries per page, 1 to 1000; a page never has more than 100."
+    )
+    filters: Filters | None = Field(
+        default=None,
+        description="Which jobs: by `status`, `simulationApplicationName` or `robotApplicationName`; absent: all.",
+    )
+
+
+class ListSimulationJobsResponse(Shape):
+    """A page of jobs."""
+
+    simulationJobSummaries: SimulationJobSummaries = Field(description="Jobs, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelSimulationJobRequest(Shape):
+    """Names the job to cancel."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class CancelSimulationJobResponse(Shape):
+    """Empty: the job ends soon, or has ended."""
+
+
+class RestartSimulationJobRequest(Shape):
+    """Names the job to restart."""
+
+    job: Arn = Field(description="ARN of the job; it has to be running.")
+
+
+class RestartSimulationJobResponse(Shape):
+    """Empty: the job is restarting."""
 
 
 OPERATIONS = (
@@ -227,5 +294,27 @@ OPERATIONS = (
         BatchDescribeSimulationJobResponse,
         READ_ERRORS,
         "Says the same of up to 100 simulation jobs.",
+    ),
+    OperationShape(
+        "ListSimulationJobs",
+        ListSimulationJobsRequest,
+        ListSimulationJobsResponse,
+        LIST_ERRORS,
+        "Lists simulation jobs, newest first.",
+        result_key="simulationJobSummaries",
+    ),
+    OperationShape(
+        "CancelSimulationJob",
+        CancelSimulationJobRequest,
+        CancelSimulationJobResponse,
+        READ_ERRORS,
+        "Stops a simulation job; its outputs are stored.",
+    ),
+    OperationShape(
+        "RestartSimulationJob",
+        RestartSimulationJobRequest,
+        RestartSimulationJobResponse,
+        (*READ_ERRORS, LIMIT),
+        "Runs a running simulation job again from the start.",
     ),
 )

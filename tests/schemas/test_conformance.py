@@ -1,26 +1,16 @@
 """The operations against the service's last published model."""
 
 import copy
-import gzip
-import importlib.util
 import json
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import pytest
+from published_model import Model, published_files
 
 from prefect_robomaker.schemas.differences import changed_bounds, changed_members
 from prefect_robomaker.schemas.operations import OPERATIONS, OperationShape
 
-BOTOCORE = "botocore==1.40.60"  # the last release that has the service
-SHAPES = Path("botocore/data/robomaker/2018-06-29/service-2.json.gz")
-
-Model = dict[str, Any]
 Schema = dict[str, Any]
 
 EXTENSIONS = changed_members()
@@ -139,37 +129,9 @@ def _equal(what: str, ours: object, published: object) -> Iterator[str]:
         yield f"{what}: ours {ours!r}, published {published!r}"
 
 
-def installers(target: Path) -> list[list[str]]:
-    options = ["install", "--quiet", "--no-deps", "--target", str(target), BOTOCORE]
-    commands = []
-    if importlib.util.find_spec("pip"):
-        commands.append([sys.executable, "-m", "pip", *options])
-    if uv := shutil.which("uv"):
-        commands.append([uv, "pip", *options, "--python", sys.executable])
-    if pip := shutil.which("pip"):
-        commands.append([pip, *options])
-    return commands
-
-
 @pytest.fixture(scope="session")
-def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    cache = request.config.cache
-    assert cache is not None
-    kept = cache.mkdir("robomaker-model") / f"{BOTOCORE}.json.gz"
-    if not kept.exists():
-        target = tmp_path_factory.mktemp("botocore")
-        reasons = []
-        for command in installers(target):
-            done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-            if done.returncode == 0:
-                break
-            reasons.append(f"{' '.join(command[:3])}: {done.stderr.strip()[-200:]}")
-        else:
-            pytest.skip(f"{BOTOCORE} cannot be installed: {'; '.join(reasons) or 'neither uv nor pip is there'}")
-        fetched = kept.with_suffix(f".{os.getpid()}")
-        shutil.copy(target / SHAPES, fetched)
-        fetched.replace(kept)  # another worker may be doing the same
-    return json.loads(gzip.decompress(kept.read_bytes()))
+def model(request: pytest.FixtureRequest) -> Model:
+    return json.loads(published_files(request.config)["service-2.json"])
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
