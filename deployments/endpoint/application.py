@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import random
 import time
 import uuid
 from collections.abc import Callable, Mapping
@@ -29,6 +30,7 @@ MAX_IN_PROGRESS = 128
 RETRY_AFTER_S = 1
 
 LOGGER = logging.getLogger("robomaker.endpoint")
+_CHANCE = random.Random()  # noqa: S311 - request ids are no secrets
 
 
 def ignore(arn: str) -> None:
@@ -94,7 +96,7 @@ class Endpoint:
 
     async def _serve(self, scope: ASGIScope, receive: ASGIReceive, send: ASGISend) -> None:
         began = time.perf_counter()
-        request_id = str(uuid.uuid4())
+        request_id = _new_request_id()
         request = _request_of(scope)
         self._in_progress += 1
         try:
@@ -152,6 +154,11 @@ class Endpoint:
         except Exception:
             # The job is stored, and whoever performs jobs finds it there, later.
             LOGGER.exception("nobody could be told of %s (request %s)", arn, request_id)
+
+
+def _new_request_id() -> str:
+    # Ids have to differ, not to be secret: no system call, after which this thread would wait for its turn again.
+    return str(uuid.UUID(int=_CHANCE.getrandbits(128), version=4))
 
 
 def _request_of(scope: ASGIScope) -> HttpRequest:
