@@ -9,6 +9,7 @@
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once when a batch names no `maxConcurrency` | number of CPUs |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
+| `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: nobody has to sign |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
 
@@ -49,6 +50,10 @@ class Settings(Model):
     max_worlds_per_job: int = Field(
         default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
     )
+    access_keys_file: Path | None = Field(
+        default=None,
+        description="File of the access keys that clients of the endpoint have to sign with; None: nobody has to sign.",
+    )
 
     @classmethod
     def from_environment(cls, environ: Mapping[str, str]) -> "Settings":
@@ -69,7 +74,7 @@ class Settings(Model):
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
             "max_worlds_per_job": max_worlds_per_job(environ),
         }
-        for name in ("region", "account", "bucket"):
+        for name in ("region", "account", "bucket", "access_keys_file"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
         try:

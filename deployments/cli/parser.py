@@ -168,10 +168,37 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
     doctor = _command(commands, shared, "doctor", "say what works on this machine and what is missing", "")
     _add_output(doctor, ("text", "json"))
 
+    _add_serve(commands, shared)
     server = _command(
         commands, shared, "server", "start, stop or look at the local Prefect server", "start prints its API's URL."
     )
     server.add_argument("action", choices=("start", "stop", "status"))
+
+
+def _add_serve(commands: "_Commands[Parser]", shared: Parser) -> None:
+    serve = _command(
+        commands,
+        shared,
+        "serve",
+        "answer SDKs and the AWS CLI, and carry out the jobs they order",
+        "Prints what to set so that clients find it. Access keys: ROBOMAKER_ACCESS_KEYS_FILE (docs/serving.md).",
+    )
+    serve.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1)")
+    serve.add_argument("--port", type=int, default=8057, help="port to listen at; 0: any (default: 8057)")
+    serve.add_argument(
+        "--execute",
+        choices=("here", "deployments", "none"),
+        default="here",
+        help="who carries jobs out: this program, Prefect's workers, or somebody else (default: here)",
+    )
+    serve.add_argument(
+        "--max-jobs",
+        type=int,
+        metavar="N",
+        help="simulation jobs at once, besides batches (default: number of CPUs)",
+    )
+    serve.add_argument("--log-requests", action="store_true", help="write a line for each request to standard error")
+    _add_output(serve, ("text", "json"))
 
 
 def _add_output(command: Parser, forms: tuple[str, ...]) -> None:

@@ -1,0 +1,57 @@
+"""The pipe between the endpoint's process and the performer's: messages of JSON, each received whole."""
+
+import json
+import socket
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+WAKE: Mapping[str, Any] = {"do": "wake"}
+"""To the performer: there is something new in the catalog."""
+
+STOP: Mapping[str, Any] = {"do": "stop"}
+"""To the performer: give back what is not finished, and end."""
+
+_MAX_BYTES = 64 * 1024
+
+
+class Channel:
+    """One end of the pipe."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+
+    @classmethod
+    def pair(cls) -> tuple["Channel", "Channel"]:
+        """Both ends of a new one."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        return cls(ours), cls(theirs)
+
+    @classmethod
+    def inherited(cls, descriptor: int) -> "Channel":
+        """The end that the parent process left open for this one."""
+        end = socket.socket(fileno=descriptor)
+        end.set_inheritable(False)
+        return cls(end)
+
+    def fileno(self) -> int:
+        """The file descriptor."""
+        return self._end.fileno()
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        """Sends a message if there is somebody to take it; never waits."""
+        # Somebody who does not read has either died or has enough to read already.
+        with suppress(OSError):
+            self._end.send(json.dumps(message, default=str).encode()[:_MAX_BYTES], socket.MSG_DONTWAIT)
+
+    def receive(self) -> dict[str, Any] | None:
+        """Waits for a message; `None`: the other side is gone."""
+        try:
+            data = self._end.recv(_MAX_BYTES)
+        except OSError:
+            return None
+        return json.loads(data) if data else None
+
+    def close(self) -> None:
+        """Closes this end; once no process has it open any more, the other side's wait ends."""
+        self._end.close()

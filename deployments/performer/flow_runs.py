@@ -1,0 +1,40 @@
+"""Flow runs that nobody carries on: Prefect would show them as running for ever."""
+
+import logging
+from collections.abc import Iterable
+
+import httpx
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.filters import (
+    FlowRunFilter,
+    FlowRunFilterName,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+)
+from prefect.client.schemas.objects import StateType
+from prefect.exceptions import PrefectException
+from prefect.states import Crashed
+
+_logger = logging.getLogger(__name__)
+
+
+def mark_crashed(job_ids: Iterable[str], message: str) -> None:
+    """Tells Prefect that the runs of some jobs have ended; what it does not take is not worth more than a line.
+
+    Args:
+      job_ids: ids of the jobs, which are the names of their flow runs.
+      message: why they have ended.
+    """
+    names = list(job_ids)
+    if not names:
+        return
+    active = FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.PENDING, StateType.RUNNING]))
+    try:
+        with get_client(sync_client=True) as client:
+            runs = client.read_flow_runs(
+                flow_run_filter=FlowRunFilter(name=FlowRunFilterName(any_=names), state=active)
+            )
+            for run in runs:
+                client.set_flow_run_state(run.id, Crashed(message=message), force=True)
+    except (httpx.HTTPError, PrefectException) as error:
+        _logger.warning("Prefect is not told that runs have ended: %s", error)

@@ -1,0 +1,36 @@
+"""Which jobs there are to perform, and how many of each kind at once."""
+
+from dataclasses import dataclass
+
+_BATCHES_AT_ONCE = 4
+_GENERATIONS_AT_ONCE = 2
+_EXPORTS_AT_ONCE = 2
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One kind of job."""
+
+    kind: str
+    """Its kind of resource, as in its ARN."""
+
+    operation: str
+    """The operation that makes such jobs, and whose perform half carries them out."""
+
+    at_once: int
+    """How many are performed at the same time; the others wait, oldest first."""
+
+
+def lanes(max_jobs: int) -> tuple[Lane, ...]:
+    """All kinds of jobs.
+
+    Args:
+      max_jobs: simulation jobs at once, besides those in batches: each batch has a `maxConcurrency` of its own.
+    """
+    return (
+        Lane("simulation-job", "CreateSimulationJob", max_jobs),
+        Lane("simulation-job-batch", "StartSimulationJobBatch", _BATCHES_AT_ONCE),
+        # Each uses all processors.
+        Lane("world-generation-job", "CreateWorldGenerationJob", _GENERATIONS_AT_ONCE),
+        Lane("world-export-job", "CreateWorldExportJob", _EXPORTS_AT_ONCE),
+    )

@@ -1,0 +1,54 @@
+"""Watching whether the Prefect server answers: while it does not, jobs wait."""
+
+import logging
+import os
+import threading
+
+from ...schemas.settings import Settings
+from ..local_server import server_status
+
+_GOOD_S = 5.0
+_BAD_S = 1.0
+
+_logger = logging.getLogger(__name__)
+
+
+class PrefectWatch:
+    """Looks at the server now and then, in a thread of its own."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._answers = True
+        self._look = threading.Event()
+        self.url = os.environ.get("PREFECT_API_URL", "").removesuffix("/api")
+
+    def start(self) -> None:
+        """Begins to watch."""
+        threading.Thread(target=self._watch, name="prefect watch", daemon=True).start()
+
+    @property
+    def answers(self) -> bool:
+        """Whether the server answered when it was last looked at."""
+        return self._answers
+
+    def look_now(self) -> None:
+        """Has the server looked at at once, because somebody has reason to doubt that it answers."""
+        self._look.set()
+
+    def looked_at_now(self) -> bool:
+        """Looks whether the server answers, and waits for the answer."""
+        answers = server_status(self._settings).running
+        if not answers:
+            self.look_now()
+        return answers
+
+    def _watch(self) -> None:
+        while True:
+            answers = server_status(self._settings).running
+            if self._answers and not answers:
+                _logger.warning("Prefect does not answer at %s; jobs wait until it does again", self.url)
+            elif answers and not self._answers:
+                _logger.info("Prefect answers again at %s", self.url)
+            self._answers = answers
+            self._look.wait(_GOOD_S if answers else _BAD_S)
+            self._look.clear()
