@@ -33,6 +33,7 @@ def page_of(
     filters: Mapping[str, str],
     given: Sequence[Filter] | None = None,
     most: int = 100,
+    members: Sequence[str] | None = None,
 ) -> Page:
     """Reads the page of a list that a request asks for, newest first.
 
@@ -45,6 +46,7 @@ def page_of(
         `status`, `parent` or a label.
       given: the request's filters.
       most: entries per page, unless the request asks for fewer.
+      members: which members of large documents are read; `None`: all.
 
     Raises:
       InvalidParameterException: a filter is not known, or the token is not of this list.
@@ -56,5 +58,10 @@ def page_of(
             raise InvalidParameterException(f"filters: {name!r} is not known{nearest(name, filters)}; {known}")
         wanted[filters[name]] = values
     return service.catalog.list(
-        kinds, filters=wanted, limit=min(request.maxResults or most, most), after=request.nextToken, scope=operation
+        kinds,
+        filters=wanted,
+        limit=min(request.maxResults or most, most),
+        after=request.nextToken,
+        scope=operation,
+        members=members,
     )

@@ -1,43 +1,29 @@
 """Simulation job batches: many jobs, never more than `maxConcurrency` at once."""
 
-from collections.abc import Mapping
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any
 
-from ..schemas.common import shorten
-from ..schemas.errors import ServiceError
-from ..schemas.lifecycles import batch_outcome, is_terminal
 from ..schemas.simulation_job_batches import (
+    CancelSimulationJobBatchRequest,
+    CancelSimulationJobBatchResponse,
     DescribeSimulationJobBatchRequest,
     DescribeSimulationJobBatchResponse,
+    ListSimulationJobBatchesRequest,
+    ListSimulationJobBatchesResponse,
     StartSimulationJobBatchRequest,
     StartSimulationJobBatchResponse,
 )
-from ..schemas.simulation_jobs import SimulationJobRequest
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import Lease, perform_once
-from ..tasks.service import Progress, Service
+from ..tasks.performing import perform_if_idle, perform_once
+from ..tasks.service import Service
+from .batch_runs import BatchRun, jobs_by_request
+from .listing import page_of
 from .operation import flows_of, operation
-from .simulation_jobs import store_job, summary
+from .simulation_jobs import summary
 
 KIND = "simulation-job-batch"
 MAX_TIMEOUT_S = 1_209_600
-_END_EVENTS: Mapping[str, str] = {
-    "Completed": "complete",
-    "Failed": "fail",
-    "TimedOut": "timed_out",
-    "Canceled": "canceled",
-}
-# Why the jobs of a batch have to stop, by its status.
-_STOPPING: Mapping[str, str] = {"Canceling": "BatchCanceled", "TimingOut": "BatchTimedOut"}
-# What befalls a batch whose jobs have to stop, by their failure code.
-_STOPS: Mapping[str, str] = {"BatchCanceled": "cancel", "BatchTimedOut": "time_out"}
-# What becomes of a request that the service's own checks refuse for good.
-_FAILURE_CODES: Mapping[str, str] = {
-    "ResourceNotFoundException": "ResourceNotFound",
-    "InvalidParameterException": "InvalidInput",
-    "LimitExceededException": "LimitExceeded",
-}
+_COUNTS = ("requestCount", "failedCount")
 
 
 def perform_simulation_job_batch(arn: str, service: Service) -> None:
@@ -61,6 +47,9 @@ def start_simulation_job_batch(
                 "maxConcurrency": policy.get("maxConcurrency", service.settings.max_jobs),
             },
             "failed": {},
+            # Lists read these two instead of the whole batch.
+            "requestCount": len(request.createSimulationJobRequests),
+            "failedCount": 0,
         },
         tags=request.tags,
         token=ClientToken.of("StartSimulationJobBatch", request),
@@ -79,10 +68,70 @@ def describe_simulation_job_batch(
     return DescribeSimulationJobBatchResponse.model_validate(_described(batch, service))
 
 
+@operation("ListSimulationJobBatches")
+def list_simulation_job_batches(
+    request: ListSimulationJobBatchesRequest, service: Service
+) -> ListSimulationJobBatchesResponse:
+    """Lists batches; says of their requests only how many are in which state."""
+    page = page_of(
+        "ListSimulationJobBatches",
+        KIND,
+        request,
+        service,
+        filters={"status": "status"},
+        given=request.filters,
+        members=_COUNTS,
+    )
+    created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
+    return ListSimulationJobBatchesResponse.model_validate(
+        {
+            "simulationJobBatchSummaries": [
+                _summary(batch, created.get(batch.arn, 0), service) for batch in page.resources
+            ],
+            "nextToken": page.next_token,
+        }
+    )
+
+
+@operation("CancelSimulationJobBatch")
+def cancel_simulation_job_batch(
+    request: CancelSimulationJobBatchRequest, service: Service
+) -> CancelSimulationJobBatchResponse:
+    """Has a batch end as cancelled, with its jobs: soon by whoever performs it, at once if nobody does.
+
+    Cancelling a batch that has ended changes nothing and succeeds.
+    """
+    service.catalog.get(request.batch, kind=KIND)
+    service.catalog.request_cancel(request.batch)
+    perform_if_idle(request.batch, KIND, service, lambda lease: BatchRun(lease, service).end())
+    return CancelSimulationJobBatchResponse()
+
+
+def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:
+    requests, failed = _counts(batch, service)
+    return {
+        "arn": batch.arn,
+        "lastUpdatedAt": batch.updated_at,
+        "createdAt": batch.created_at,
+        "status": batch.status,
+        "failedRequestCount": failed,
+        "pendingRequestCount": requests - failed - created,
+        "createdRequestCount": created,
+    }
+
+
+def _counts(batch: Resource, service: Service) -> tuple[int, int]:
+    """How many requests a batch has, and how many failed."""
+    if not set(_COUNTS) <= set(batch.document):  # it is from before they were counted
+        whole = service.catalog.get(batch.arn).document
+        return len(whole["request"]["createSimulationJobRequests"]), len(whole["failed"])
+    return batch.document["requestCount"], batch.document["failedCount"]
+
+
 def _described(batch: Resource, service: Service) -> dict[str, Any]:
     requests = batch.document["request"]["createSimulationJobRequests"]
     failed = batch.document["failed"]
-    jobs = _jobs_by_request(batch, service)
+    jobs = jobs_by_request(batch, service)
     return {
         "arn": batch.arn,
         "status": batch.status,
@@ -102,153 +151,6 @@ def _described(batch: Resource, service: Service) -> dict[str, Any]:
         "createdRequests": [summary(job) for _, job in sorted(jobs.items())],
         "tags": dict(batch.tags),
     }
-
-
-def _jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
-    """The batch's jobs by the place of their request."""
-    return {job.document["requestIndex"]: job for job in service.catalog.children(batch.arn, kind="simulation-job")}
-
-
-class BatchRun:
-    """One performer's work on one batch.
-
-    Args:
-      lease: the right to change the batch.
-      service: where it is stored.
-    """
-
-    def __init__(self, lease: Lease, service: Service) -> None:
-        self._lease = lease
-        self._service = service
-        self._batch = batch = lease.job
-        self._arn = batch.arn
-        policy = batch.document["batchPolicy"]
-        self._requests = batch.document["request"]["createSimulationJobRequests"]
-        self._failed: dict[str, dict[str, Any]] = dict(batch.document["failed"])
-        self._made = set(_jobs_by_request(batch, service))
-        self._stop: str | None = _STOPPING.get(batch.status)
-        self._deadline = batch.created_at + timedelta(seconds=policy["timeoutInSeconds"])
-
-    def run(self) -> None:
-        """Runs every request that has not ended and settles the batch."""
-        if self._batch.status == "Pending":
-            self._lease.transition("start")
-        if unfinished := self._unfinished():
-            self._run_requests(unfinished)
-        self._settle()
-
-    def _unfinished(self) -> list[int]:
-        """The requests that still have to be seen to: once the batch has to stop, only those that are jobs."""
-        jobs = _jobs_by_request(self._batch, self._service)
-        active = {index for index, job in jobs.items() if not is_terminal("simulation-job", job.status)}
-        return sorted(active if self.why_stop() else active.union(self._waiting()))
-
-    def _waiting(self) -> list[int]:
-        """The requests that are neither jobs nor refused."""
-        return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
-
-    def _run_requests(self, indices: list[int]) -> None:
-        from ..tasks.simulation import simulate_request
-        from ..tasks.slots import Slots
-        from ..tasks.task_pool import run_tasks
-
-        limit = self._batch.document["batchPolicy"]["maxConcurrency"]
-        with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
-            try:
-                run_tasks(
-                    simulate_request,
-                    [{"batch": self, "index": index, "slots": slots} for index in indices],
-                    workers=min(limit, len(indices)),
-                    job_arn=self._arn,
-                    service=self._service,
-                    look=self._look,
-                )
-            finally:
-                if not self._lease.lost:  # else the slots are another performer's
-                    slots.remove()
-
-    def why_stop(self) -> str | None:
-        """The failure code with which the batch's jobs have to stop, if they have to; the first reason stays."""
-        if self._stop is None:
-            if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
-                self._stop = "BatchCanceled"
-            elif self._service.clock() >= self._deadline:
-                self._stop = "BatchTimedOut"
-        return self._stop
-
-    def create_job(self, index: int) -> Resource | None:
-        """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
-        if str(index) in self._failed:
-            return None
-        request = SimulationJobRequest.model_validate(self._requests[index])
-        token = ClientToken(operation="StartSimulationJobBatch", token=f"{self._batch.id}-{index}", request_hash="")
-        try:
-            job = store_job(request, self._service, token=token, batch=(self._arn, index))
-        except ServiceError as error:
-            self._fail_request(index, _FAILURE_CODES.get(error.code, "InternalServiceError"), str(error))
-            return None
-        self._made.add(index)
-        return job
-
-    def _fail_request(self, index: int, code: str, reason: str) -> None:
-        """Notes that a request never becomes a job; `_save_failures` records it."""
-        failed_at = self._service.clock().isoformat()
-        self._failed[str(index)] = {"failureCode": code, "failureReason": shorten(reason), "failedAt": failed_at}
-
-    def _save_failures(self) -> None:
-        """Records the failed requests: all new ones at once, as the batch's document can be large."""
-        failed = dict(self._failed)
-        if len(failed) > len(self._lease.job.document["failed"]):
-            self._lease.update(lambda document: {**document, "failed": failed})
-
-    def report(self) -> None:
-        """Tells whoever watches how many requests are in which state."""
-        statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
-        counts = {status.lower(): count for status, count in statuses.items()}
-        failed = len(self._failed)
-        waiting = len(self._requests) - sum(counts.values()) - failed
-        self._service.report_progress(
-            Progress({**counts, "not created": failed, "pending": waiting}, len(self._requests))
-        )
-
-    def _look(self) -> None:
-        """Records, several times a second, what the requests' tasks have brought about."""
-        self._save_failures()
-        self._note_stop()
-        if self._lease.job.status == "InProgress" and not self._waiting():
-            self._lease.transition("drain")
-
-    def _note_stop(self) -> None:
-        """Moves the batch to the state that says why, once its jobs have to stop."""
-        event = _STOPS.get(self.why_stop() or "")
-        if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
-            self._lease.transition(event)
-
-    def _settle(self) -> None:
-        jobs = _jobs_by_request(self._batch, self._service)
-        waiting = self._waiting()
-        if waiting or any(job.document.get("failureCode") in _STOPS for job in jobs.values()):
-            self._note_stop()  # the last jobs may have ended before anybody looked why
-        status = self._lease.job.status
-        for index in waiting:
-            code = _STOPPING.get(status, "InternalServiceError")
-            self._fail_request(index, code, "the batch ended before a job was made of this request")
-        self._save_failures()
-        end = batch_outcome(
-            pending=0,
-            failed=[failure["failureCode"] for failure in self._failed.values()],
-            created=[job.status for job in jobs.values()],
-            timed_out=status == "TimingOut",
-            canceled=status == "Canceling",
-        )
-        if end == "Completed" and status == "InProgress":
-            self._lease.transition("drain")
-        changes: dict[str, Any] = {}
-        if end == "Failed":
-            reason = "at least one request could not become a job because of an internal fault"
-            changes = {"failureCode": "InternalServiceError", "failureReason": reason}
-        self._lease.transition(_END_EVENTS[end], **changes)
-        self.report()
 
 
 def __getattr__(name: str) -> Any:

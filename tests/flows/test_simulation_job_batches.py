@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.flows.batch_runs import BatchRun
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.flows.simulation_job_batches import BatchRun
 from prefect_robomaker.schemas.errors import InternalServerException
 from prefect_robomaker.schemas.lifecycles import ACTIVE
 from prefect_robomaker.tasks.catalog import Resource
