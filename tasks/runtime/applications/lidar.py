@@ -7,6 +7,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .level_scan import LevelScan
+from .upright import Fan
+
 SCAN_RAYS = 360
 SCAN_ANGLE_MIN_RAD = -np.pi
 SCAN_ANGLE_INCREMENT_RAD = 2 * np.pi / SCAN_RAYS
@@ -26,7 +29,8 @@ _VISIBLE_GROUPS = (0, 1, 2)
 class RangeFinder:
     """Rays in a fan around a robot's vertical axis, blind for the robot's own root body.
 
-    The rays turn with the robot and tilt with it.
+    The rays turn with the robot and tilt with it. Rays all around are measured on the plan of the world while the robot
+    stands level, which is several times faster.
     """
 
     def __init__(
@@ -61,9 +65,15 @@ class RangeFinder:
         self._groups = np.ones(mujoco.mjNGROUP, np.uint8)
         if hidden_group is not None:
             self._groups[hidden_group] = 0
+        self._level = self._level_scan(height_m, angles_rad)
 
     def measure(self) -> NDArray[np.float64]:
         """Distances in metres, one per ray, infinite where nothing is in range; a new array."""
+        distances = self._level.measure() if self._level else None
+        return self.cast() if distances is None else distances
+
+    def cast(self) -> NDArray[np.float64]:
+        """The same from MuJoCo, whatever there is and however the robot stands."""
         origin = self._position + self._rotation @ self._offset
         rays = self._directions @ self._rotation.T
         mujoco.mj_multiRay(
@@ -72,6 +82,17 @@ class RangeFinder:
         )  # fmt: skip
         seen = (self._distances >= 0) & (self._distances <= self._range_max_m)
         return np.where(seen, self._distances, np.inf)
+
+    def _level_scan(self, height_m: float, angles_rad: NDArray[np.float64]) -> LevelScan | None:
+        """The quicker way, where there is one."""
+        fan = Fan(len(angles_rad), float(angles_rad[0]))
+        around = np.abs(fan.directions - np.exp(1j * angles_rad)).max() < 1e-9
+        if not around:
+            return None
+        try:
+            return LevelScan(self._model, self._data, self._body_id, height_m, fan, self._range_max_m, self._groups)
+        except ValueError:  # something without an end, such as a plane that leans
+            return None
 
 
 def hide_geoms_from_lidar(
