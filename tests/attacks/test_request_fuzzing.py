@@ -40,6 +40,7 @@ APPLICATION = {
     "environment": {"uri": "python://package.module"},
     "tags": {"a": "b"},
 }
+NAMED = {"name": "name", "values": ["mine"]}
 REQUESTS: dict[str, dict[str, Any]] = {
     "CreateWorldTemplate": {"clientRequestToken": "t", "name": "flat", "templateBody": BODY, "tags": {"a": "b"}},
     "CreateWorldGenerationJob": {
@@ -75,6 +76,30 @@ REQUESTS: dict[str, dict[str, Any]] = {
     "DescribeWorldExportJob": {"job": f"{ARN}:world-export-job/none"},
     "DescribeSimulationJob": {"job": f"{ARN}:simulation-job/none"},
     "DescribeSimulationJobBatch": {"batch": f"{ARN}:simulation-job-batch/none"},
+    **{
+        name: request
+        for role in ("Robot", "Simulation")
+        for name, request in {
+            f"Create{role}ApplicationVersion": {
+                "application": "mine",
+                "currentRevisionId": "none",
+                "s3Etags": ["x"],
+                "imageDigest": "sha256:" + 64 * "0",
+            },
+            f"Describe{role}Application": {
+                "application": f"{ARN}:{role.lower()}-application/x/1",
+                "applicationVersion": "1",
+            },
+            f"List{role}Applications": {"versionQualifier": "ALL", "maxResults": 3, "filters": [NAMED]},
+            f"Update{role}Application": {
+                **{member: value for member, value in APPLICATION.items() if member not in ("name", "tags")},
+                **({"simulationSoftwareSuite": {"name": "Gazebo", "version": "7"}} if role == "Simulation" else {}),
+                "application": "scout",
+                "currentRevisionId": "none",
+            },
+            f"Delete{role}Application": {"application": "mine", "applicationVersion": "1"},
+        }.items()
+    },
 }  # fmt: skip
 
 NASTY = st.sampled_from(

@@ -54,16 +54,17 @@ def test_an_application_is_updated_to_its_archive_as_it_is_now(service: Service)
     service.store.ensure_bucket("applications")
     service.store.put_bytes("applications", "mine.zip", b"one")
     source = [{"s3Bucket": "applications", "s3Key": "mine.zip"}]
-    request = {"name": "mine", "sources": source, "robotSoftwareSuite": SUITE}
+    request = {"name": "mine", "sources": source, "robotSoftwareSuite": SUITE, "tags": {"team": "blue"}}
     made = call("CreateRobotApplication", request, service)
     service.store.put_bytes("applications", "mine.zip", b"two")
 
-    updated = update_application("robot", request, service)
+    updated = update_application("robot", {**request, "tags": {"night": "1"}}, service)
 
     assert updated is not None
     assert updated["arn"] == made["arn"]
     assert updated["revisionId"] != made["revisionId"]
     assert updated["sources"][0]["etag"] != made["sources"][0]["etag"]
+    assert updated["tags"] == {"team": "blue", "night": "1"}
     assert update_application("robot", {**request, "name": "other"}, service) is None
 
 
