@@ -74,9 +74,11 @@ class Settings(Model):
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
             "max_worlds_per_job": max_worlds_per_job(environ),
         }
-        for name in ("region", "account", "bucket", "access_keys_file"):
+        for name in ("region", "account", "bucket"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
+        if access_keys_file := environ.get("ROBOMAKER_ACCESS_KEYS_FILE"):
+            values["access_keys_file"] = Path(access_keys_file).expanduser()
         try:
             return cls.model_validate(values)
         except ValidationError as error:

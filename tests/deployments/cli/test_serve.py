@@ -1,0 +1,226 @@
+"""`robomaker serve`: jobs that clients order are carried out, and nothing is left behind or done twice."""
+
+import contextlib
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from endpoint_process import Serve
+from processes import wait_for, working_below
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.service import Service
+
+Order = Callable[..., dict[str, Any]]
+LONG = {"DURATION_S": "200"}
+BATCH = "simulation-job-batch"
+
+
+def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
+    serve: Serve, service: Service, order: Order, prefect_server: str
+) -> None:
+    with serve("--max-jobs", "1", PREFECT_API_URL=prefect_server) as served:
+        performer = served.wait_until_ready()
+        short = served.call("CreateSimulationJob", order())["arn"]
+        wait_for(lambda: status(service, short) == "Completed", "the short job")
+        long = served.call("CreateSimulationJob", order(LONG))["arn"]
+        wait_for(lambda: status(service, long) == "Running", "the long job")
+        waiting = served.call("CreateSimulationJob", order())["arn"]
+        batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
+        wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
+        assert served.performer()["jobs"]["simulation-job"] == {"running": 1, "atOnce": 1}
+        served.process.send_signal(signal.SIGINT)
+        assert served.process.wait(20) == 0, served.log.read_text()
+
+    assert status(service, waiting) == "Pending"
+    assert "Interrupted: 2 simulation jobs, 1 simulation job batch; the next" in served.log.read_text()
+    assert "Traceback" not in served.log.read_text()
+    wait_for(lambda: all_gone(service, performer), "the end of every process", 10)
+    assert [status(service, arn) for arn in (long, batch)] == ["Running", "InProgress"]
+    assert children(service, batch) == ["Running"]
+    assert {"CRASHED"} == {state for arn in (long, batch) for state in flow_run_states(arn)}
+    first_run = service.catalog.get(long).document["runId"]
+
+    with serve("--max-jobs", "2", PREFECT_API_URL=prefect_server) as served:
+        performer = served.wait_until_ready()
+        wait_for(lambda: status(service, waiting) == "Completed", "the job that waited")
+        wait_for(lambda: service.catalog.get(long).document["runId"] != first_run, "another run of the long job")
+        service.catalog.request_cancel(long)
+        wait_for(lambda: status(service, long) == "Canceled", "the end of the long job")
+        wait_for(lambda: working_below(service.settings.home / "jobs"), "the batch's job")
+        served.process.kill()
+        served.process.wait(5)
+        wait_for(lambda: all_gone(service, performer), "the end of every process", 10)
+
+    assert status(service, batch) == "InProgress"
+    assert len(service.catalog.children(batch, kind="simulation-job")) == 1
+
+
+def test_a_job_that_takes_performers_along_is_given_up_and_the_others_go_on(
+    serve: Serve, service: Service, order: Order, prefect_server: str
+) -> None:
+    deadly = call("CreateSimulationJob", order(LONG), service)["arn"]
+    for number in range(2):  # two performers have begun it before, and are dead
+        assert service.catalog.claim(deadly, str(number), -1)
+
+    with serve(PREFECT_API_URL=prefect_server) as served:
+        wait_for(lambda: status(service, deadly) == "Running", "the job")
+        other = served.call("CreateSimulationJob", order({"DURATION_S": "1"}))["arn"]
+        wait_for(lambda: status(service, other) == "Running", "the other job")
+        os.kill(served.performer()["pid"], signal.SIGKILL)
+        wait_for(lambda: status(service, deadly) == "Failed", "the end of the job")
+        wait_for(lambda: status(service, other) == "Completed", "the end of the other job")
+
+        assert served.performer()["restarts"] == 1
+        assert "the performer was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
+        described = served.call("DescribeSimulationJob", {"job": deadly})
+        served.process.terminate()
+        assert served.process.wait(20) == 0
+    assert described["failureCode"] == "InternalServiceError"
+    assert "3 performers died" in described["failureReason"]
+    assert service.catalog.lost_performers(other) == 1
+
+
+def test_without_prefect_jobs_wait_and_the_endpoint_answers(
+    serve: Serve, service: Service, order: Order, prefect_server: str
+) -> None:
+    with Forwarder(prefect_server) as forwarder, serve(PREFECT_API_URL=forwarder.url) as served:
+        served.wait_until_ready()
+        forwarder.stop()
+        wait_for(lambda: served.performer()["state"] == "waiting for Prefect", "the news that Prefect is gone")
+        arn = served.call("CreateSimulationJob", order())["arn"]
+        assert served.call("DescribeSimulationJob", {"job": arn})["status"] == "Pending"
+        assert "Prefect does not answer" in served.log.read_text()
+        forwarder.start()
+        wait_for(lambda: status(service, arn) == "Completed", "the end of the job")
+        assert "Prefect answers again" in served.log.read_text()
+
+
+def test_the_endpoint_alone_stores_jobs_for_others(serve: Serve, service: Service, order: Order) -> None:
+    with serve("--execute", "none", "--log-requests") as served:
+        arn = served.call("CreateSimulationJob", order())["arn"]
+        assert served.performer() == {"state": "elsewhere"}
+        assert served.facts["environment"]["AWS_ENDPOINT_URL_ROBOMAKER"] == served.url
+        served.process.send_signal(signal.SIGHUP)
+        assert served.process.wait(20) == 0
+
+    assert status(service, arn) == "Pending"
+    assert "POST /createSimulationJob 200" in served.log.read_text()
+
+
+def test_clients_have_to_sign_when_there_are_access_keys(serve: Serve, tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    keys.write_text("[default]\naws_access_key_id = AKID\naws_secret_access_key = secret\n")
+    keys.chmod(0o644)
+    with serve("--execute", "none", ROBOMAKER_ACCESS_KEYS_FILE=str(keys)) as served:
+        import urllib.error
+
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            served.call("ListWorlds", {})
+        assert "AWS_ACCESS_KEY_ID" not in served.facts["environment"]
+        assert "others can read the access keys" in served.log.read_text()
+
+
+def test_what_cannot_be_served_is_told_in_one_line(robomaker: Any, monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        for words, message in [
+            (("--port", port), f"cannot listen at 127.0.0.1 port {port}: Address already in use; choose another"),
+            (("--port", 70000), "--port is 70000; it has to be a number from 1 to 65535"),
+            (("--host", "0.0.0.0"), "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first"),
+            (("--host", "192.0.2.1"), "--host is '192.0.2.1', which others can reach"),
+            (("--max-jobs", 0), "--max-jobs is 0; it has to be a number from 1 to 9999"),
+        ]:
+            ended = robomaker("serve", *words)
+            assert (ended.code, ended.out) == (2, "")
+            assert message in ended.err
+            assert len(ended.err.splitlines()) == 1
+    monkeypatch.setenv("ROBOMAKER_ACCESS_KEYS_FILE", str(home / "nowhere"))
+    assert "No such file" in robomaker("serve").err
+    assert not home.exists()
+
+
+def status(service: Service, arn: str) -> str:
+    return service.catalog.get(arn).status
+
+
+def children(service: Service, batch: str) -> list[str]:
+    return [job.status for job in service.catalog.children(batch, kind="simulation-job")]
+
+
+def all_gone(service: Service, performer: int) -> bool:
+    """Whether neither the performer nor anything it started is left."""
+    session = [path for path in Path("/proc").glob("[0-9]*/stat") if session_of(path) == performer]
+    return not session and not working_below(service.settings.home)
+
+
+def session_of(stat: Path) -> int:
+    try:
+        return int(stat.read_text().rpartition(")")[2].split()[3])
+    except OSError:
+        return 0
+
+
+def flow_run_states(arn: str) -> list[str]:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
+
+    with get_client(sync_client=True) as client:
+        wanted = FlowRunFilter(name=FlowRunFilterName(any_=[arn.rsplit("/", 1)[-1]]))
+        return [run.state.type.value for run in client.read_flow_runs(flow_run_filter=wanted)]
+
+
+class Forwarder:
+    """A port that leads to a Prefect server, and can be closed."""
+
+    def __init__(self, api_url: str) -> None:
+        self._target = (urlsplit(api_url).hostname, urlsplit(api_url).port)
+        self._port = 0
+        self._open: set[socket.socket] = set()
+
+    def __enter__(self) -> "Forwarder":
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self._port}/api"
+
+    def start(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", self._port))
+        self._port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
+
+    def stop(self) -> None:
+        for each in (self._listener, *self._open):
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+        self._open.clear()
+
+    def _accept(self, listener: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = listener.accept()
+                far = socket.create_connection(self._target)
+                self._open |= {near, far}
+                for source, sink in ((near, far), (far, near)):
+                    threading.Thread(target=self._copy, args=(source, sink), daemon=True).start()
+
+    @staticmethod
+    def _copy(source: socket.socket, sink: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                sink.sendall(data)
+        for each in (source, sink):
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)

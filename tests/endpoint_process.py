@@ -1,0 +1,73 @@
+"""`robomaker serve` as a process of its own, and calls over HTTP without an SDK."""
+
+import json
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from processes import started, wait_for
+
+from prefect_robomaker.tasks.service import Service
+
+COMMAND = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "serve", "--port", "0", "-o", "json"]
+
+
+@dataclass(frozen=True)
+class Served:
+    """A running `robomaker serve`."""
+
+    process: subprocess.Popen[str]
+    facts: Mapping[str, Any]
+    log: Path
+
+    @property
+    def url(self) -> str:
+        """Where it answers."""
+        return self.facts["url"]
+
+    def call(self, operation: str, request: Mapping[str, Any]) -> dict[str, Any]:
+        """Calls an operation as SDKs do."""
+        path = operation[0].lower() + operation[1:]
+        headers = {"Content-Type": "application/json"}
+        message = urllib.request.Request(f"{self.url}/{path}", json.dumps(request).encode(), headers)
+        with urllib.request.urlopen(message, timeout=30) as answer:
+            return json.load(answer)
+
+    def performer(self) -> dict[str, Any]:
+        """What the health page says of the performer."""
+        with urllib.request.urlopen(f"{self.url}/health", timeout=30) as answer:
+            return json.load(answer)["performer"]
+
+    def wait_until_ready(self) -> int:
+        """Waits until jobs are performed; returns the performer's process id."""
+        wait_for(lambda: self.performer()["state"] == "ready", f"a ready performer; {self.log.read_text()}")
+        return self.performer()["pid"]
+
+
+Serve = Callable[..., AbstractContextManager[Served]]
+
+
+@pytest.fixture
+def serve(service: Service, tmp_path: Path) -> Serve:
+    """Starts `robomaker serve` on the test's service; keyword arguments are environment variables."""
+
+    @contextmanager
+    def start(*words: str, **variables: str) -> Iterator[Served]:
+        environ = {"ROBOMAKER_HOME": str(service.settings.home), "PREFECT_HOME": str(tmp_path / "prefect"), **variables}
+        log = tmp_path / f"serve-{len(list(tmp_path.glob('serve-*')))}.log"
+        with (
+            log.open("w") as errors,
+            started([*COMMAND, *words], environ, stdout=subprocess.PIPE, stderr=errors) as process,
+        ):
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            assert line, log.read_text()
+            yield Served(process, json.loads(line), log)
+
+    return start
