@@ -6,11 +6,18 @@ import os
 import shlex
 import sys
 
+from ...schemas.errors import ConfigurationError
 from ..sdk.installation import MODEL_FOLDER, Installation, data_path, install, installed_folder, uninstall
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints where the service model is and how SDKs find it; installs or removes it when asked."""
+    """Prints where the service model is and how SDKs find it; installs or removes it when asked.
+
+    Raises:
+      ConfigurationError: a model from elsewhere is in the way, or `--force` has nothing to force.
+    """
+    if arguments.force and not arguments.install:
+        raise ConfigurationError("--force belongs to --install; nothing was done")
     done = None
     if arguments.install:
         done = install(force=arguments.force)
