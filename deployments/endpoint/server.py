@@ -37,7 +37,7 @@ def run_server(application: ASGIApplication, host: str, port: int, *, ready: Cal
     Raises:
       ConfigurationError: nothing can listen there.
     """
-    with _listening(host, port) as listener:
+    with listening(host, port) as listener:
         if not is_loopback(host) and not getattr(application, "checks_signatures", False):
             LOGGER.warning(
                 "%s can be reached from other machines, and nobody has to sign: "
@@ -60,7 +60,12 @@ def run_server(application: ASGIApplication, host: str, port: int, *, ready: Cal
 
 
 @contextlib.contextmanager
-def _listening(host: str, port: int) -> Iterator[socket.socket]:
+def listening(host: str, port: int) -> Iterator[socket.socket]:
+    """A socket that listens, until the block ends.
+
+    Raises:
+      ConfigurationError: nothing can listen there.
+    """
     family = socket.AF_INET6 if is_address(host) and ":" in host else socket.AF_INET
     try:
         listener = socket.create_server((host.strip("[]"), port), family=family, backlog=_BACKLOG)
