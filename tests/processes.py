@@ -35,6 +35,30 @@ def working_below(folder: Path) -> set[int]:
     return found
 
 
+def descendants(pid: int) -> set[int]:
+    """All processes that a process has started, directly or not."""
+    children: dict[int, list[int]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            # "pid (name) state parent …"; the name may itself contain parentheses and blanks.
+            parent = int(stat.read_text(errors="replace").rpartition(")")[2].split()[1])
+        except OSError:
+            continue  # it has ended
+        children.setdefault(parent, []).append(int(stat.parent.name))
+    found: set[int] = set()
+    reached = [pid]
+    while reached:
+        below = children.get(reached.pop(), [])
+        found.update(below)
+        reached.extend(below)
+    return found
+
+
+def alive(pids: set[int]) -> set[int]:
+    """Which of some processes have not ended."""
+    return {pid for pid in pids if Path(f"/proc/{pid}/cwd").exists()}
+
+
 @contextmanager
 def started(command: list[str], environ: Mapping[str, str], **options: object) -> Iterator[subprocess.Popen[str]]:
     """A process with a group of its own, all of which is killed at the end."""

@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import threading
+import urllib.error
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from endpoint_process import Serve
-from processes import wait_for, working_below
+from processes import alive, descendants, wait_for, working_below
 
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.service import Service
@@ -26,7 +27,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:
     with serve("--max-jobs", "1", PREFECT_API_URL=prefect_server) as served:
-        performer = served.wait_until_ready()
+        served.wait_until_ready()
         short = served.call("CreateSimulationJob", order())["arn"]
         wait_for(lambda: status(service, short) == "Completed", "the short job")
         long = served.call("CreateSimulationJob", order(LONG))["arn"]
@@ -35,30 +36,34 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
         wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
         assert served.performer()["jobs"]["simulation-job"] == {"running": 1, "atOnce": 1}
+        processes = descendants(served.process.pid)
+        assert len(processes) >= 6  # the performer, its warm parent of simulations, two supervisors and simulations
         served.process.send_signal(signal.SIGINT)
         assert served.process.wait(20) == 0, served.log.read_text()
 
     assert status(service, waiting) == "Pending"
     assert "Interrupted: 2 simulation jobs, 1 simulation job batch; the next" in served.log.read_text()
     assert "Traceback" not in served.log.read_text()
-    wait_for(lambda: all_gone(service, performer), "the end of every process", 10)
-    assert [status(service, arn) for arn in (long, batch)] == ["Running", "InProgress"]
+    wait_for(lambda: not alive(processes), "the end of every process", 10)
+    assert [status(service, arn) for arn in (long, batch)] == ["Running", "Completing"]
     assert children(service, batch) == ["Running"]
     assert {"CRASHED"} == {state for arn in (long, batch) for state in flow_run_states(arn)}
     first_run = service.catalog.get(long).document["runId"]
 
     with serve("--max-jobs", "2", PREFECT_API_URL=prefect_server) as served:
-        performer = served.wait_until_ready()
+        served.wait_until_ready()
         wait_for(lambda: status(service, waiting) == "Completed", "the job that waited")
         wait_for(lambda: service.catalog.get(long).document["runId"] != first_run, "another run of the long job")
         service.catalog.request_cancel(long)
         wait_for(lambda: status(service, long) == "Canceled", "the end of the long job")
         wait_for(lambda: working_below(service.settings.home / "jobs"), "the batch's job")
+        processes = descendants(served.process.pid)
+        assert len(processes) >= 4
         served.process.kill()
         served.process.wait(5)
-        wait_for(lambda: all_gone(service, performer), "the end of every process", 10)
+        wait_for(lambda: not alive(processes), "the end of every process", 10)
 
-    assert status(service, batch) == "InProgress"
+    assert status(service, batch) == "Completing"
     assert len(service.catalog.children(batch, kind="simulation-job")) == 1
 
 
@@ -119,8 +124,6 @@ def test_clients_have_to_sign_when_there_are_access_keys(serve: Serve, tmp_path:
     keys.write_text("[default]\naws_access_key_id = AKID\naws_secret_access_key = secret\n")
     keys.chmod(0o644)
     with serve("--execute", "none", ROBOMAKER_ACCESS_KEYS_FILE=str(keys)) as served:
-        import urllib.error
-
         with pytest.raises(urllib.error.HTTPError, match="403"):
             served.call("ListWorlds", {})
         assert "AWS_ACCESS_KEY_ID" not in served.facts["environment"]
@@ -152,19 +155,6 @@ def status(service: Service, arn: str) -> str:
 
 def children(service: Service, batch: str) -> list[str]:
     return [job.status for job in service.catalog.children(batch, kind="simulation-job")]
-
-
-def all_gone(service: Service, performer: int) -> bool:
-    """Whether neither the performer nor anything it started is left."""
-    session = [path for path in Path("/proc").glob("[0-9]*/stat") if session_of(path) == performer]
-    return not session and not working_below(service.settings.home)
-
-
-def session_of(stat: Path) -> int:
-    try:
-        return int(stat.read_text().rpartition(")")[2].split()[3])
-    except OSError:
-        return 0
 
 
 def flow_run_states(arn: str) -> list[str]:
