@@ -37,6 +37,7 @@ BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
 POSITIVE = "No number below 1 means anything here; no bound was published."
+ANYTHING = "The pattern refuses nothing that the bounds allow."
 LINE_BREAKS = "The pattern refuses nothing but line breaks, which real commands, reasons and documents have."
 
 _SEED_SHAPES = ("CreateSimulationJobRequest", "CreateWorldGenerationJobRequest", "SimulationJobRequest")
@@ -55,11 +56,11 @@ _NAMED_SHAPES = (
 )
 _BODY_SHAPES = ("CreateWorldTemplateRequest", "UpdateWorldTemplateRequest")
 
-_PATTERNS_THAT_REFUSE_LINE_BREAKS = {
+_PATTERNS_THAT_REFUSE_ANYTHING = "The pattern refuses nothing that the bounds allow."
+LINE_BREAKS = {
     "EnvironmentVariableValue": ".*",
     "GenericString": ".*",
     "Id": ".*",
-    "Json": r"[\S\s]+",
     "NonEmptyString": ".+",
     "Path": ".*",
     "RepositoryUrl": ".+",
@@ -101,6 +102,7 @@ DIFFERENCES: tuple[Difference, ...] = (
     Difference("MaxConcurrency:min", 1, None, POSITIVE),
     Difference("FloorplanCount:min", 1, None, POSITIVE),
     Difference("InteriorCountPerFloorplan:min", 1, None, POSITIVE),
+    Difference("Json:pattern", None, r"[\S\s]+", ANYTHING),
     *(
         Difference(f"{shape}:pattern", None, pattern, LINE_BREAKS)
         for shape, pattern in _PATTERNS_THAT_REFUSE_LINE_BREAKS.items()
