@@ -24,6 +24,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from ..schemas.base import Shape
+from ..schemas.deprecations import deprecated_uses
 from ..schemas.errors import InvalidParameterException, ServiceError
 from ..schemas.operations import OPERATIONS, OperationShape, parse_request
 from ..tasks.service import Service
@@ -78,7 +79,10 @@ class Operation:
           ServiceError: the request is refused; nothing was stored.
         """
         try:
-            return self.handler(parse_request(self.name, data), service).to_wire()
+            request = parse_request(self.name, data)
+            if service.settings.refuse_deprecated and (uses := deprecated_uses(self.shape, request.to_wire())):
+                raise InvalidParameterException(f"no longer supported (ROBOMAKER_REFUSE_DEPRECATED): {'; '.join(uses)}")
+            return self.handler(request, service).to_wire()
         except ServiceError as error:
             if error.status >= 500 or isinstance(error, self.shape.errors):
                 raise

@@ -9,6 +9,7 @@
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once when a batch names no `maxConcurrency` | number of CPUs |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
+| `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: nobody has to sign |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
@@ -50,6 +51,9 @@ class Settings(Model):
     max_worlds_per_job: int = Field(
         default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
     )
+    refuse_deprecated: bool = Field(
+        default=False, description="Whether requests are refused that the service refused in its last years."
+    )
     access_keys_file: Path | None = Field(
         default=None,
         description="File of the access keys that clients of the endpoint have to sign with; None: nobody has to sign.",
@@ -73,6 +77,7 @@ class Settings(Model):
             "object_store": environ.get("ROBOMAKER_OBJECT_STORE") or str(home / "objects"),
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
             "max_worlds_per_job": max_worlds_per_job(environ),
+            "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
         }
         for name in ("region", "account", "bucket"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
@@ -96,6 +101,13 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
       ConfigurationError: the variable has a value that cannot be used.
     """
     return _number(environ, "ROBOMAKER_MAX_WORLDS_PER_JOB", DEFAULT_MAX_WORLDS_PER_JOB)
+
+
+def _switch(environ: Mapping[str, str], name: str) -> bool:
+    given = environ.get(name) or "0"
+    if given not in ("0", "1"):
+        raise ConfigurationError(f"{name} is {given!r}; it has to be 1 or 0")
+    return given == "1"
 
 
 def _number(environ: Mapping[str, str], name: str, default: int) -> int:

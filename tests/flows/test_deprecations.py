@@ -1,0 +1,59 @@
+"""Refusing what the service refused in its last years, where the setting asks for it."""
+
+import json
+
+import pytest
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ConfigurationError, InvalidParameterException
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.service import Service
+
+ROLE = "arn:aws:iam::000000000000:role/any"
+
+
+@pytest.fixture
+def strict(settings: Settings) -> Service:
+    return Service.open(settings.model_copy(update={"refuse_deprecated": True}), {})
+
+
+def test_a_request_of_the_early_years_is_refused_and_every_member_named(strict: Service) -> None:
+    config = {"application": "indoor-navigation", "launchConfig": {}, "useDefaultTools": True}
+    request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "simulationApplications": [config]}
+    logging = {"loggingConfig": {"recordAllRosTopics": True}}
+
+    with pytest.raises(InvalidParameterException) as caught:
+        call("CreateSimulationJob", {**request, **logging}, strict)
+
+    assert "simulationApplications[0].useDefaultTools: " in str(caught.value)
+    assert "loggingConfig.recordAllRosTopics: " in str(caught.value)
+    assert strict.catalog.list("simulation-job").resources == ()
+
+
+def test_what_the_service_took_to_the_end_is_taken(strict: Service) -> None:
+    config = {"application": "indoor-navigation", "launchConfig": {}}
+    request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "simulationApplications": [config]}
+
+    assert call("CreateSimulationJob", request, strict)["status"] == "Pending"
+    assert call("CreateWorldTemplate", {"templateBody": json.dumps({})}, strict)["arn"]
+
+
+def test_nothing_is_refused_by_default(service: Service) -> None:
+    config = {"application": "indoor-navigation", "launchConfig": {}, "useDefaultTools": True}
+    request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "simulationApplications": [config]}
+
+    assert call("CreateSimulationJob", request, service)["simulationApplications"][0]["useDefaultTools"] is True
+
+
+@pytest.mark.parametrize(("value", "meaning"), [("1", True), ("0", False), ("", False)])
+def test_the_setting_is_read_from_the_environment(value: str, meaning: bool, tmp_path: object) -> None:
+    environ = {"ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_REFUSE_DEPRECATED": value}
+
+    assert Settings.from_environment(environ).refuse_deprecated is meaning
+
+
+def test_another_value_of_the_setting_is_an_error(tmp_path: object) -> None:
+    environ = {"ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_REFUSE_DEPRECATED": "maybe"}
+
+    with pytest.raises(ConfigurationError, match="ROBOMAKER_REFUSE_DEPRECATED is 'maybe'; it has to be 1 or 0"):
+        Settings.from_environment(environ)
