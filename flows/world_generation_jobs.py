@@ -1,29 +1,33 @@
 """World generation jobs: worlds from a template, several processes at a time."""
 
-import os
-import threading
 from typing import Any
 
-from ..schemas.common import shorten
-from ..schemas.ids import world_id
 from ..schemas.operations import seed_of
 from ..schemas.world_generation_jobs import (
+    CancelWorldGenerationJobRequest,
+    CancelWorldGenerationJobResponse,
     CreateWorldGenerationJobRequest,
     CreateWorldGenerationJobResponse,
     DescribeWorldGenerationJobRequest,
     DescribeWorldGenerationJobResponse,
+    ListWorldGenerationJobsRequest,
+    ListWorldGenerationJobsResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import Lease, perform_once
-from ..tasks.service import Progress, Service
+from ..tasks.generation_runs import NO_FAILURES, in_order, run_generation
+from ..tasks.performing import perform_once
+from ..tasks.service import Service
+from ..tasks.world_jobs import cancel_world_job
+from .listing import page_of
 from .operation import flows_of, operation
 
 KIND = "world-generation-job"
+_FILTERS = {"status": "status", "templateId": "templateId"}
 
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
     """Generates the job's worlds that do not exist yet and ends the job."""
-    perform_once(arn, KIND, service, lambda lease: GenerationRun(lease, service).run())
+    perform_once(arn, KIND, service, lambda lease: run_generation(lease, service))
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
@@ -49,6 +53,7 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
         },
         tags=request.tags,
         token=token,
+        labels={"templateId": [template.id]},
     )
 
 
@@ -58,10 +63,10 @@ def describe_world_generation_job(
 ) -> DescribeWorldGenerationJobResponse:
     """Tells how a generation job stands, with the worlds finished so far."""
     job = service.catalog.get(request.job, kind=KIND)
-    worlds = [world.arn for world in service.catalog.children(job.arn, kind="world")]
-    # By number, not by who was finished first: what a specification makes of the list is the same every time.
-    worlds.sort(key=lambda arn: int(arn.rpartition("-")[2]))
-    failures = job.document.get("failures") or {"totalFailureCount": 0, "failures": []}
+    worlds = job.document.get("succeededWorlds")
+    if worlds is None:
+        worlds = in_order(world.arn for world in service.catalog.children(job.arn, kind="world"))
+    failures = job.document.get("failures") or NO_FAILURES
     response = _described(job)
     response["failureReason"] = job.document.get("failureReason")
     response["finishedWorldsSummary"] = {
@@ -70,6 +75,47 @@ def describe_world_generation_job(
         "failureSummary": failures,
     }
     return DescribeWorldGenerationJobResponse.model_validate(response)
+
+
+@operation("ListWorldGenerationJobs")
+def list_world_generation_jobs(
+    request: ListWorldGenerationJobsRequest, service: Service
+) -> ListWorldGenerationJobsResponse:
+    """Lists generation jobs, newest first."""
+    page = page_of("ListWorldGenerationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    return ListWorldGenerationJobsResponse.model_validate(
+        {
+            "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
+            "nextToken": page.next_token,
+        }
+    )
+
+
+@operation("CancelWorldGenerationJob")
+def cancel_world_generation_job(
+    request: CancelWorldGenerationJobRequest, service: Service
+) -> CancelWorldGenerationJobResponse:
+    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does; its worlds stay.
+
+    Cancelling a job that has ended changes nothing and succeeds.
+    """
+    cancel_world_job(request.job, KIND, service, lambda lease: run_generation(lease, service))
+    return CancelWorldGenerationJobResponse()
+
+
+def _summary(job: Resource, service: Service) -> dict[str, Any]:
+    worlds = job.document.get("succeededWorlds")
+    succeeded = sum(service.catalog.count_children(job.arn, "world").values()) if worlds is None else len(worlds)
+    request = job.document["request"]
+    return {
+        "arn": job.arn,
+        "template": request["template"],
+        "createdAt": job.created_at,
+        "status": job.status,
+        "worldCount": request["worldCount"],
+        "succeededWorldCount": succeeded,
+        "failedWorldCount": (job.document.get("failures") or NO_FAILURES)["totalFailureCount"],
+    }
 
 
 def _described(job: Resource) -> dict[str, Any]:
@@ -85,94 +131,6 @@ def _described(job: Resource) -> dict[str, Any]:
         "tags": dict(job.tags),
         "worldTags": request.get("worldTags") or {},
     }
-
-
-class GenerationRun:
-    """One performer's work on one generation job.
-
-    Args:
-      lease: the right to change the job.
-      service: where it is stored.
-    """
-
-    def __init__(self, lease: Lease, service: Service) -> None:
-        self._lease = lease
-        self._service = service
-        self._job = job = lease.job
-        count = job.document["request"]["worldCount"]
-        self._total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
-        self._lock = threading.Lock()
-        self._done = 0
-        self._failures: list[dict[str, Any]] = []
-
-    def run(self) -> None:
-        """Generates every world that does not exist and ends the job."""
-        if self._job.status == "Pending":
-            self._lease.transition("start")
-        exist = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
-        self._done = len(exist)
-        arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
-        missing = [(index, arn) for index, arn in enumerate(arns) if arn not in exist]
-        if missing and not self.stopped():
-            self._generate(missing)
-        self._settle()
-
-    def stopped(self) -> bool:
-        """Whether no more worlds are wanted."""
-        return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
-
-    def ended(self, failure: dict[str, Any] | None) -> None:
-        """Counts a world that was made, or why there is none; called from several threads."""
-        with self._lock:
-            if failure:
-                self._failures.append(failure)
-            else:
-                self._done += 1
-            done, failed = self._done, len(self._failures)
-        pending = self._total - done - failed
-        self._service.report_progress(Progress({"succeeded": done, "failed": failed, "pending": pending}, self._total))
-
-    def _generate(self, missing: list[tuple[int, str]]) -> None:
-        from ..tasks.task_pool import run_tasks
-        from ..tasks.world_builders import WorldBuilders
-        from ..tasks.world_generation import generate_and_store
-
-        workers = min(len(missing), os.cpu_count() or 1)
-        with WorldBuilders(workers, self._service.folder("logs") / "world-builders.log") as builders:
-
-            def look() -> None:
-                if self.stopped():
-                    builders.stop()
-
-            run_tasks(
-                generate_and_store,
-                [
-                    {"run": self, "job": self._job, "index": index, "world_arn": arn, "builders": builders}
-                    for index, arn in missing
-                ],
-                workers=workers,
-                job_arn=self._job.arn,
-                service=self._service,
-                look=look,
-            )
-
-    def _settle(self) -> None:
-        from ..tasks.world_generation import failure_summary
-
-        summary = failure_summary(self._failures)
-        if self._done + len(self._failures) < self._total:
-            if self._lease.job.status != "Canceling":
-                self._lease.transition("cancel")
-            self._lease.transition("canceled", failures=summary)
-        elif not self._failures:
-            self._lease.transition("complete", failures=summary)
-        elif len(self._failures) < self._total:
-            self._lease.transition("partially_fail", failures=summary)
-        else:
-            reason = shorten(self._failures[0]["reason"])
-            self._lease.transition(
-                "fail", failures=summary, failureCode="AllWorldGenerationFailed", failureReason=reason
-            )
 
 
 def __getattr__(name: str) -> Any:

@@ -4,20 +4,28 @@ from typing import Any
 
 from ..schemas.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ..schemas.ids import new_id
-from ..schemas.world_template_body import parse_template_body
+from ..schemas.world_template_body import parse_template_body, unwrapped_text
 from ..schemas.world_templates import (
     CreateWorldTemplateRequest,
     CreateWorldTemplateResponse,
+    DeleteWorldTemplateRequest,
+    DeleteWorldTemplateResponse,
     DescribeWorldTemplateRequest,
     DescribeWorldTemplateResponse,
     GetWorldTemplateBodyRequest,
     GetWorldTemplateBodyResponse,
+    ListWorldTemplatesRequest,
+    ListWorldTemplatesResponse,
     TemplateLocation,
+    UpdateWorldTemplateRequest,
+    UpdateWorldTemplateResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
 from ..tasks.service import Service
+from .listing import page_of
 from .operation import flows_of, operation
 
+KIND = "world-template"
 _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to four bytes
 
 
@@ -30,33 +38,48 @@ def create_world_template(request: CreateWorldTemplateRequest, service: Service)
         arn=resource.arn,
         clientRequestToken=request.clientRequestToken,
         createdAt=resource.created_at,
-        name=request.name,
+        name=request.name or None,
         tags=dict(resource.tags),
     )
 
 
 def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, service: Service) -> Resource:
-    text = request.templateBody or _read_body(request.templateLocation, service)
-    body = parse_template_body(text)
+    body = _checked_body(request.templateBody, request.templateLocation, service)
     template_id = new_id("template", service.chance)
     return service.catalog.create(
         Resource.new(
             arn=service.arn("world-template", template_id),
-            kind="world-template",
+            kind=KIND,
             id=template_id,
             name=request.name or "",
             status="Active",
             tags=request.tags or {},
-            document={"templateBody": text, "version": body.Version, "clientRequestToken": request.clientRequestToken},
+            document={**body, "clientRequestToken": request.clientRequestToken},
         ),
         token=token,
+    )
+
+
+@operation("UpdateWorldTemplate")
+def update_world_template(request: UpdateWorldTemplateRequest, service: Service) -> UpdateWorldTemplateResponse:
+    """Changes a template's name, body or both; jobs that were made before keep the body they were made with."""
+    service.catalog.get(request.template, kind=KIND)
+    body: dict[str, str] = {}
+    if request.templateBody is not None or request.templateLocation is not None:
+        body = _checked_body(request.templateBody, request.templateLocation, service)
+    resource = service.catalog.update(request.template, lambda document: {**document, **body}, name=request.name)
+    return UpdateWorldTemplateResponse(
+        arn=resource.arn,
+        name=resource.name or None,
+        createdAt=resource.created_at,
+        lastUpdatedAt=resource.updated_at,
     )
 
 
 @operation("DescribeWorldTemplate")
 def describe_world_template(request: DescribeWorldTemplateRequest, service: Service) -> DescribeWorldTemplateResponse:
     """Tells everything about a template but its body."""
-    resource = service.catalog.get(request.template, kind="world-template")
+    resource = service.catalog.get(request.template, kind=KIND)
     return DescribeWorldTemplateResponse(
         arn=resource.arn,
         clientRequestToken=resource.document.get("clientRequestToken"),
@@ -72,10 +95,41 @@ def describe_world_template(request: DescribeWorldTemplateRequest, service: Serv
 def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Service) -> GetWorldTemplateBodyResponse:
     """Returns a template's body as it is now, or as it was when a generation job was made."""
     if request.template is not None:
-        resource = service.catalog.get(request.template, kind="world-template")
+        resource = service.catalog.get(request.template, kind=KIND)
     else:
         resource = service.catalog.get(str(request.generationJob), kind="world-generation-job")
     return GetWorldTemplateBodyResponse(templateBody=resource.document["templateBody"])
+
+
+@operation("ListWorldTemplates")
+def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> ListWorldTemplatesResponse:
+    """Lists templates, newest first."""
+    page = page_of("ListWorldTemplates", KIND, request, service, filters={})
+    summaries = [
+        {
+            "arn": template.arn,
+            "createdAt": template.created_at,
+            "lastUpdatedAt": template.updated_at,
+            "name": template.name or None,
+            "version": template.document["version"],
+        }
+        for template in page.resources
+    ]
+    return ListWorldTemplatesResponse.model_validate({"templateSummaries": summaries, "nextToken": page.next_token})
+
+
+@operation("DeleteWorldTemplate")
+def delete_world_template(request: DeleteWorldTemplateRequest, service: Service) -> DeleteWorldTemplateResponse:
+    """Deletes a template; worlds and jobs made from it stay, and say its ARN."""
+    service.catalog.get(request.template, kind=KIND)
+    service.catalog.delete(request.template)
+    return DeleteWorldTemplateResponse()
+
+
+def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> dict[str, str]:
+    """The members of a template's document that its body decides."""
+    given = text or _read_body(location, service)
+    return {"version": parse_template_body(given).Version, "templateBody": unwrapped_text(given)}
 
 
 def _read_body(location: TemplateLocation | None, service: Service) -> str:

@@ -1,35 +1,67 @@
 """Worlds: what generation jobs leave behind."""
 
+import logging
 from typing import Any
 
-from ..schemas.common import filter_values
-from ..schemas.worlds import DescribeWorldRequest, DescribeWorldResponse, ListWorldsRequest, ListWorldsResponse
+from ..schemas.errors import ResourceNotFoundException, StorageError
+from ..schemas.worlds import (
+    BatchDeleteWorldsRequest,
+    BatchDeleteWorldsResponse,
+    DescribeWorldRequest,
+    DescribeWorldResponse,
+    ListWorldsRequest,
+    ListWorldsResponse,
+)
 from ..tasks.catalog import Resource
 from ..tasks.service import Service
+from ..tasks.world_bundles import delete_world
+from .listing import page_of
 from .operation import flows_of, operation
 
-_PAGE = 100
+KIND = "world"
+# The service documented `status`, though its worlds have none: here they all are `Active`.
+_FILTERS = {"status": "status", "generationJobId": "generationJobId", "templateId": "templateId"}
+
+_logger = logging.getLogger(__name__)
 
 
 @operation("DescribeWorld")
 def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeWorldResponse:
     """Tells where a world comes from."""
-    world = service.catalog.get(request.world, kind="world")
+    world = service.catalog.get(request.world, kind=KIND)
     return DescribeWorldResponse.model_validate({**_summary(world), "tags": dict(world.tags)})
 
 
 @operation("ListWorlds")
 def list_worlds(request: ListWorldsRequest, service: Service) -> ListWorldsResponse:
     """Lists worlds, newest first."""
-    page = service.catalog.list(
-        "world",
-        filters=filter_values(request.filters),
-        limit=request.maxResults or _PAGE,
-        after=request.nextToken,
-    )
+    page = page_of("ListWorlds", KIND, request, service, filters=_FILTERS, given=request.filters)
     return ListWorldsResponse.model_validate(
         {"worldSummaries": [_summary(world) for world in page.resources], "nextToken": page.next_token}
     )
+
+
+@operation("BatchDeleteWorlds")
+def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> BatchDeleteWorldsResponse:
+    """Deletes worlds and their bundles; jobs that already run in them go on."""
+    found = service.catalog.get_many(request.worlds)
+    left = [
+        arn
+        for arn in dict.fromkeys(request.worlds)
+        if arn not in found or found[arn].kind != KIND or not _deleted(found[arn], service)
+    ]
+    return BatchDeleteWorldsResponse(unprocessedWorlds=left)
+
+
+def _deleted(world: Resource, service: Service) -> bool:
+    try:
+        delete_world(world, service)
+    except ResourceNotFoundException:  # somebody else was quicker
+        return False
+    except StorageError as error:
+        _logger.warning("%s is not deleted: %s", world.arn, error)
+        return False
+    return True
 
 
 def _summary(world: Resource) -> dict[str, Any]:
@@ -37,7 +69,7 @@ def _summary(world: Resource) -> dict[str, Any]:
         "arn": world.arn,
         "createdAt": world.created_at,
         "generationJob": world.parent,
-        "template": world.document["template"],
+        "template": world.document.get("template"),
     }
 
 

@@ -273,6 +273,17 @@ def parse_template_body(text: str) -> WorldTemplateBody:
     raise InvalidParameterException("\n".join([*lines, f"... and {more} more problems"] if more > 0 else lines))
 
 
+def unwrapped_text(text: str) -> str:
+    """The body alone: the text itself, or, where that is a wrapped body, the JSON text of what it wraps.
+
+    Args:
+      text: a body that `parse_template_body` accepts.
+    """
+    document = json.loads(text)
+    body, prefix = _unwrap(document)
+    return json.dumps(body, ensure_ascii=False) if prefix else text
+
+
 def _unwrap(document: Any) -> tuple[Any, str]:
     """The body itself, and what its paths start with in the text the user wrote."""
     if isinstance(document, dict) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:

@@ -1,7 +1,6 @@
 """Generating one world of a generation job: build it in a process of its own, store its bundle."""
 
 import tempfile
-from collections import Counter
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any, Protocol
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from ..schemas.common import shorten
 from ..schemas.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ..schemas.ids import world_id
 from .catalog import Resource
@@ -18,6 +16,7 @@ from .service import Service
 from .storage import publish
 from .uploads import prepare_bucket
 from .world_builders import WorldBuilders
+from .world_bundles import BUNDLE_LABEL, bundle_held, bundle_label
 from .worldforge.seeds import seeds_for
 
 WORLDS_PREFIX = "worlds"
@@ -30,7 +29,7 @@ class Generation(Protocol):
         """Whether no more worlds are wanted."""
         ...
 
-    def ended(self, failure: dict[str, Any] | None) -> None:
+    def ended(self, world_arn: str, failure: dict[str, Any] | None) -> None:
         """Takes the end of one world: `None`, or why there is none, `{"code": …, "reason": …}`."""
         ...
 
@@ -50,7 +49,7 @@ def generate_and_store(run: Generation, job: Resource, index: int, world_arn: st
         return
     failure = _generate(Service.current(), job, index, world_arn, builders)
     if failure is None or not run.stopped():  # a stopped builder is no failed world
-        run.ended(failure)
+        run.ended(world_arn, failure)
 
 
 def _generate(
@@ -64,12 +63,16 @@ def _generate(
             folder = Path(scratch, "bundle")
             content = builders.build(document["templateBody"], *seeds, folder)
             prefix = f"{WORLDS_PREFIX}/{content}"
+            bundle = {"bucket": service.settings.bucket, "prefix": prefix}
             publish_bundle(service, prefix, folder, service.clock())
+            with bundle_held(bundle, service):
+                # Stores nothing, unless the last world with this content was deleted just now.
+                publish_bundle(service, prefix, folder, service.clock())
+                _add_to_catalog(service, job, index, world_arn, bundle)
     except WorldGenerationError as error:
         return {"code": "InternalServiceError", "reason": str(error)}
     except (StorageError, OSError) as error:
         return {"code": "InternalServiceError", "reason": f"the world could not be stored: {error}"}
-    _add_to_catalog(service, job, index, world_arn, {"bucket": service.settings.bucket, "prefix": prefix})
     return None
 
 
@@ -77,19 +80,6 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
     """Stores a world bundle under its content's own prefix; equal bundles are stored once."""
     prepare_bucket(service, service.settings.bucket)
     publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
-
-
-def failure_summary(failures: list[dict[str, Any]]) -> dict[str, Any]:
-    """Failures of worlds, summed up by code as the service does."""
-    counts = Counter(failure["code"] for failure in failures)
-    samples = {failure["code"]: failure["reason"] for failure in reversed(failures)}
-    return {
-        "totalFailureCount": len(failures),
-        "failures": [
-            {"failureCode": code, "sampleFailureReason": shorten(samples[code]), "failureCount": count}
-            for code, count in counts.most_common()
-        ],
-    }
 
 
 def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
@@ -100,6 +90,7 @@ def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundl
         status="Active",
         parent=job.arn,
         tags=job.document["request"].get("worldTags") or {},
+        labels={"generationJobId": [job.id], **job.labels, BUNDLE_LABEL: [bundle_label(bundle)]},
         document={"template": job.document["request"]["template"], "bundle": bundle},
     )
     with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over

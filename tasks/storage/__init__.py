@@ -3,7 +3,7 @@
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
-from .publication import fetch, publish, read_manifest, store_unfinished
+from .publication import fetch, publish, read_manifest, store_unfinished, unpublish
 
 __all__ = [
     "ArchiveLimits",
@@ -16,4 +16,5 @@ __all__ = [
     "read_manifest",
     "store_unfinished",
     "unpack",
+    "unpublish",
 ]

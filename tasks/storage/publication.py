@@ -85,6 +85,27 @@ def store_unfinished(store: ObjectStore, bucket: str, prefix: str, folder: Path)
     store.put_files(bucket, keys)
 
 
+def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
+    """Removes what is published under a prefix, and everything else there; succeeds when there is nothing.
+
+    The manifest goes first: whatever interrupts this leaves nothing that counts.
+
+    Args:
+      store: where.
+      bucket: where.
+      prefix: the keys of what is removed start with it, then a slash; not empty.
+
+    Raises:
+      BucketNotFoundError: there is no such bucket.
+      StorageError: something cannot be removed.
+    """
+    if not prefix.strip("/"):
+        raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
+    store.delete(bucket, join_key(prefix, MANIFEST_NAME))
+    for info in list(store.list(bucket, join_key(prefix, ""))):
+        store.delete(bucket, info.key)
+
+
 def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
     """Reads what is published under a prefix.
 
