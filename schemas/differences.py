@@ -56,8 +56,7 @@ _NAMED_SHAPES = (
 )
 _BODY_SHAPES = ("CreateWorldTemplateRequest", "UpdateWorldTemplateRequest")
 
-_PATTERNS_THAT_REFUSE_ANYTHING = "The pattern refuses nothing that the bounds allow."
-LINE_BREAKS = {
+_PATTERNS_THAT_REFUSE_LINE_BREAKS = {
     "EnvironmentVariableValue": ".*",
     "GenericString": ".*",
     "Id": ".*",
