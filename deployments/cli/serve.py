@@ -12,6 +12,7 @@ from typing import Any
 
 from ...schemas.errors import ConfigurationError
 from ...schemas.settings import Settings
+from ...tasks.home import prepare_home
 from ..access_keys import read_access_keys
 from ..performer.child import ChildPerformer, in_words
 from .prefect_server import use_server
@@ -42,31 +43,31 @@ def execute(arguments: argparse.Namespace) -> int:
 def _serve(
     arguments: argparse.Namespace, settings: Settings, access_keys: Mapping[str, str] | None, about: dict[str, Any]
 ) -> None:
-    from ...tasks.service import Service
-
-    service = Service.open(settings)
     if arguments.execute == "none":
         status = {"state": "elsewhere"}
-        _run_server(arguments, service, access_keys, about, lambda _: None, lambda: status)
+        _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
         return
-    performer = ChildPerformer(service, arguments.execute, about["max_jobs"])
+    prepare_home(settings)
+    performer = ChildPerformer(settings, arguments.execute, about["max_jobs"])
     performer.start()
     try:
         if arguments.execute == "deployments":
             performer.wait_until_ready(_READY_S)
-        _run_server(arguments, service, access_keys, about, performer.wake, performer.status)
+        _run_server(arguments, settings, access_keys, about, performer.wake, performer.status)
     finally:
         _stop(performer)
 
 
 def _run_server(
     arguments: argparse.Namespace,
-    service: Any,
+    settings: Settings,
     access_keys: Mapping[str, str] | None,
     about: dict[str, Any],
     on_submitted: Callable[[str], None],
     performer_status: Callable[[], Mapping[str, object]],
 ) -> None:
+    # Imported late, while the performer already starts.
+    from ...tasks.service import Service
     from ..endpoint.access_log import write_access_log
     from ..endpoint.application import make_application
     from ..endpoint.server import run_server
@@ -74,12 +75,12 @@ def _run_server(
     if arguments.log_requests:
         write_access_log()
     application = make_application(
-        service, access_keys=access_keys, on_submitted=on_submitted, performer_status=performer_status
+        Service.open(settings), access_keys=access_keys, on_submitted=on_submitted, performer_status=performer_status
     )
 
     def announce(port: int) -> None:
         facts = {"url": _url(arguments.host, port), "pid": os.getpid(), **about}
-        _announce(facts, service.settings, signed=access_keys is not None, form=arguments.output)
+        _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
 
     run_server(application, arguments.host, arguments.port, ready=announce)
 

@@ -8,9 +8,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from ...schemas.errors import ConfigurationError, ServiceError
-from ...tasks.held_leases import owners_of
-from ...tasks.service import Service
+from ...schemas.errors import ConfigurationError, RobomakerError
+from ...schemas.settings import Settings
 from .channel import STOP, WAKE, Channel
 
 _PROGRAM = "prefect_robomaker.deployments.performer"
@@ -27,13 +26,13 @@ class ChildPerformer:
     """A performer in a process of its own, which ends with this one, however that happens.
 
     Args:
-      service: where the jobs are.
+      settings: where the jobs are.
       execute: `here` or `deployments`.
       max_jobs: simulation jobs at once, besides those in batches.
     """
 
-    def __init__(self, service: Service, execute: str, max_jobs: int) -> None:
-        self._service = service
+    def __init__(self, settings: Settings, execute: str, max_jobs: int) -> None:
+        self._settings = settings
         self._arguments = [execute, str(max_jobs)]
         self._lock = threading.Lock()
         self._status: dict[str, Any] = {"state": "starting"}
@@ -68,7 +67,8 @@ class ChildPerformer:
     def status(self) -> Mapping[str, Any]:
         """How it is; plain JSON."""
         with self._lock:
-            return {**self._status, "restarts": self._restarts}
+            pid = self._process.pid if self._process else None
+            return {**self._status, "pid": pid, "restarts": self._restarts}
 
     def stop(self) -> Mapping[str, int]:
         """Ends it.
@@ -130,12 +130,7 @@ class ChildPerformer:
     def _clear_up(self, code: int, pause_s: float) -> None:
         """Frees what a dead process held, and says that it died."""
         how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-        held = 0
-        try:
-            assert self._process is not None
-            held = self._service.catalog.expire_leases(owners_of(self._process.pid))
-        except ServiceError as error:
-            _logger.warning("the leases of the performer that died run out by themselves: %s", error)
+        held = self._expire_leases()
         error = self.status().get("error", "")
         with self._lock:
             self._restarts += 1
@@ -147,6 +142,23 @@ class ChildPerformer:
             held,
             f" ({error})" if error else "",
         )
+
+    def _expire_leases(self) -> int:
+        """Ends the leases of a dead process; returns how many it held."""
+        # Imported late, so that the performer is started before this process has imported anything large.
+        from ...tasks.held_leases import owners_of
+        from ...tasks.service import Service
+
+        assert self._process is not None
+        try:
+            catalog = Service.open(self._settings).catalog
+            try:
+                return catalog.expire_leases(owners_of(self._process.pid))
+            finally:
+                catalog.close()
+        except RobomakerError as error:
+            _logger.warning("the leases of the performer that died run out by themselves: %s", error)
+            return 0
 
 
 def in_words(counts: Mapping[str, int]) -> str:

@@ -25,6 +25,8 @@ from .prefect_watch import PrefectWatch
 _RENEW_S = 5.0
 _TELL_PREFECT_S = 2.0
 _FIRST_NEEDED = (
+    "prefect.flow_engine",
+    "prefect.task_engine",
     "prefect_robomaker.tasks.artifacts",
     "prefect_robomaker.tasks.simulation",
     "prefect_robomaker.tasks.slots",

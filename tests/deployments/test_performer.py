@@ -1,0 +1,256 @@
+"""The performers behind the endpoint: what is handed to Prefect, tried again, given up."""
+
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from processes import wait_for
+
+from prefect_robomaker.deployments.performer import dispatcher, jobs
+from prefect_robomaker.deployments.performer.child import in_words
+from prefect_robomaker.deployments.performer.dispatcher import Dispatcher
+from prefect_robomaker.deployments.performer.jobs import Jobs
+from prefect_robomaker.deployments.performer.lanes import Lane, lanes
+from prefect_robomaker.deployments.performer.prefect_watch import PrefectWatch
+from prefect_robomaker.flows.operation import call, perform_flow, registry
+from prefect_robomaker.schemas.errors import ConfigurationError, ServiceUnavailableException
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.held_leases import HeldLeases
+from prefect_robomaker.tasks.service import Service
+
+Order = Callable[..., dict[str, Any]]
+
+
+def test_there_is_a_lane_for_everything_that_is_performed() -> None:
+    performed = {entry.name for entry in registry().values() if entry.performer}
+
+    assert {lane.operation for lane in lanes(3)} == performed
+    assert {lane.kind: lane.at_once for lane in lanes(3)}["simulation-job"] == 3
+
+
+def test_interrupted_jobs_in_words() -> None:
+    assert in_words({"simulation-job": 1, "simulation-job-batch": 2}) == "1 simulation job, 2 simulation job batches"
+
+
+# Handing jobs to deployments
+
+
+@pytest.fixture
+def deployments(prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A Prefect client; the deployments that perform jobs exist, without a worker."""
+    from prefect.client.orchestration import get_client
+
+    name = f"test-{uuid.uuid4().hex[:8]}"
+    monkeypatch.setattr(dispatcher, "DEPLOYMENT", name)
+    monkeypatch.setattr(dispatcher, "_CHECK_S", 0.0)
+    monkeypatch.setenv("PREFECT_API_URL", prefect_server)
+    with get_client(sync_client=True) as client:
+        for lane in lanes(1):
+            client.create_deployment(flow_id=client.create_flow(perform_flow(lane.operation)), name=name)
+        yield client
+
+
+@pytest.fixture
+def hand_over(service: Service, deployments: Any) -> Callable[[], Dispatcher]:
+    """Makes a dispatcher that has looked once."""
+
+    def make() -> Dispatcher:
+        made = Dispatcher(service, lanes(1), PrefectWatch(service.settings))
+        made.prepare()
+        made.look()
+        return made
+
+    return make
+
+
+def runs_of(client: Any, arn: str) -> list[Any]:
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
+
+    wanted = FlowRunFilter(name=FlowRunFilterName(any_=[arn.rsplit("/", 1)[-1]]))
+    return sorted(client.read_flow_runs(flow_run_filter=wanted), key=lambda run: run.created)
+
+
+def test_missing_deployments_are_named(service: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dispatcher, "DEPLOYMENT", "nowhere")
+
+    with pytest.raises(ConfigurationError, match=r"no deployment PerformSimulationJob/nowhere, .*prefect --no-prompt"):
+        Dispatcher(service, lanes(1), PrefectWatch(service.settings)).prepare()
+
+
+def test_a_job_is_handed_over_once_whoever_tries(
+    service: Service, order: Order, deployments: Any, hand_over: Callable[[], Dispatcher]
+) -> None:
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order()]}, service)["arn"]
+
+    for made in (hand_over(), hand_over()):
+        made.look()
+        assert made.status()["handedOver"] == 2
+
+    (run,) = runs_of(deployments, job)
+    assert run.parameters == {"arn": job}
+    assert run.state.is_scheduled()
+    assert len(runs_of(deployments, batch)) == 1
+    service.catalog.claim(job, "a worker", 60)
+    made.look()
+    assert made.status() == {"state": "ready", "prefect": made.status()["prefect"], "handedOver": 1}
+
+
+def test_a_run_that_ends_before_its_job_is_followed_by_another_until_the_job_is_given_up(
+    service: Service, order: Order, deployments: Any, hand_over: Callable[[], Dispatcher]
+) -> None:
+    from prefect.states import Crashed
+
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    made = hand_over()
+    for number in range(1, dispatcher.MOST_RUNS + 1):
+        if number == 2:
+            made = hand_over()  # one that has just started goes on where the last was
+        made.look()
+        runs = runs_of(deployments, job)
+        assert len(runs) == number
+        deployments.set_flow_run_state(runs[-1].id, Crashed(message="the worker is gone"), force=True)
+    made.look()
+
+    assert len(runs_of(deployments, job)) == dispatcher.MOST_RUNS
+    described = call("DescribeSimulationJob", {"job": job}, service)
+    assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
+    assert "Crashed: the worker is gone" in described["failureReason"]
+
+
+def test_a_run_that_is_cancelled_in_prefect_cancels_its_job(
+    service: Service, order: Order, deployments: Any, hand_over: Callable[[], Dispatcher]
+) -> None:
+    from prefect.states import Cancelled
+
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    made = hand_over()
+    deployments.set_flow_run_state(runs_of(deployments, job)[0].id, Cancelled(), force=True)
+    made.look()
+
+    assert service.catalog.cancel_requested(job)
+    assert len(runs_of(deployments, job)) == 2
+
+
+def test_a_run_without_a_sign_of_life_is_followed_by_another(
+    service: Service,
+    order: Order,
+    deployments: Any,
+    hand_over: Callable[[], Dispatcher],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from prefect.states import Running
+
+    monkeypatch.setattr(dispatcher, "_SILENCE_S", 0.2)
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    made = hand_over()
+    deployments.set_flow_run_state(runs_of(deployments, job)[0].id, Running(), force=True)
+    made.look()
+    assert len(runs_of(deployments, job)) == 1
+    time.sleep(0.3)
+    made.look()
+
+    assert len(runs_of(deployments, job)) == 2
+
+
+# Performing jobs here
+
+
+class Watch(PrefectWatch):
+    """Says what it is told to say."""
+
+    def __init__(self, settings: Settings, answers: bool) -> None:
+        super().__init__(settings)
+        self.says = answers
+
+    def looked_at_now(self) -> bool:
+        return self.says
+
+
+@pytest.fixture
+def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], list[str]]:
+    """Makes every flow run raise; returns the jobs it was called for."""
+
+    def make(error: Exception) -> list[str]:
+        called: list[str] = []
+
+        def flow(arn: str) -> None:
+            called.append(arn)
+            raise error
+
+        monkeypatch.setattr(jobs, "perform_flow", lambda _: flow)
+        monkeypatch.setattr(jobs, "HELD", HeldLeases())
+        monkeypatch.setattr(jobs, "_LONGEST_PAUSE_S", 0.01)
+        return called
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("error", "prefect_answers", "given_up"),
+    [
+        (RuntimeError("a defect"), True, True),
+        (RuntimeError("Failed to reach API"), False, False),
+        (ServiceUnavailableException("the catalog is locked"), True, False),
+    ],
+    ids=["a defect", "no Prefect", "no catalog"],
+)
+def test_a_job_whose_performing_breaks_is_given_up_unless_something_does_not_answer(
+    service: Service,
+    order: Order,
+    broken: Callable[[Exception], list[str]],
+    error: Exception,
+    prefect_answers: bool,
+    given_up: bool,
+) -> None:
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    called = broken(error)
+    ended = threading.Event()
+    mine = Jobs(service, changed=ended.set, prefect=Watch(service.settings, prefect_answers))
+    (lane, *_) = lanes(1)
+    for _ in range(jobs.MOST_TRIES + 2):
+        ended.clear()
+        mine.begin_some(lane)
+        if not mine.counts() and not ended.is_set():
+            break
+        assert ended.wait(10)
+        time.sleep(0.02)
+
+    described = call("DescribeSimulationJob", {"job": job}, service)
+    if given_up:
+        assert len(called) == jobs.MOST_TRIES
+        assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
+        assert "performing it broke 3 times: RuntimeError: a defect" in described["failureReason"]
+    else:
+        assert len(called) == jobs.MOST_TRIES + 2
+        assert described["status"] == "Pending"
+        assert [each.arn for each in service.catalog.unfinished(["simulation-job"])] == [job]
+
+
+def test_the_oldest_jobs_begin_first_and_not_more_than_may(
+    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arns = [call("CreateSimulationJob", order(), service)["arn"] for _ in range(4)]
+    go_on = threading.Event()
+    begun: list[str] = []
+
+    def flow(arn: str) -> None:
+        begun.append(arn)
+        go_on.wait(10)
+
+    monkeypatch.setattr(jobs, "perform_flow", lambda _: flow)
+    monkeypatch.setattr(jobs, "HELD", HeldLeases())
+    mine = Jobs(service, changed=lambda: None, prefect=Watch(service.settings, True))
+    lane = Lane("simulation-job", "CreateSimulationJob", 2)
+    for _ in range(3):
+        mine.begin_some(lane)
+    wait_for(lambda: len(begun) == 2, "two jobs")
+
+    assert set(begun) == set(arns[:2])
+    # Somebody else, with another two, takes the next ones.
+    assert [job.arn for job in service.catalog.unfinished(["simulation-job"])] == arns[2:]
+    go_on.set()
+    wait_for(lambda: not mine.counts(), "their end")
