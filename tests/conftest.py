@@ -6,7 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.settings import Settings
 
-pytest_plugins = ["endpoint_process", "prefect_server", "s3_server", "service_fixtures"]
+pytest_plugins = ["endpoint_process", "performer_process", "prefect_server", "s3_server", "service_fixtures"]
 
 
 @pytest.fixture

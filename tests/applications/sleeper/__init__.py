@@ -1,6 +1,7 @@
 """An environment that does nothing for a while, and an agent that watches: quick jobs for tests."""
 
 import os
+import subprocess
 import time
 
 import dm_env
@@ -39,6 +40,8 @@ class Sleep(dm_env.Environment):
 
 def make_environment(context: object) -> Sleep:
     variables = context.environment
+    if "SPAWN" in variables:
+        subprocess.Popen(["sleep", "300"], start_new_session=True)
     return Sleep(float(variables.get("DURATION_S", "0.1")), int(variables.get("FAIL_AT_STEP", "0")))
 
 

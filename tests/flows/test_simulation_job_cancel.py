@@ -1,0 +1,97 @@
+"""Cancelling simulation jobs, with real processes."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from performer_process import AwaitStatus, PerformElsewhere
+from processes import wait_for, working_below
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ObjectNotFoundError, ResourceNotFoundException
+from prefect_robomaker.tasks import job_runs
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import read_manifest
+
+Order = Callable[..., dict[str, Any]]
+LONG = {"DURATION_S": "200"}
+
+
+def place_of(service: Service, arn: str) -> dict[str, str]:
+    return service.catalog.get(arn).document["outputs"]
+
+
+def test_a_job_that_another_process_performs_ends_within_seconds_and_keeps_its_outputs(
+    service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
+) -> None:
+    arn = call("CreateSimulationJob", order({**LONG, "SPAWN": "1"}), service)["arn"]
+    with perform_elsewhere(arn) as performer:
+        await_status(arn, "Running")
+        wait_for(lambda: len(working_below(service.settings.home)) >= 2, "the run and the program it starts")
+
+        asked = time.monotonic()
+        assert call("CancelSimulationJob", {"job": arn}, service) == {}
+        assert time.monotonic() - asked < 1
+        job = await_status(arn, "Canceled")
+        assert time.monotonic() - asked < 10
+        assert performer.wait(10) == 0
+
+    assert not working_below(service.settings.home)
+    assert "failureCode" not in job
+    assert "failureReason" not in job
+    paths = {file.path for file in read_manifest(service.store, **place_of(service, arn)).files}
+    assert {"result.json", "logs/stdout.log"} <= paths
+
+
+def test_a_job_that_nobody_performs_ends_at_once(service: Service, order: Order) -> None:
+    arn = call("CreateSimulationJob", order(), service)["arn"]
+
+    call("CancelSimulationJob", {"job": arn}, service)
+
+    job = call("DescribeSimulationJob", {"job": arn}, service)
+    assert job["status"] == "Canceled"
+    assert not {"failureCode", "failureReason", "lastStartedAt", "networkInterface"} & set(job)
+    job_runs.perform_job(arn, service)
+    assert call("DescribeSimulationJob", {"job": arn}, service) == job
+
+
+def test_cancelling_a_job_that_has_ended_changes_nothing(service: Service, order: Order) -> None:
+    arn = call("CreateSimulationJob", order(), service)["arn"]
+    job_runs.perform_job(arn, service)
+    ended = call("DescribeSimulationJob", {"job": arn}, service)
+    assert ended["status"] == "Completed"
+
+    assert call("CancelSimulationJob", {"job": arn}, service) == {}
+
+    assert call("DescribeSimulationJob", {"job": arn}, service) == ended
+
+
+def test_what_a_dead_performers_run_left_is_stored_without_a_manifest(
+    service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
+) -> None:
+    arn = call("CreateSimulationJob", order(LONG), service)["arn"]
+    with perform_elsewhere(arn) as performer:
+        await_status(arn, "Running")
+        wait_for(lambda: working_below(service.settings.home), "the run")
+        performer.kill()
+        wait_for(lambda: not working_below(service.settings.home), "the end of the run")
+    time.sleep(2.1)  # the performer's lease
+
+    call("CancelSimulationJob", {"job": arn}, service)
+
+    assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Canceled"
+    place = place_of(service, arn)
+    assert service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/stdout.log")
+    with pytest.raises(ObjectNotFoundError):
+        read_manifest(service.store, **place)
+    assert not list((service.settings.home / "jobs").iterdir())
+
+
+@pytest.mark.parametrize("operation", ["CancelSimulationJob", "RestartSimulationJob"])
+def test_a_job_that_does_not_exist_is_not_found(service: Service, template: str, operation: str) -> None:
+    with pytest.raises(ResourceNotFoundException, match="sim-000000000000"):
+        call(operation, {"job": service.arn("simulation-job", "sim-000000000000")}, service)
+    with pytest.raises(ResourceNotFoundException, match="is a world-template; give the ARN of a simulation-job"):
+        call(operation, {"job": template}, service)
+    assert not service.catalog.cancel_requested(template)

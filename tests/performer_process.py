@@ -1,0 +1,53 @@
+"""A performer of one simulation job in a process of its own, which can be killed."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any
+
+import pytest
+from processes import started, wait_for
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.service import Service
+
+_PERFORM = """
+import os, sys
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks import job_runs, performing
+from prefect_robomaker.tasks.service import Service
+
+performing.LEASE_S = 2.0
+job_runs.perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
+"""
+
+PerformElsewhere = Callable[[str], AbstractContextManager["subprocess.Popen[str]"]]
+AwaitStatus = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def perform_elsewhere(service: Service) -> PerformElsewhere:
+    """Starts a process that performs the job of an ARN; it is killed at the end of the `with` block."""
+
+    def start(arn: str) -> AbstractContextManager["subprocess.Popen[str]"]:
+        command = [sys.executable, "-c", _PERFORM, arn]
+        return started(command, {"ROBOMAKER_HOME": str(service.settings.home)}, stderr=subprocess.PIPE)
+
+    return start
+
+
+@pytest.fixture
+def await_status(service: Service) -> AwaitStatus:
+    """Waits until a job has one of some statuses; returns its description."""
+
+    def wait(arn: str, *statuses: str) -> dict[str, Any]:
+        def look() -> dict[str, Any] | None:
+            job = call("DescribeSimulationJob", {"job": arn}, service)
+            return job if job["status"] in statuses else None
+
+        found = wait_for(look, f"{arn} to be {' or '.join(statuses)}")
+        assert found is not None
+        return found
+
+    return wait
