@@ -19,6 +19,7 @@ from ..schemas.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
 from ..schemas.settings import Settings
 from ..schemas.spec import CheckedSpec, resolve_input
 from ..schemas.spec_check import load_spec
+from ..schemas.spec_world_counts import check_world_counts
 from ..tasks.service import Progress, Service
 from .operation import perform_flow, registry
 from .preflight import check_surroundings
@@ -156,6 +157,7 @@ class PipelineRun:
             raise ConfigurationError(f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}") from error
         checked = load_spec(text, str(path))
         service = Service.current()
+        check_world_counts(checked, service.settings.max_worlds_per_job)
         check_surroundings(checked, service)
         return cls(checked, service, _log, str(path))
 

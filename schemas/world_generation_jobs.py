@@ -69,7 +69,10 @@ class WorldCount(Shape):
         if self.floorplanCount is None or self.interiorCountPerFloorplan is None:
             raise ValueError("floorplanCount and interiorCountPerFloorplan both have to be given, each at least 1")
         if max(self.floorplanCount, self.interiorCountPerFloorplan) > _MAX_COUNT:
-            raise ValueError(f"floorplanCount and interiorCountPerFloorplan may each be at most {_MAX_COUNT}")
+            raise ValueError(
+                f"floorplanCount is {self.floorplanCount} and interiorCountPerFloorplan "
+                f"{self.interiorCountPerFloorplan}; each may be at most {_MAX_COUNT}"
+            )
         return self
 
 

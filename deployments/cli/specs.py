@@ -1,10 +1,13 @@
 """Reading files that the user names."""
 
+import os
 from pathlib import Path
 
 from ...schemas.errors import ConfigurationError, Place, Problem, SpecError
+from ...schemas.settings import max_worlds_per_job
 from ...schemas.spec import CheckedSpec
 from ...schemas.spec_check import load_spec
+from ...schemas.spec_world_counts import check_world_counts
 
 
 class InputFileError(ConfigurationError):
@@ -34,4 +37,6 @@ def read_spec(path: str) -> CheckedSpec:
       InputFileError: it cannot be opened.
       SpecError: it has problems.
     """
-    return load_spec(read_text(path), path)
+    spec = load_spec(read_text(path), path)
+    check_world_counts(spec, max_worlds_per_job(os.environ))
+    return spec

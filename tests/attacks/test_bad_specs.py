@@ -56,7 +56,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     (EXPORT, f"{EXPORT}    needs: worlds\n", ("'worlds'", "a list")),
     # Out of range
     ("floorplanCount: 2", "floorplanCount: 0", ("is 0", "at least 1")),
-    ("floorplanCount: 2", "floorplanCount: 26", ("26 floor plans", "52 worlds", "at most 50")),
+    ("floorplanCount: 2", "floorplanCount: 2147483648", ("is 2147483648", "at most 2147483647")),
     ("seed: 7", "seed: -7", ("is -7", "at least 0")),
     ("seed: 7", f"seed: {10**30}", (str(10**30), str(2**63 - 1))),
     ("Area: 14", "Area: 5", ("5:", "10 or more")),
