@@ -128,19 +128,24 @@ class Catalog(CatalogLeases):
           ResourceNotFoundException: there is no such parent.
           LimitExceededException: there are `most` already.
         """
-        with self._transaction(self._writer) as connection:
-            row = one_row(connection, parent)
-            number = int(row["document"].get("lastNumber", 0)) + 1
-            child = make(resource_of(row), number)
-            siblings = and_(resources.c.parent == parent, resources.c.kind == child.kind)
-            if (existing := connection.scalar(select(func.count()).where(siblings)) or 0) >= most:
-                raise LimitExceededException(
-                    f"{parent} has {existing} of at most {most} of kind {child.kind}; delete some first"
-                )
-            check_free(connection, child, unique_name=False)
-            counted = {"document": {**row["document"], "lastNumber": number}, "revision": row["revision"] + 1}
-            connection.execute(update(resources).where(resources.c.arn == parent).values(counted))
-            return self._insert(connection, child)
+        for _ in range(_MAX_ATTEMPTS):
+            with self._transaction(self._writer) as connection:
+                row = one_row(connection, parent)
+                number = int(row["document"].get("lastNumber", 0)) + 1
+                child = make(resource_of(row), number)
+                # Two who count at once are told apart by the parent's revision; the second counts again.
+                unchanged = and_(resources.c.arn == parent, resources.c.revision == row["revision"])
+                counted = {"document": {**row["document"], "lastNumber": number}, "revision": row["revision"] + 1}
+                if not changed_one(connection.execute(update(resources).where(unchanged).values(counted))):
+                    continue
+                siblings = and_(resources.c.parent == parent, resources.c.kind == child.kind)
+                if (existing := connection.scalar(select(func.count()).where(siblings)) or 0) >= most:
+                    raise LimitExceededException(
+                        f"{parent} has {existing} of at most {most} of kind {child.kind}; delete some first"
+                    )
+                check_free(connection, child, unique_name=False)
+                return self._insert(connection, child)
+        raise _changed_by_others(parent)
 
     def delete(self, arn: str, *, children: Sequence[str] = ()) -> None:
         """Removes a resource and forgets the tokens that made it.
@@ -272,7 +277,7 @@ class Catalog(CatalogLeases):
                     if "labels" in values:
                         replace_labels(connection, arn, values["labels"])
                     return resource_of(row, **values)
-        raise StateConflictError(f"{arn} was changed by others {_MAX_ATTEMPTS} times in a row; try again later")
+        raise _changed_by_others(arn)
 
     # Cancelling
 
@@ -299,3 +304,7 @@ class Catalog(CatalogLeases):
         if asked is None:
             raise not_found(arn)
         return bool(asked)
+
+
+def _changed_by_others(arn: str) -> StateConflictError:
+    return StateConflictError(f"{arn} was changed by others {_MAX_ATTEMPTS} times in a row; try again later")
