@@ -14,7 +14,7 @@ from ...schemas.operation_shape import OperationShape
 from ...tasks.service import Service
 from .access_log import log_access
 from .authentication import Authenticator
-from .failures import failure_answer
+from .failures import Failures
 from .health import HealthPages
 from .limits import ClientGone, read_body
 from .messages import ASGIApplication, ASGIReceive, ASGIScope, ASGISend, HttpAnswer, HttpRequest
@@ -78,6 +78,7 @@ class Endpoint:
         )
         self._on_submitted = on_submitted
         self._health = HealthPages(service, performer_status, is_open=access_keys is None)
+        self._failures = Failures(settings)
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="endpoint")
         self._in_progress = 0
 
@@ -116,7 +117,7 @@ class Endpoint:
         except ClientGone:
             raise
         except Exception as error:
-            return failure_answer(error, None, request_id)
+            return self._failures.answer(error, None, request_id)
         return await asyncio.get_running_loop().run_in_executor(
             self._workers, self._perform, request.with_body(body), request_id
         )
@@ -124,7 +125,7 @@ class Endpoint:
     def _overloaded(self, request_id: str) -> HttpAnswer:
         error = ThrottlingException(f"{MAX_IN_PROGRESS} requests are in progress; try again in {RETRY_AFTER_S} s")
         headers = ((b"retry-after", str(RETRY_AFTER_S).encode()),)
-        return failure_answer(error, None, request_id, headers)
+        return self._failures.answer(error, None, request_id, headers)
 
     def _perform(self, request: HttpRequest, request_id: str) -> HttpAnswer:
         """Answers a request; in a thread of its own, since operations wait for the database."""
@@ -140,7 +141,7 @@ class Endpoint:
             operation = route.operation
             return self._called(route, request, request_id)
         except Exception as error:
-            return failure_answer(error, operation, request_id)
+            return self._failures.answer(error, operation, request_id)
 
     def _called(self, route: Route, request: HttpRequest, request_id: str) -> HttpAnswer:
         members = self._operations[route.operation.name].answer(request_members(route, request), self._service)

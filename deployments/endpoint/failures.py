@@ -10,27 +10,45 @@ from ...schemas.errors import (
     StorageError,
 )
 from ...schemas.operation_shape import OperationShape
+from ...schemas.settings import Settings
 from .messages import Headers, HttpAnswer, ProtocolError
 from .wire import error_answer
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 
-def failure_answer(
-    error: Exception, operation: OperationShape | None, request_id: str, headers: Headers = ()
-) -> HttpAnswer:
-    """Turns whatever went wrong into an answer; what the client cannot mend is told to the log.
+class Failures:
+    """Turns whatever went wrong into answers.
 
     Args:
-      error: what went wrong.
-      operation: what was asked for, as far as that is known.
-      request_id: the request's id; joins the answer to the log's line.
-      headers: further headers.
+      settings: what they say of places on this machine is hidden from clients.
     """
-    if isinstance(error, ProtocolError) or (isinstance(error, ServiceError) and error.status < 500):
+
+    def __init__(self, settings: Settings) -> None:
+        self._hidden = ((settings.object_store, "the object store"), (str(settings.home), "$ROBOMAKER_HOME"))
+
+    def answer(
+        self, error: Exception, operation: OperationShape | None, request_id: str, headers: Headers = ()
+    ) -> HttpAnswer:
+        """Tells the client what it can mend, and the log the rest.
+
+        Args:
+          error: what went wrong.
+          operation: what was asked for, as far as that is known.
+          request_id: the request's id; joins the answer to the log's line.
+          headers: further headers.
+        """
         if isinstance(error, ProtocolError):
             headers = (*headers, *error.headers)
-        return error_answer(error.code, error.status, str(error), headers=headers)
+        elif not isinstance(error, ServiceError) or error.status >= 500:
+            return _broken(error, operation, request_id)
+        message = str(error)
+        for place, name in self._hidden:
+            message = message.replace(place, name)
+        return error_answer(error.code, error.status, message, headers=headers)
+
+
+def _broken(error: Exception, operation: OperationShape | None, request_id: str) -> HttpAnswer:
     what = operation.name if operation else "a request"
     if isinstance(error, RobomakerError):
         LOGGER.error("%s failed (request %s): %s", what, request_id, error)

@@ -269,6 +269,14 @@ class TestFailures:
         assert answer.headers["x-amzn-requestid"] in caplog.text
         assert "no such table" in caplog.text
 
+    def test_places_on_this_machine_are_not_told(self, client: Client, service: Service) -> None:
+        location = {"s3Bucket": "nowhere", "s3Key": "body.json"}
+        answer = client.call("CreateWorldTemplate", name="a", templateLocation=location)
+
+        assert (answer.status, answer.error) == (400, "InvalidParameterException")
+        assert "nowhere" in answer.json["message"]
+        assert str(service.settings.home) not in answer.json["message"]
+
     def test_defects_are_told_to_the_log_only(self, service: Service, caplog: pytest.LogCaptureFixture) -> None:
         def broken() -> dict[str, object]:
             raise ZeroDivisionError("a secret of this machine")

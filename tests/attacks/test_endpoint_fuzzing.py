@@ -1,0 +1,268 @@
+"""Anything at all, sent to the endpoint: it answers with the service's own errors, and a refusal changes nothing."""
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlencode
+
+import pytest
+from asgi import Answer, Client
+from hypothesis import HealthCheck, event, given, settings
+from hypothesis import strategies as st
+from request_strategies import WILD, broken, requests, spoilt
+from small_flat import BODY, ROLE
+
+from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.messages import ProtocolError
+from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.schemas.operation_shape import OperationShape
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.service import Service
+
+ARN = "arn:aws:robomaker:us-east-1:000000000000"
+
+
+def protocol_errors() -> set[str]:
+    """Names of the errors that are not of an operation."""
+    return {each.__name__ for each in ProtocolError.__subclasses__()}
+
+
+@dataclass(repr=False)
+class Target:
+    """An endpoint, and values that mean something to it."""
+
+    service: Service
+    client: Client
+    guarded: Client
+    """A client of an endpoint that wants signatures."""
+
+    known: dict[str, list[str]] = field(default_factory=dict)
+
+    def dump(self) -> list[str]:
+        """Everything in the catalog."""
+        with sqlite3.connect(self.service.settings.home / "catalog.db") as connection:
+            lines = list(connection.iterdump())
+        connection.close()
+        return lines
+
+
+@pytest.fixture(scope="module")
+def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
+    """One for all requests; what some of them create does no harm to the others."""
+    home = tmp_path_factory.mktemp("fuzzed") / "home"
+    service = Service.open(Settings.from_environment({"ROBOMAKER_HOME": str(home)}), {})
+    client = Client(make_application(service, on_submitted=lambda arn: None))
+    template = call("CreateWorldTemplate", {"name": "flat", "templateBody": json.dumps(BODY)}, service)["arn"]
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    job = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": ROLE,
+        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+        "simulationApplications": [{"application": "indoor-navigation", "launchConfig": {}}],
+    }
+    robot = {"name": "mine", "robotSoftwareSuite": {"name": "General"}, "environment": {"uri": "python://a.b"}}
+    arns = [
+        template,
+        call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"],
+        call("CreateSimulationJob", job, service)["arn"],
+        call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"],
+        call("CreateRobotApplication", robot, service)["arn"],
+        f"{ARN}:world/generation-0/world-1",
+        "scout",
+        "indoor-navigation",
+    ]
+    known = {
+        "iamRole": [ROLE],
+        "templateBody": [json.dumps(BODY)],
+        "uri": ["python://a.b"],
+        "currentRevisionId": [""],
+        "tagKeys": ["a"],
+        **{
+            name: arns
+            for entry in registry().values()
+            for name in entry.shape.request.model_fields
+            if name in MEMBERS_WITH_ARNS
+        },
+    }
+    guarded = Client(make_application(service, access_keys={"known": "secret"}))
+    yield Target(service, client, guarded, known)
+    client.close()
+    guarded.close()
+
+
+MEMBERS_WITH_ARNS = {
+    "application", "applications", "batch", "fleet", "generationJob", "job", "jobs", "resourceArn", "robot", "robots",
+    "template", "world", "worlds",
+}  # fmt: skip
+
+
+@st.composite
+def messages(draw: st.DrawFn, operation: OperationShape, request: dict[str, Any]) -> tuple[str, bytes]:
+    """A request as target and body: members where they belong, now and then where they do not."""
+    path, query, body = operation.path, [], dict(request)
+    for name, location in operation.locations.items():
+        if name not in body or draw(st.integers(0, 9)) == 0:
+            continue
+        value = body.pop(name)
+        if location == "uri":
+            text = value if isinstance(value, str) else json.dumps(value)
+            path = path.replace(f"{{{name}}}", quote(text.encode("utf-8", "surrogatepass"), safe=""))
+        else:
+            query += [
+                (name, str(each).encode("utf-8", "surrogatepass"))
+                for each in (value if isinstance(value, list) else [value])
+            ]
+    return path + (f"?{urlencode(query)}" if query else ""), draw(spoilt(body))
+
+
+def check(answer: Answer, target: Target, errors: set[str], before: list[str]) -> None:
+    """What holds for every answer."""
+    text = answer.body.decode()
+    assert answer.status < 500, text
+    assert len(answer.headers["x-amzn-requestid"]) == 36
+    assert "Traceback" not in text
+    assert str(target.service.settings.home) not in text
+    assert str(Path(__file__).parents[2]) not in text
+    if answer.status == 200:
+        is_page = answer.headers["content-type"].startswith("text/html")
+        assert is_page or answer.body == b"" or isinstance(answer.json, dict)
+        return
+    assert answer.error in errors, text
+    assert answer.json["message"].strip()
+    assert target.dump() == before
+
+
+@pytest.mark.parametrize("name", sorted(registry()))
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_requests_of_every_operation(name: str, target: Target, data: st.DataObject) -> None:
+    shape = registry()[name].shape
+    right = data.draw(requests(shape.request, target.known), "request")
+    path, body = data.draw(messages(shape, data.draw(broken(right), "broken")), "message")
+    before = target.dump()
+
+    answer = target.client.send(shape.method, path, body)
+
+    event(str(answer.status))
+    check(answer, target, {each.__name__ for each in shape.errors} | protocol_errors(), before)
+
+
+@pytest.mark.parametrize("name", sorted(registry()))
+@settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
+@given(document=WILD, data=st.data())
+def test_any_json_for_every_operation(name: str, target: Target, document: Any, data: st.DataObject) -> None:
+    shape = registry()[name].shape
+    before = target.dump()
+
+    answer = target.client.send(shape.method, shape.path.replace("{resourceArn}", "x"), data.draw(spoilt(document)))
+
+    check(answer, target, {each.__name__ for each in shape.errors} | protocol_errors(), before)
+
+
+SIGNED = (
+    b"AWS4-HMAC-SHA256 Credential=known/20260101/us-east-1/robomaker/aws4_request, SignedHeaders=host;date, Signature="
+    + b"0" * 64
+)
+HEADER_NAMES = st.one_of(
+    st.sampled_from(
+        [
+            "host",
+            "origin",
+            "content-type",
+            "content-length",
+            "authorization",
+            "x-amz-date",
+            "x-amz-content-sha256",
+            "x-amz-security-token",
+            "transfer-encoding",
+            "content-encoding",
+            "accept",
+            "expect",
+            "date",
+        ]
+    ),
+    st.from_regex(r"[!#$%&'*+.^_`|~0-9a-z-]{1,12}", fullmatch=True),
+)
+HEADER_VALUES = st.one_of(
+    st.binary(max_size=30).map(lambda value: value.translate(None, b"\r\n\0")),
+    st.sampled_from(
+        [
+            b"localhost",
+            b"application/json",
+            b"text/plain",
+            b"gzip",
+            b"chunked",
+            b"-1",
+            b"9" * 20,
+            b"[::1",
+            b"\xff",
+            b"20260101T000000Z",
+            SIGNED.partition(b",")[0],
+            SIGNED,
+        ]
+    ),
+)
+PATHS = st.one_of(
+    st.sampled_from([entry.shape.path for entry in registry().values()]),
+    st.sampled_from(
+        ["/", "/health", "/tags/%00", "/tags/%FF", "/tags/%", "/tags/{resourceArn}", "/../", "/%2e%2e/tags/a"]
+    ),
+    st.from_regex(r"/[!-~]{0,40}", fullmatch=True),
+).map(lambda path: path.replace("?", "%3F"))
+
+
+@pytest.mark.parametrize("which", ["client", "guarded"])
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    method=st.one_of(
+        st.sampled_from(["GET", "POST", "DELETE", "HEAD", "PUT", "OPTIONS"]),
+        st.from_regex(r"[A-Z]{1,9}", fullmatch=True),
+    ),
+    path=PATHS,
+    query=st.one_of(st.just(""), st.from_regex(r"\?[!-~]{0,60}", fullmatch=True), st.just("?tagKeys=%FF&tagKeys=%")),
+    headers=st.lists(st.tuples(HEADER_NAMES.map(str.encode), HEADER_VALUES), max_size=6),
+    host=st.sampled_from([[(b"host", b"localhost")], []]),
+    parts=st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([b"{}", b'{"tags": {"a": "b"}}'])), max_size=3),
+)
+def test_any_request_at_all(
+    which: str,
+    method: str,
+    path: str,
+    query: str,
+    headers: list[tuple[bytes, bytes]],
+    host: list[tuple[bytes, bytes]],
+    parts: list[bytes],
+    target: Target,
+) -> None:
+    client: Client = getattr(target, which)
+    before = target.dump()
+    answer = client.send(method, (path + query).encode(), parts, [*host, *headers])
+
+    if method == "HEAD" and answer.status != 200:
+        assert answer.body == b""
+        assert answer.status < 500
+        return
+    errors = {each.__name__ for entry in registry().values() for each in entry.shape.errors}
+    check(answer, target, errors | protocol_errors(), before)
+
+
+def test_most_operations_are_reached_beyond_their_checks(target: Target) -> None:
+    """The strategies make requests that succeed; otherwise they would try the validation only."""
+    succeeded = set()
+    for name, entry in registry().items():
+        shape = entry.shape
+
+        @settings(max_examples=40, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+        @given(data=st.data())
+        def some(data: st.DataObject, name: str = name, shape: OperationShape = shape) -> None:
+            if name in succeeded:
+                return
+            path, body = data.draw(messages(shape, data.draw(requests(shape.request, target.known))))
+            if target.client.send(shape.method, path, body).status == 200:
+                succeeded.add(name)
+
+        some()
+    assert len(succeeded) > 0.5 * len(registry()), sorted(set(registry()) - succeeded)
