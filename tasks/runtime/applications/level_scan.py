@@ -3,6 +3,8 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
+import copy
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,9 @@ _MARGIN_M = 0.002
 
 _NOTHING = 1e-9
 """Inverse length of a ray that meets nothing, 1/m."""
+
+_SEEN, _UNSEEN = 0, 5
+_SEEN_ONLY = np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 _EXACT = 1 - 1e-9
 """Cosine from which directions are the same."""
@@ -118,25 +123,28 @@ class LevelScan:
             radii_m.append(float((away_m + model.geom_rbound[own]).max()))
         self._middles += geoms[bodies == 0].tolist()
         radii_m += model.geom_rbound[geoms[bodies == 0]].tolist()
-        static = model.body_weldid[model.geom_bodyid[self._middles]] == 0
-        self._spheres = [(radius_m + _MARGIN_M, bool(flag)) for radius_m, flag in zip(radii_m, static, strict=True)]
+        self._radii_m = [radius_m + _MARGIN_M for radius_m in radii_m]
+        # A model in which rays meet nothing else; its order of geoms is the same, so that it can be used with the data.
+        self._model = copy.copy(model)
+        self._model.geom_group[:] = _UNSEEN
+        self._model.geom_group[geoms[self._groups[model.geom_group[geoms]] > 0]] = _SEEN
 
     def _add_others(self, distances: Floats, frame: Frame, height_m: float) -> None:
         """Shortens the rays that end at what is left to MuJoCo."""
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
-        for (middle_x, middle_y, middle_z), (radius_m, static) in zip(middles, self._spheres, strict=True):
+        for (middle_x, middle_y, middle_z), radius_m in zip(middles, self._radii_m, strict=True):
             aside = complex(middle_x - x, middle_y - y)
             if abs(middle_z - height_m) < radius_m + self._tolerance_m and abs(aside) < radius_m + self._range_max_m:
                 for part in self._fan.to_disc(frame.enter(aside), radius_m, distances):
-                    self._ask(part, distances[part], static, (x, y, height_m))
+                    self._ask(part, distances[part], (x, y, height_m))
 
-    def _ask(self, part: slice, distances: Floats, static: bool, origin: tuple[float, float, float]) -> None:
+    def _ask(self, part: slice, distances: Floats, origin: tuple[float, float, float]) -> None:
         vectors = self._rays[part] @ self._rotation.T
         count = len(vectors)
         ends = self._ends[:count]
         mujoco.mj_multiRay(
-            self._model, self._data, origin, vectors.ravel(), self._groups, static, self._body_id,
+            self._model, self._data, origin, vectors.ravel(), _SEEN_ONLY, True, self._body_id,
             self._geoms[:count], ends, None, count, self._range_max_m,
         )  # fmt: skip
         ends[ends < 0] = np.inf

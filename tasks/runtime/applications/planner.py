@@ -1,5 +1,6 @@
 """Plans ways for a disc over an occupancy map, away from walls where there is room."""
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -89,6 +90,14 @@ class GridPlanner:
             if path is not None:
                 return Way(path, kind)
         return None
+
+    def prepare(self, goals: Iterable[tuple[float, float]]) -> None:
+        """Works out the free ways to places from everywhere, before they are needed."""
+        grid = self._grid("free")
+        for goal in goals:
+            node = grid.node(goal)
+            if node is not None:
+                grid.tree(node)
 
     def distances(self, places: list[tuple[float, float]]) -> NDArray[np.float64]:
         """Costs of the free ways between places, shape (n, n), infinite where there is none."""

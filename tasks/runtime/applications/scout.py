@@ -76,6 +76,8 @@ class Scout:
         self._planner = GridPlanner(known, RADIUS_M)
         self._memory = ObstacleMemory(self._planner)
         self._goals = dict(goals)
+        # All that the map alone says about ways is known before the robot is switched on.
+        self._planner.prepare(self._goals.values())
         self._queue: list[str] | None = None
         self._put_off: set[str] = set()
         self._follower: PathFollower | None = None
