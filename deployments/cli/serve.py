@@ -14,10 +14,10 @@ from ...schemas.errors import ConfigurationError
 from ...schemas.settings import Settings
 from ...tasks.home import prepare_home
 from ..access_keys import read_access_keys
+from ..endpoint.origins import is_loopback
 from ..performer.child import ChildPerformer, in_words
 from .prefect_server import use_server
 
-_LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _READY_S = 120.0
 
 
@@ -27,7 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
     max_jobs = _max_jobs(arguments.max_jobs, settings)
     _log_to_stderr()
     access_keys = read_access_keys(settings.access_keys_file) if settings.access_keys_file else None
-    if access_keys is None and arguments.host not in _LOOPBACK:
+    if access_keys is None and not is_loopback(arguments.host):
         raise ConfigurationError(
             f"--host is {arguments.host!r}, which others can reach, and whoever reaches it can run programs here; "
             "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first (docs/serving.md)"

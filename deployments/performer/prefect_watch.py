@@ -46,7 +46,10 @@ class PrefectWatch:
         while True:
             answers = server_status(self._settings).running
             if self._answers and not answers:
-                _logger.warning("Prefect does not answer at %s; jobs wait until it does again", self.url)
+                _logger.warning(
+                    "Prefect does not answer at %s; jobs wait until it does (`robomaker server start` starts a local one)",
+                    self.url,
+                )
             elif answers and not self._answers:
                 _logger.info("Prefect answers again at %s", self.url)
             self._answers = answers
