@@ -1,0 +1,76 @@
+"""Calls about fleets, robots and deployments, as a client makes them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from application_calls import Applications
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.service import Service
+
+LAUNCH = {"packageName": "my_robot", "launchFile": "drive.launch"}
+
+
+@dataclass(frozen=True)
+class Fleets:
+    """A service's fleets."""
+
+    service: Service
+
+    def call(self, operation: str, /, **members: Any) -> dict[str, Any]:
+        return call(operation, members, self.service)
+
+    def fleet(self, name: str = "yard", **members: Any) -> str:
+        """Makes a fleet and returns its ARN."""
+        return self.call("CreateFleet", name=name, **members)["arn"]
+
+    def robot(self, name: str = "rover", fleet: str | None = None, **members: Any) -> str:
+        """Makes a robot, in a fleet if one is given, and returns its ARN."""
+        request = {"architecture": "X86_64", "greengrassGroupId": "group-1", **members}
+        arn = self.call("CreateRobot", name=name, **request)["arn"]
+        if fleet is not None:
+            self.register(fleet, arn)
+        return arn
+
+    def register(self, fleet: str, robot: str) -> None:
+        assert self.call("RegisterRobot", fleet=fleet, robot=robot) == {"fleet": fleet, "robot": robot}
+
+    def deregister(self, fleet: str, robot: str) -> None:
+        assert self.call("DeregisterRobot", fleet=fleet, robot=robot) == {"fleet": fleet, "robot": robot}
+
+    def described(self, arn: str) -> dict[str, Any]:
+        """What is said of the robot, fleet or deployment job of an ARN."""
+        kind = arn.split(":")[5].partition("/")[0]
+        operation, member = {
+            "robot": ("DescribeRobot", "robot"),
+            "deployment-fleet": ("DescribeFleet", "fleet"),
+            "deployment-job": ("DescribeDeploymentJob", "job"),
+        }[kind]
+        return self.call(operation, **{member: arn})
+
+    def members(self, fleet: str) -> list[str]:
+        """Names of a fleet's robots."""
+        return [robot["name"] for robot in self.described(fleet)["robots"]]
+
+    def application(self, name: str = "mine", **members: Any) -> str:
+        """Makes a robot application of one version and returns its ARN."""
+        applications = Applications.of("Robot", self.service)
+        arn = applications.create(name, **members)["arn"]
+        applications.version(arn)
+        return arn
+
+    def order(self, fleet: str, application: str, token: str = "once", **members: Any) -> dict[str, Any]:
+        """A request for a deployment."""
+        config = {"application": application, "applicationVersion": "1", "launchConfig": LAUNCH}
+        return {
+            "fleet": fleet,
+            "clientRequestToken": token,
+            "deploymentApplicationConfigs": [{**config, **members.pop("config", {})}],
+            **members,
+        }
+
+    def deploy(self, fleet: str, application: str, token: str = "once", **members: Any) -> dict[str, Any]:
+        return self.call("CreateDeploymentJob", **self.order(fleet, application, token, **members))
+
+    def cancel(self, job: str) -> None:
+        assert self.call("CancelDeploymentJob", job=job) == {}
