@@ -47,7 +47,7 @@ class PrefectWatch:
             answers = server_status(self._settings).running
             if self._answers and not answers:
                 _logger.warning(
-                    "Prefect does not answer at %s; jobs wait until it does (`robomaker server start` starts a local one)",
+                    "Prefect does not answer at %s; jobs wait until it does (robomaker server start)",
                     self.url,
                 )
             elif answers and not self._answers:

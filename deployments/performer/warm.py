@@ -51,6 +51,7 @@ class WarmPerformer:
     def __init__(self, service: Service, lanes: Sequence[Lane], prefect: PrefectWatch, look: threading.Event) -> None:
         self._service = service
         self._lanes = lanes
+        self._kinds = [lane.kind for lane in lanes]
         self._prefect = prefect
         self._jobs = Jobs(service, changed=look.set, prefect=prefect)
         self._catalog_answers = True
@@ -75,7 +76,8 @@ class WarmPerformer:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
                 self._jobs.renew_reservations()
-            if self._prefect.answers:
+            # One question, most of the time, rather than one for each lane.
+            if self._prefect.answers and self._service.catalog.unfinished(self._kinds, limit=1):
                 for lane in self._lanes:
                     self._jobs.begin_some(lane)
             self._note_catalog(None)
@@ -89,7 +91,7 @@ class WarmPerformer:
         return {
             "state": state if self._prefect.answers else "waiting for Prefect",
             "prefect": self._prefect.url,
-            "jobs": {lane.kind: {"running": counts[lane.kind], "atOnce": lane.at_once} for lane in self._lanes},
+            **{lane.kind: f"{counts[lane.kind]} of at most {lane.at_once} running" for lane in self._lanes},
         }
 
     def end(self) -> dict[str, int]:

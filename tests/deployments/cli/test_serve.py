@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from endpoint_process import Serve
+from endpoint_process import Serve, Served
 from processes import alive, descendants, wait_for, working_below
 
 from prefect_robomaker.flows.operation import call
@@ -35,7 +35,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         waiting = served.call("CreateSimulationJob", order())["arn"]
         batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
         wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
-        assert served.performer()["jobs"]["simulation-job"] == {"running": 1, "atOnce": 1}
+        wait_for(lambda: served.performer()["simulation-job"] == "1 of at most 1 running", "the health page")
         processes = descendants(served.process.pid)
         assert len(processes) >= 6  # the performer, its warm parent of simulations, two supervisors and simulations
         served.process.send_signal(signal.SIGINT)
@@ -105,6 +105,7 @@ def test_without_prefect_jobs_wait_and_the_endpoint_answers(
         forwarder.start()
         wait_for(lambda: status(service, arn) == "Completed", "the end of the job")
         assert "Prefect answers again" in served.log.read_text()
+        a_second_ctrl_c_does_not_wait(served)
 
 
 def test_the_endpoint_alone_stores_jobs_for_others(serve: Serve, service: Service, order: Order) -> None:
@@ -147,6 +148,25 @@ def test_what_cannot_be_served_is_told_in_one_line(robomaker: Any, monkeypatch: 
     monkeypatch.setenv("ROBOMAKER_ACCESS_KEYS_FILE", str(home / "nowhere"))
     assert "No such file" in robomaker("serve").err
     assert not home.exists()
+
+
+def a_second_ctrl_c_does_not_wait(served: Served) -> None:
+    """Stops `serve` although its performer does not react."""
+    processes = descendants(served.process.pid)
+    os.kill(served.performer()["pid"], signal.SIGSTOP)
+    served.process.send_signal(signal.SIGINT)
+    wait_for(lambda: not answers(served), "the end of the endpoint")
+    served.process.send_signal(signal.SIGINT)
+    assert served.process.wait(6) == 130
+    wait_for(lambda: not alive(processes), "the end of every process", 10)
+
+
+def answers(served: Served) -> bool:
+    try:
+        served.performer()
+    except OSError:
+        return False
+    return True
 
 
 def status(service: Service, arn: str) -> str:
