@@ -17,6 +17,7 @@ from . import messages as ros
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
 _TIME = struct.Struct("<iI")
+_CLOCK = struct.Struct("<4siI")
 _LENGTH = struct.Struct("<I")
 _POSE = struct.Struct("<7d")
 _TWIST = struct.Struct("<6d")
@@ -88,14 +89,26 @@ def _doubles(values: Sequence[float] | NDArray[np.float64], length: int) -> byte
 
 
 def _clock(message: ros.Clock) -> bytes:
-    return _ENCAPSULATION + _TIME.pack(*message.clock)
+    return _CLOCK.pack(_ENCAPSULATION, *message.clock)
+
+
+@lru_cache(maxsize=256)
+def _transform_layout(frame_id: str, child_frame_id: str) -> tuple[struct.Struct, bytes]:
+    """The layout of a message of one transform, and its bytes between stamp and translation."""
+    names = _names(frame_id, child_frame_id, _LENGTH.size + _STAMP_SIZE)
+    return struct.Struct(f"<4sIiI{len(names)}s7d"), names
 
 
 def _tf(message: ros.TFMessage) -> bytes:
-    parts = [_ENCAPSULATION, _LENGTH.pack(len(message.transforms))]
+    transforms = message.transforms
+    if len(transforms) == 1:
+        (stamp, frame_id), child_frame_id, (translation, rotation) = transforms[0]
+        layout, names = _transform_layout(frame_id, child_frame_id)
+        return layout.pack(_ENCAPSULATION, 1, *stamp, names, *translation, *rotation)
+    parts = [_ENCAPSULATION, _LENGTH.pack(len(transforms))]
     # The first transform begins after the count, at 4; each ends with doubles, so the others begin at 0 modulo 8.
     offset = 4
-    for header, child_frame_id, (translation, rotation) in message.transforms:
+    for header, child_frame_id, (translation, rotation) in transforms:
         parts += (
             _TIME.pack(*header.stamp),
             _names(header.frame_id, child_frame_id, offset + _STAMP_SIZE),
@@ -105,13 +118,26 @@ def _tf(message: ros.TFMessage) -> bytes:
     return b"".join(parts)
 
 
+@lru_cache(maxsize=64)
+def _odometry_layout(frame_id: str, child_frame_id: str) -> tuple[struct.Struct, bytes]:
+    """The layout of an odometry without covariances, and its bytes between stamp and pose."""
+    names = _names(frame_id, child_frame_id, _STAMP_SIZE)
+    zeros = f"{len(_ZEROS[36])}x"
+    return struct.Struct(f"<4siI{len(names)}s7d{zeros}6d{zeros}"), names
+
+
 def _odometry(message: ros.Odometry) -> bytes:
-    header, child_frame_id, pose, twist, pose_covariance, twist_covariance = message
+    (stamp, frame_id), child_frame_id, pose, twist, pose_covariance, twist_covariance = message
+    if pose_covariance is ros.NO_COVARIANCE and twist_covariance is ros.NO_COVARIANCE:
+        layout, names = _odometry_layout(frame_id, child_frame_id)
+        return layout.pack(
+            _ENCAPSULATION, *stamp, names, *pose.position, *pose.orientation, *twist.linear, *twist.angular
+        )  # fmt: skip
     return b"".join(
         (
             _ENCAPSULATION,
-            _TIME.pack(*header.stamp),
-            _names(header.frame_id, child_frame_id, _STAMP_SIZE),
+            _TIME.pack(*stamp),
+            _names(frame_id, child_frame_id, _STAMP_SIZE),
             _POSE.pack(*pose.position, *pose.orientation),
             _doubles(pose_covariance, 36),
             _TWIST.pack(*twist.linear, *twist.angular),
