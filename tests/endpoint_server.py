@@ -58,8 +58,17 @@ async def exchange(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, r
     return int(head[9:12]), await reader.readexactly(length)
 
 
-def load(port: int, requests: list[bytes], *, connections: int, duration_s: float) -> tuple[list[float], float]:
+def load(
+    port: int, requests: list[bytes], *, connections: int, duration_s: float, per_second: float | None = None
+) -> tuple[list[float], float]:
     """Sends requests one after the other on several connections.
+
+    Args:
+      port: where to.
+      requests: what; taken in turn.
+      connections: how many at once.
+      duration_s: for how long.
+      per_second: how many in a second, all connections together; `None`: as many as there are answers.
 
     Returns:
       The time each took, in order of size, and requests per second.
@@ -69,7 +78,11 @@ def load(port: int, requests: list[bytes], *, connections: int, duration_s: floa
     async def client(number: int, end: float) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         index = number
+        start = time.perf_counter() + (number / per_second if per_second else 0.0)
         while (began := time.perf_counter()) < end:
+            if per_second and (early := start + (index - number) / per_second - began) > 0:
+                await asyncio.sleep(early)
+                began = time.perf_counter()
             status, body = await exchange(reader, writer, requests[index % len(requests)])
             times.append(time.perf_counter() - began)
             assert status == 200, body

@@ -130,11 +130,13 @@ def test_describe_simulation_job(full: Settings, port: int, tmp_path: Path, caps
         load(bare_port, requests, connections=8, duration_s=1)
         bare = {count: load(bare_port, requests, connections=count, duration_s=DURATION_S) for count in (1, 8)}
     ours = {count: load(port, requests, connections=count, duration_s=DURATION_S) for count in (1, 8)}
+    paced = load(port, requests, connections=8, duration_s=DURATION_S, per_second=300)
     direct_s = _called("DescribeSimulationJob", members, full)
     with capsys.disabled():
         print(f"\nDescribeSimulationJob, {JOBS} jobs in SQLite; a plain call takes {direct_s * 1000:.2f} ms")
         for count in (1, 8):
             print(f"{count} connections: {_figures(*ours[count])}; a bare handler: {_figures(*bare[count])}")
+        print(f"300 requests/s offered on 8 connections: {_figures(*paced)}")
         print(
             f"of a bare handler's requests/s: {ours[8][1] / bare[8][1]:.2f}; "
             f"of one thread of plain calls: {ours[8][1] * direct_s:.2f}"
