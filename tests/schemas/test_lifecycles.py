@@ -70,6 +70,8 @@ def test_no_sequence_of_events_leaves_an_end_or_the_table(data: st.DataObject) -
         ("prepare fail", "Failed"),
         ("terminate cancel", "Canceled"),
         ("prepare start prepare start terminate complete", "Completed"),
+        ("prepare start restart prepare start finish complete", "Completed"),
+        ("prepare start restart terminate cancel", "Canceled"),
     ],
 )
 def test_published_lives_of_a_simulation_job(events: str, end: str) -> None:
@@ -79,6 +81,11 @@ def test_published_lives_of_a_simulation_job(events: str, end: str) -> None:
         state = next_state(machine, state, event)
 
     assert state == end
+
+
+def test_no_run_finishes_past_a_restart() -> None:
+    with pytest.raises(StateConflictError, match="is Restarting: 'finish' cannot happen"):
+        next_state(LIFECYCLES["simulation-job"], "Restarting", "finish")
 
 
 def test_a_conflict_says_what_is_possible() -> None:
