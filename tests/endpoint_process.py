@@ -7,6 +7,7 @@ import urllib.request
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,21 +54,29 @@ class Served:
 Serve = Callable[..., AbstractContextManager[Served]]
 
 
+@contextmanager
+def serving(home: Path, folder: Path, *words: str, **variables: str) -> Iterator[Served]:
+    """Starts `robomaker serve` on a data home; its log and Prefect's files go to a folder.
+
+    Args:
+      home: the data home.
+      folder: where the log and Prefect's files go.
+      *words: further words of the command line.
+      **variables: environment variables.
+    """
+    environ = {"ROBOMAKER_HOME": str(home), "PREFECT_HOME": str(folder / "prefect"), **variables}
+    log = folder / f"serve-{len(list(folder.glob('serve-*')))}.log"
+    with (
+        log.open("w") as errors,
+        started([*COMMAND, *words], environ, stdout=subprocess.PIPE, stderr=errors) as process,
+    ):
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line, log.read_text()
+        yield Served(process, json.loads(line), log)
+
+
 @pytest.fixture
 def serve(service: Service, tmp_path: Path) -> Serve:
     """Starts `robomaker serve` on the test's service; keyword arguments are environment variables."""
-
-    @contextmanager
-    def start(*words: str, **variables: str) -> Iterator[Served]:
-        environ = {"ROBOMAKER_HOME": str(service.settings.home), "PREFECT_HOME": str(tmp_path / "prefect"), **variables}
-        log = tmp_path / f"serve-{len(list(tmp_path.glob('serve-*')))}.log"
-        with (
-            log.open("w") as errors,
-            started([*COMMAND, *words], environ, stdout=subprocess.PIPE, stderr=errors) as process,
-        ):
-            assert process.stdout is not None
-            line = process.stdout.readline()
-            assert line, log.read_text()
-            yield Served(process, json.loads(line), log)
-
-    return start
+    return partial(serving, service.settings.home, tmp_path)

@@ -1,0 +1,75 @@
+"""Environments of other people's programs, made once and kept in pytest's cache folder."""
+
+import fcntl
+import json
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from package_installer import install_packages
+
+OLD_PYTHON_CLIENTS = ("boto3==1.40.60", "botocore==1.40.60", "awscli==1.42.60")
+"""The last releases that have the service by themselves."""
+
+_NODE_FOLDER = Path(__file__).parent / "clients" / "node"
+
+
+def python_environment(config: pytest.Config) -> Path:
+    """Folder of programs of an environment with boto3 and the AWS CLI as they last had the service."""
+
+    def make(folder: Path) -> None:
+        venv.create(folder, symlinks=True, with_pip=False)
+        install_packages(*OLD_PYTHON_CLIENTS, python=folder / "bin" / "python")
+
+    version = ".".join(map(str, sys.version_info[:3]))
+    return _kept(config, "python", [version, *OLD_PYTHON_CLIENTS], make) / "bin"
+
+
+def node_modules(config: pytest.Config) -> Path:
+    """Folder of the modules that `tests/clients/node` asks for; skips the test where there is no Node."""
+    for program in ("node", "npm"):
+        if not shutil.which(program):
+            pytest.skip(f"{program} is not installed: the JavaScript SDK cannot be tried")
+    files = [_NODE_FOLDER / name for name in ("package.json", "package-lock.json")]
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        for file in files:
+            shutil.copy(file, folder)
+        command = ["npm", "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--loglevel=error"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+        if done.returncode != 0:
+            pytest.skip(f"the JavaScript SDK cannot be installed: {done.stderr.strip()[-300:]}")
+
+    return _kept(config, "node", [file.read_text() for file in files], make) / "node_modules"
+
+
+def _kept(config: pytest.Config, name: str, contents: list[str], make: Callable[[Path], None]) -> Path:
+    """A folder that is made when it is not there with these contents; workers wait for each other."""
+    assert config.cache is not None
+    place = config.cache.mkdir("robomaker-clients")
+    folder = place / name
+    record = place / f"{name}.json"  # written last: a folder without it is a broken one
+    with (place / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not record.exists() or json.loads(record.read_text()) != contents:
+            record.unlink(missing_ok=True)
+            shutil.rmtree(folder, ignore_errors=True)
+            make(folder)
+            record.write_text(json.dumps(contents))
+    return folder
+
+
+def run_client(command: list[str], environ: dict[str, str], given: str = "", timeout_s: float = 200) -> str:
+    """Runs somebody's program with an environment of its own, and returns what it printed."""
+    kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
+    done = subprocess.run(
+        command, input=given, capture_output=True, text=True, env={**kept, **environ}, timeout=timeout_s, check=False
+    )
+    assert done.returncode == 0, f"{command} ended with {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}"
+    return done.stdout

@@ -1,0 +1,54 @@
+"""The last JavaScript SDK that has the service, under Node."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from client_checks import check_cancels, check_errors, check_refusal, check_simulations, check_worlds
+from client_environments import node_modules, run_client
+
+_SCRIPT = str(Path(__file__).parent / "node" / "client.cjs")
+
+Client = Callable[[str], dict[str, Any]]
+
+
+@pytest.fixture(scope="session")
+def modules(pytestconfig: pytest.Config) -> Path:
+    """Where the SDK is."""
+    return node_modules(pytestconfig)
+
+
+@pytest.fixture
+def client(modules: Path, place: Any, wanted: dict[str, Any], tmp_path: Path) -> Client:
+    """Runs a part of the program."""
+    environ = {**place.environ, "HOME": str(tmp_path), "NODE_PATH": str(modules), "TZ": "Asia/Kolkata"}
+
+    def run(part: str) -> dict[str, Any]:
+        told = json.loads(run_client(["node", _SCRIPT, part], environ, json.dumps(wanted)))
+        assert told["sdk"] == "3.918.0"
+        return told
+
+    return run
+
+
+def test_worlds_are_made_listed_exported_and_deleted(client: Client, place: Any, wanted: dict[str, Any]) -> None:
+    check_worlds(client("worlds"), wanted, place.objects)
+
+
+def test_jobs_and_batches_run_to_their_end(client: Client, place: Any, wanted: dict[str, Any]) -> None:
+    check_simulations(client("simulations"), wanted, place.objects)
+
+
+def test_jobs_and_batches_are_cancelled(client: Client) -> None:
+    check_cancels(client("cancels"))
+
+
+def test_errors_have_the_classes_that_programs_catch(client: Client) -> None:
+    told = client("errors")
+
+    check_errors(told)
+    # boto3 refuses these by itself.
+    check_refusal(told["required"], "InvalidParameterException", "world: is missing")
+    check_refusal(told["tooShort"], "InvalidParameterException", "worlds: is an empty list")
