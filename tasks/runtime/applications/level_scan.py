@@ -4,6 +4,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import copy
+import math
 
 import mujoco
 import numpy as np
@@ -99,7 +100,7 @@ class LevelScan:
         x, y, z = self._position.tolist()
         h = self._height_m
         x, y, z = x + h * zx, y + h * zy, z + h * zz
-        if abs(xz) + abs(yz) > _LEVEL or abs(z - h) > _SWAY_M or zz < 0:
+        if math.hypot(xz, yz) > _LEVEL or abs(z - h) > _SWAY_M or zz < 0:
             return None
         frame, fan = Frame(complex(x, y), complex(xx, xy), complex(yx, yy)), self._fan
         distances = 1.0 / fan.largest(*self._faces.nearness(frame, fan), least=_NOTHING)
