@@ -41,7 +41,52 @@ APPLICATION = {
     "tags": {"a": "b"},
 }
 NAMED = {"name": "name", "values": ["mine"]}
+FLEET, ROBOT = f"{ARN}:deployment-fleet/none/1", f"{ARN}:robot/none/1"
+DEPLOYED = {
+    "application": f"{ARN}:robot-application/none/1",
+    "applicationVersion": "1",
+    "launchConfig": {
+        "packageName": "p",
+        "launchFile": "l",
+        "preLaunchFile": "a.sh",
+        "environmentVariables": {"A": "b"},
+    },
+}
+DEPLOYMENT_CONFIG = {
+    "concurrentDeploymentPercentage": 20,
+    "failureThresholdPercentage": 30,
+    "robotDeploymentTimeoutInSeconds": 60,
+    "downloadConditionFile": {"bucket": "robomaker", "key": "none", "etag": "e"},
+}
+REGISTRATION = {"fleet": FLEET, "robot": ROBOT}
+FLEET_REQUESTS: dict[str, dict[str, Any]] = {
+    "CreateFleet": {"name": "yard", "tags": {"a": "b"}},
+    "DescribeFleet": {"fleet": FLEET},
+    "ListFleets": {"maxResults": 200, "nextToken": "abc", "filters": [NAMED]},
+    "DeleteFleet": {"fleet": FLEET},
+    "CreateRobot": {"name": "rover", "architecture": "ARMHF", "greengrassGroupId": "g", "tags": {"a": "b"}},
+    "DescribeRobot": {"robot": ROBOT},
+    "ListRobots": {"maxResults": 3, "nextToken": "abc", "filters": [{**NAMED, "name": "fleetName"}]},
+    "DeleteRobot": {"robot": ROBOT},
+    "RegisterRobot": REGISTRATION,
+    "DeregisterRobot": REGISTRATION,
+    "CreateDeploymentJob": {
+        "deploymentConfig": DEPLOYMENT_CONFIG,
+        "clientRequestToken": "t",
+        "fleet": FLEET,
+        "deploymentApplicationConfigs": [DEPLOYED],
+        "tags": {"a": "b"},
+    },
+    "SyncDeploymentJob": {"clientRequestToken": "t", "fleet": FLEET},
+    "DescribeDeploymentJob": {"job": f"{ARN}:deployment-job/none"},
+    "ListDeploymentJobs": {"maxResults": 3, "nextToken": "abc", "filters": [{**NAMED, "name": "status"}]},
+    "CancelDeploymentJob": {"job": f"{ARN}:deployment-job/none"},
+    "ListTagsForResource": {"resourceArn": FLEET},
+    "TagResource": {"resourceArn": FLEET, "tags": {"a": "b", "c": ""}},
+    "UntagResource": {"resourceArn": FLEET, "tagKeys": ["a", "c"]},
+}
 REQUESTS: dict[str, dict[str, Any]] = {
+    **FLEET_REQUESTS,
     "CreateWorldTemplate": {"clientRequestToken": "t", "name": "flat", "templateBody": BODY, "tags": {"a": "b"}},
     "CreateWorldGenerationJob": {
         "template": f"{ARN}:world-template/none",
