@@ -54,8 +54,13 @@ def _serve(
         if arguments.execute == "deployments":
             performer.wait_until_ready(_READY_S)
         _run_server(arguments, settings, access_keys, about, performer.wake, performer.status)
-    finally:
-        _stop(performer)
+    except KeyboardInterrupt:
+        performer.kill()
+        raise
+    except BaseException:
+        performer.stop()
+        raise
+    _stop(performer)
 
 
 def _run_server(

@@ -36,6 +36,7 @@ def run_server(application: ASGIApplication, host: str, port: int, *, ready: Cal
 
     Raises:
       ConfigurationError: nothing can listen there.
+      KeyboardInterrupt: SIGINT came twice, and the requests in progress were not waited for.
     """
     with listening(host, port) as listener:
         if not is_loopback(host) and not getattr(application, "checks_signatures", False):
@@ -56,7 +57,10 @@ def run_server(application: ASGIApplication, host: str, port: int, *, ready: Cal
             timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=GRACE_S,
         )
-        _Server(config, listener, ready).run(sockets=[listener])
+        server = _Server(config, listener, ready)
+        server.run(sockets=[listener])
+    if server.force_exit:
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

@@ -157,7 +157,7 @@ def a_second_ctrl_c_does_not_wait(served: Served) -> None:
     served.process.send_signal(signal.SIGINT)
     wait_for(lambda: not answers(served), "the end of the endpoint")
     served.process.send_signal(signal.SIGINT)
-    assert served.process.wait(6) == 130
+    assert served.process.wait(20) == 130
     wait_for(lambda: not alive(processes), "the end of every process", 10)
 
 
