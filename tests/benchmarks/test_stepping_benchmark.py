@@ -1,12 +1,12 @@
 """What a simulation job costs beside physics alone; prints figures and asserts no time.
 
-Measured is CPU time from the first time step handed to the agent to the end of the episode, so with planning the
-tour, sensing, keeping the score, recording and closing the recording, but without what happens once before: reading
-the map, compiling the world, the first lidar scan. Physics alone is `mj_step` from the same state, with the same wheel
-commands, over the same steps, once in a plain loop and once 25 steps a call, as jobs do; that all end in the same state
-proves that they computed the same. A further figure adds the rays of lidar and bumper to that, which MuJoCo casts too
-and no job can do without. Every run is the same, so runs take turns and of each lap, a second of simulated time, the
-best counts: what else happens on a machine only ever makes things slower.
+Measured is CPU time from the first time step handed to the agent to the end of the episode, so with planning, sensing,
+keeping the score, recording and closing the recording, but without what happens once before: reading the map and
+working out the ways on it, compiling the world, the first lidar scan. Physics alone is `mj_step` from the same state,
+with the same wheel commands, over the same steps, once in a plain loop and once 25 steps a call, as jobs do; that all
+end in the same state proves that they computed the same. A further figure adds what lidar and bumper measure, which no
+job can do without. Every run is the same, so runs take turns and of each lap, a second of simulated time, the best
+counts: what else happens on a machine only ever makes things slower.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -131,11 +131,11 @@ def run_job(folder: Path, recorder: McapRecorder | NullRecorder, watchers: tuple
 
 
 def step_only(witness: Witness, *, sensors: bool = False, at_once: int = SUBSTEPS) -> Laps:
-    """CPU seconds of the laps of the same physics and nothing else, or nothing but the same rays.
+    """CPU seconds of the laps of the same physics and nothing else, or nothing but the same measurements.
 
     Args:
       witness: what to repeat.
-      sensors: whether the rays are cast as well.
+      sensors: whether lidar and bumper measure as well.
       at_once: steps in one call of `mj_step`; 1 is the plain loop, 25 spares Python 24 calls.
     """
     model = witness.model
@@ -195,7 +195,7 @@ def test_job_against_physics_alone(kind: str, tmp_path: Path, capsys: pytest.Cap
             f"physics alone {1000 * SUBSTEPS / alone:.1f}k steps/s; "
             f"job {loop / job:.2f} of a plain loop of mj_step, with recording {loop / job_recorded:.2f}; "
             f"of mj_step with nstep=25 {alone / job:.2f}, with recording {alone / job_recorded:.2f}; "
-            f"of physics and rays {rays / job:.2f}, with recording {rays / job_recorded:.2f}; "
-            f"microseconds per control step: loop {loop:.0f}, nstep=25 {alone:.0f}, and rays {rays:.0f}, "
+            f"of physics and sensors {rays / job:.2f}, with recording {rays / job_recorded:.2f}; "
+            f"microseconds per control step: loop {loop:.0f}, nstep=25 {alone:.0f}, and sensors {rays:.0f}, "
             f"job {job:.0f}, with recording {job_recorded:.0f}"
         )
