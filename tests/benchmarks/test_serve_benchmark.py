@@ -96,7 +96,7 @@ def test_calls_while_a_batch_runs(
         blocker = served.call("CreateSimulationJob", order({"DURATION_S": "600"}, maxJobDurationInSeconds=700))["arn"]
         results["CreateSimulationJob, quiet"] = _percentiles(_create_many(served, quick))
         for name, request in (("sleepers", order({"DURATION_S": "1"})), ("indoor-navigation", drive)):
-            batch = _start(served, [request] * 200)
+            batch = _start(served, [request] * 40)
             results[f"CreateSimulationJob, a batch of {name}"] = _percentiles(_create_many(served, quick))
             _cancel(service, served, batch)
         service.catalog.request_cancel(blocker)
