@@ -118,6 +118,7 @@ def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: 
 def _lines(facts: Mapping[str, Any], variables: Mapping[str, str], *, signed: bool) -> list[str]:
     lines = [f"RoboMaker answers at {facts['url']} until you press Ctrl-C.", "", "In another terminal:", ""]
     lines += [f"  export {name}={value}" for name, value in variables.items()]
+    lines += ['  eval "$(robomaker sdk-model)"    # for SDKs that do not know RoboMaker any more']
     if signed:
         lines += ["", "Clients have to sign with one of the access keys in ROBOMAKER_ACCESS_KEYS_FILE."]
     if facts["execute"] == "here":

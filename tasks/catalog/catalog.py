@@ -203,7 +203,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def set_tags(self, arn: str, tags: Mapping[str, str]) -> Resource:
-        """Adds tags to a resource's, and replaces the values of those it has.
+        """Adds tags to a resource's, and replaces the values of those it has; no update of the resource itself.
 
         Raises:
           ResourceNotFoundException: there is no such resource.
@@ -216,7 +216,7 @@ class Catalog(CatalogLeases):
                 raise InvalidParameterException(
                     f"tags: {arn} would have {len(after)} tags; a resource has at most {MAX_TAGS}"
                 )
-            return {"tags": after}
+            return {"tags": after, "updated_at": row["updated_at"]}
 
         return self._change(arn, None, merged)
 
@@ -227,9 +227,12 @@ class Catalog(CatalogLeases):
           ResourceNotFoundException: there is no such resource.
         """
         gone = set(keys)
-        return self._change(
-            arn, None, lambda row: {"tags": {key: value for key, value in row["tags"].items() if key not in gone}}
-        )
+
+        def remaining(row: RowMapping) -> dict[str, Any]:
+            tags = {key: value for key, value in row["tags"].items() if key not in gone}
+            return {"tags": tags, "updated_at": row["updated_at"]}
+
+        return self._change(arn, None, remaining)
 
     def transition(
         self,
@@ -271,7 +274,7 @@ class Catalog(CatalogLeases):
                 row = one_row(connection, arn)
                 if owner is not None and row["lease_owner"] != owner:
                     raise StateConflictError(f"{arn}: {owner!r} does not hold the lease; {row['lease_owner']!r} does")
-                values = {**compute(row), "revision": row["revision"] + 1, "updated_at": self._now()}
+                values = {"updated_at": self._now(), **compute(row), "revision": row["revision"] + 1}
                 unchanged = and_(resources.c.arn == arn, resources.c.revision == row["revision"])
                 if changed_one(connection.execute(update(resources).where(unchanged).values(values))):
                     if "labels" in values:

@@ -43,10 +43,10 @@ class Resource(NewResource):
 
     created_at: datetime
     updated_at: datetime
-    """Time of the last change of status, document or tags."""
+    """Time of the last change of status, name or document."""
 
     revision: int
-    """Counts those changes, from 1."""
+    """Counts those changes, and those of tags, from 1."""
 
     @staticmethod
     def new(

@@ -112,11 +112,14 @@ def test_an_update_may_rename_and_set_a_status(catalog: Catalog, make_resource: 
         catalog.update(job, lambda document: document, status="Running")
 
 
-def test_tags_are_merged_and_removed(catalog: Catalog, make_resource: MakeResource) -> None:
-    arn = catalog.create(make_resource(1, tags={"a": "1", "b": "2"}), token=None).arn
+def test_tags_are_merged_and_removed(catalog: Catalog, make_resource: MakeResource, clock: Any) -> None:
+    created = catalog.create(make_resource(1, tags={"a": "1", "b": "2"}), token=None)
+    arn = created.arn
+    clock.advance(60)
 
     assert catalog.set_tags(arn, {"b": "3", "c": ""}).tags == {"a": "1", "b": "3", "c": ""}
     assert catalog.remove_tags(arn, ["a", "unknown"]).tags == catalog.get(arn).tags == {"b": "3", "c": ""}
+    assert catalog.get(arn).updated_at == created.updated_at
 
 
 def test_a_resource_has_at_most_fifty_tags(catalog: Catalog, make_resource: MakeResource) -> None:
