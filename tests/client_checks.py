@@ -10,7 +10,7 @@ from typing import Any
 Told = Mapping[str, Any]
 
 _OLDEST_S = 600.0
-_ERRORS = {
+ERRORS = {
     "missing": ("ResourceNotFoundException", "there is no resource"),
     "missingTags": ("ResourceNotFoundException", "there is no resource"),
     "invalidBody": ("InvalidParameterException", "Buildings: 4: a list would be right"),
@@ -22,6 +22,7 @@ _ERRORS = {
     "mismatch": ("IdempotentParameterMismatchException", "was used for"),
     "limit": ("LimitExceededException", "40 of at most 40"),
 }
+"""What clients are refused, step by step: the error's class, and words of its message."""
 
 
 def check_worlds(told: Told, wanted: Mapping[str, Any], objects: Path) -> None:
@@ -42,11 +43,10 @@ def check_worlds(told: Told, wanted: Mapping[str, Any], objects: Path) -> None:
     assert told["world"]["tags"] == {"made by": "clients"}
     assert _arns(told["generations"]) == [job]
     assert template in _arns(told["templates"])
-    assert [told[f"{each}Most"] for each in ("worlds", "generations", "templates", "exports")] == [1, 1, 1, 1]
     _check_export(told, worlds[0], objects)
     assert told["worldsDeleted"] == {"unprocessedWorlds": [f"{worlds[0]}0"]}
     assert _arns(told["worldsLeft"]) == worlds[1:]
-    check_refusal(told["templateGone"], "ResourceNotFoundException", template)
+    assert told["templateGone"]["code"] == "ResourceNotFoundException"
     _check_times(told, at_least=10)
 
 
@@ -65,7 +65,6 @@ def check_simulations(told: Told, wanted: Mapping[str, Any], objects: Path) -> N
     """A job with its outputs and tags, and a batch of which one request is wrong."""
     assert [told[f"{kind}Application"]["version"] for kind in ("robot", "simulation")] == ["$LATEST"] * 2
     ended = told["jobEnded"]
-    assert told["job"]["status"] == "Pending"
     assert (ended["status"], ended["tags"]) == ("Completed", {"run": "1"})
     assert "failureCode" not in ended
     assert ended["robotApplications"][0]["launchConfig"]["launchFile"] == "make_agent"
@@ -88,8 +87,12 @@ def check_simulations(told: Told, wanted: Mapping[str, Any], objects: Path) -> N
     assert _arns(told["jobs"])[-1] == ended["arn"], "the newest is listed first"
     (summary,) = [each for each in told["batches"] if each["arn"] == batch["arn"]]
     assert [summary[f"{kind}RequestCount"] for kind in ("created", "failed", "pending")] == [2, 1, 0]
-    assert (told["jobsMost"], told["batchesMost"]) == (1, 1)
     _check_times(told, at_least=15)
+
+
+def check_pages(told: Told, *lists: str) -> None:
+    """The SDK's paginator asked for pages of one entry, and got them."""
+    assert [told[f"{each}Most"] for each in lists] == [1] * len(lists)
 
 
 def check_cancels(told: Told) -> None:
@@ -105,10 +108,10 @@ def check_cancels(told: Told) -> None:
 
 def check_errors(told: Told) -> None:
     """Each refusal has the class that programs catch, says what is wrong, and is not tried again."""
-    for step, (name, message) in _ERRORS.items():
+    for step, (name, message) in ERRORS.items():
         # Newer SDKs try again by themselves when they see this one, whichever service it comes from.
         check_refusal(told[step], name, message, tried_again=step == "limit")
-    requests = [told[step]["requestId"] for step in _ERRORS]
+    requests = [told[step]["requestId"] for step in ERRORS]
     assert len(set(requests)) == len(requests)
     assert told["again"]["arn"] == told["first"]["arn"]
     assert told["versions"] == [str(number) for number in range(1, 41)]

@@ -65,11 +65,18 @@ def _kept(config: pytest.Config, name: str, contents: list[str], make: Callable[
     return folder
 
 
-def run_client(command: list[str], environ: dict[str, str], given: str = "", timeout_s: float = 200) -> str:
+def run_client(command: list[str], environ: dict[str, str], given: str = "", folder: Path | None = None) -> str:
     """Runs somebody's program with an environment of its own, and returns what it printed."""
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
     done = subprocess.run(
-        command, input=given, capture_output=True, text=True, env={**kept, **environ}, timeout=timeout_s, check=False
+        command,
+        input=given,
+        capture_output=True,
+        text=True,
+        env={**kept, **environ},
+        cwd=folder,
+        timeout=240,
+        check=False,
     )
     assert done.returncode == 0, f"{command} ended with {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}"
     return done.stdout

@@ -7,6 +7,7 @@ import pytest
 from prefect_robomaker.schemas.settings import Settings
 
 pytest_plugins = ["endpoint_process", "performer_process", "prefect_server", "s3_server", "service_fixtures"]
+pytest.register_assert_rewrite("client_checks", "client_environments")
 
 
 @pytest.fixture

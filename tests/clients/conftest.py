@@ -9,9 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.register_assert_rewrite("client_checks", "client_environments")
-
 from client_environments import python_environment
 from endpoint_process import Served, serving
 from small_flat import BODY, ROLE

@@ -8,7 +8,7 @@ from typing import Any
 
 import boto3
 import pytest
-from client_checks import check_cancels, check_errors, check_simulations, check_worlds
+from client_checks import check_cancels, check_errors, check_pages, check_simulations, check_worlds
 from client_environments import run_client
 
 from prefect_robomaker.deployments.cli.main import main
@@ -45,11 +45,17 @@ def client(
 
 
 def test_worlds_are_made_listed_exported_and_deleted(client: Client, place: Any, wanted: dict[str, Any]) -> None:
-    check_worlds(client("worlds"), wanted, place.objects)
+    told = client("worlds")
+
+    check_worlds(told, wanted, place.objects)
+    check_pages(told, "worlds", "generations", "templates", "exports")
 
 
 def test_jobs_and_batches_run_to_their_end(client: Client, place: Any, wanted: dict[str, Any]) -> None:
-    check_simulations(client("simulations"), wanted, place.objects)
+    told = client("simulations")
+
+    check_simulations(told, wanted, place.objects)
+    check_pages(told, "jobs", "batches")
 
 
 def test_jobs_and_batches_are_cancelled(client: Client) -> None:

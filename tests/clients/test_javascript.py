@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from client_checks import check_cancels, check_errors, check_refusal, check_simulations, check_worlds
+from client_checks import check_cancels, check_errors, check_pages, check_refusal, check_simulations, check_worlds
 from client_environments import node_modules, run_client
 
 _SCRIPT = str(Path(__file__).parent / "node" / "client.cjs")
@@ -34,11 +34,17 @@ def client(modules: Path, place: Any, wanted: dict[str, Any], tmp_path: Path) ->
 
 
 def test_worlds_are_made_listed_exported_and_deleted(client: Client, place: Any, wanted: dict[str, Any]) -> None:
-    check_worlds(client("worlds"), wanted, place.objects)
+    told = client("worlds")
+
+    check_worlds(told, wanted, place.objects)
+    check_pages(told, "worlds", "generations", "templates", "exports")
 
 
 def test_jobs_and_batches_run_to_their_end(client: Client, place: Any, wanted: dict[str, Any]) -> None:
-    check_simulations(client("simulations"), wanted, place.objects)
+    told = client("simulations")
+
+    check_simulations(told, wanted, place.objects)
+    check_pages(told, "jobs", "batches")
 
 
 def test_jobs_and_batches_are_cancelled(client: Client) -> None:
