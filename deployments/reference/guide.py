@@ -1,0 +1,66 @@
+"""The tables of `docs/coming-from-robomaker.md` that are made, between marks that Markdown does not show."""
+
+import re
+from collections.abc import Callable, Mapping
+
+from ...schemas.behaviour import Kind
+from ...schemas.behaviours import BEHAVIOURS, behaviours_of
+from ...schemas.operation_groups import OPERATION_GROUPS
+
+_MARK = re.compile(r"<!-- made: (?P<name>[a-z-]+) -->\n.*?<!-- end -->", re.DOTALL)
+
+
+def with_tables(page: str) -> str:
+    """A page with the tables that its marks name.
+
+    Args:
+      page: Markdown, with `<!-- made: calls -->` … `<!-- end -->` where a table belongs.
+
+    Raises:
+      ValueError: a mark names no table.
+    """
+
+    def made(mark: re.Match[str]) -> str:
+        if (make := _TABLES.get(mark["name"])) is None:
+            raise ValueError(f"{mark['name']!r} is no table; there are {', '.join(_TABLES)}")
+        return f"<!-- made: {mark['name']} -->\n\n{make()}\n\n<!-- end -->"
+
+    return _MARK.sub(made, page)
+
+
+def _calls() -> str:
+    """Each call of the service, and what it does here in a few words."""
+    lines = ["| call of the service | here |", "| --- | --- |"]
+    for title, operations in OPERATION_GROUPS.items():
+        lines.append(f"| **{title}** | |")
+        for each in operations:
+            link = f"[{each.name}](operations.md#{each.name.lower()})"
+            lines.append(f"| {link} | {each.description}{_remarks(each.name)} |")
+    return "\n".join(lines)
+
+
+def _remarks(operation: str) -> str:
+    missing = [each.topic for each in behaviours_of(operation) if each.kind == "not yet"]
+    return f" *Not yet: {_listed(missing)}.*" if missing else ""
+
+
+def _listed(topics: list[str]) -> str:
+    return ", ".join(topic[0].lower() + topic[1:] if topic[1:2].islower() else topic for topic in topics)
+
+
+def _by_kind(kind: Kind, titles: tuple[str, str]) -> str:
+    """Everything of one kind, group by group."""
+    parts = []
+    for title, group in BEHAVIOURS.items():
+        rows = [f"| {each.topic} | {each.known} | {each.here} |" for each in group if each.kind == kind]
+        if rows:
+            parts.append("\n".join([f"| {title} | {titles[0]} | {titles[1]} |", "| --- | --- | --- |", *rows]))
+    return "\n\n".join(parts)
+
+
+_TABLES: Mapping[str, Callable[[], str]] = {
+    "calls": _calls,
+    "differences": lambda: _by_kind("differs", ("the service", "here")),
+    "decisions": lambda: _by_kind("decided", ("what is known", "here")),
+    "missing": lambda: _by_kind("not yet", ("the service", "here, today")),
+}

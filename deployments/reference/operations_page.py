@@ -1,0 +1,182 @@
+"""The page about every operation, `docs/operations.md`."""
+
+import inspect
+import json
+import re
+from collections.abc import Iterator
+
+from ...flows.operation import registry
+from ...schemas import errors
+from ...schemas.behaviour import Behaviour, Kind
+from ...schemas.behaviours import BEHAVIOURS, behaviours_of
+from ...schemas.differences import ANYTHING, DIFFERENCES, LINE_BREAKS
+from ...schemas.operation_groups import OPERATION_GROUPS
+from ...schemas.operation_shape import OperationShape
+from ...schemas.operations import OPERATIONS
+from .examples import EXAMPLES
+from .tables import Tables
+
+_WIDTH = 100
+_INTRODUCTION = """\
+# Operations
+
+All {count} operations of the service. This page is made by `python -m prefect_robomaker.deployments.reference`; what is
+different on the whole, and why, is in [Coming from RoboMaker](coming-from-robomaker.md).
+
+Each operation can be called in four ways, and does the same in all of them:
+
+| from | how |
+| --- | --- |
+| the command line | `robomaker call DescribeWorld --input '{{"world": "arn:…"}}'`; `describe-world` is as good |
+| an SDK or the AWS CLI | `boto3.client("robomaker").describe_world(world="arn:…")`, see [Serving](serving.md) |
+| Python | `call("DescribeWorld", {{"world": "arn:…"}}, service)` of `prefect_robomaker.flows.operation` |
+| Prefect | `prefect_robomaker.flows.worlds.DescribeWorld(world="arn:…")`, a flow, see [Prefect](prefect.md) |
+
+Operations that start a job store it as `Pending` and answer. `robomaker serve`, `robomaker call … --wait`,
+`robomaker perform ARN` and the flow carry it to its end; the flow `Perform…` does so for a job that is stored.
+
+`robomaker schema OPERATION` prints the JSON Schema of a request. In the examples, put the ARNs that your calls have
+answered in the places of those that are shown; `applications/cartpole.tar.gz` is the archive of
+[Applications](applications.md#from-code-to-a-run).
+"""
+_KINDS: dict[Kind, str] = {
+    "differs": "Differs from the service",
+    "decided": "Decided here, since it was not clear",
+    "not yet": "Not yet",
+}
+
+
+def operations_page() -> str:
+    """Makes the page."""
+    tables = Tables()
+    parts = [_INTRODUCTION.format(count=len(OPERATIONS)), _contents(), _errors(), _everywhere()]
+    for title, operations in OPERATION_GROUPS.items():
+        parts.append(f"## {title}\n")
+        parts += [_operation(operation, tables) for operation in operations]
+    parts += [_interface_differences(), _shapes(tables)]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(parts)).rstrip() + "\n"
+
+
+def command(operation: str) -> str:
+    """The command that makes an operation's example."""
+    return f"robomaker call {operation} --input '{_json(EXAMPLES[operation])}'"
+
+
+def bullet(behaviour: Behaviour) -> str:
+    """What is to be known of an operation, as an entry of a list."""
+    known = "Known" if behaviour.kind == "decided" else "The service"
+    return f"- **{behaviour.topic}.** {behaviour.here}<br>*{known}: {behaviour.known}*"
+
+
+def _contents() -> str:
+    lines = ["| about | operations |", "| --- | --- |"]
+    for title, operations in OPERATION_GROUPS.items():
+        links = " · ".join(f"[{each.name}](#{each.name.lower()})" for each in operations)
+        lines.append(f"| [{title}](#{_anchor(title)}) | {links} |")
+    more = "[Errors](#errors) · [All operations](#all-operations) · "
+    more += "[Differences of the interface](#differences-of-the-interface) · [Shapes](#shapes)"
+    return "## Contents\n\n" + "\n".join(lines) + f"\n\n{more}\n"
+
+
+def _errors() -> str:
+    lines = ["| error | status | when |", "| --- | --- | --- |"]
+    for name, error in inspect.getmembers(errors, inspect.isclass):
+        if issubclass(error, errors.ServiceError) and error is not errors.ServiceError:
+            lines.append(f"| `{name}` | {error.status} | {inspect.getdoc(error)} |")
+    words = (
+        "Every operation below lists those that it declares. `ServiceUnavailableException` may come from all of them, "
+        "when the catalog or the object store does not answer. The endpoint has some more, see [Serving](serving.md)."
+    )
+    return "## Errors\n\n" + "\n".join(lines) + f"\n\n{words}\n"
+
+
+def _everywhere() -> str:
+    return "## All operations\n\n" + "\n".join(map(bullet, BEHAVIOURS["All operations"])) + "\n"
+
+
+def _operation(operation: OperationShape, tables: Tables) -> str:
+    entry = registry()[operation.name]
+    flow = f"`{entry.module}:{entry.name}`"
+    if entry.performer is not None:
+        flow += f"; `{entry.module}:{entry.perform_name}` carries a stored job to its end"
+    parts = [
+        f"### {operation.name}\n",
+        operation.description + (" *The service had given it up.*" if operation.deprecated else "") + "\n",
+        f"- HTTP: `{operation.method} {operation.path}`",
+        f"- Flow: {flow}",
+        f"- Errors: {', '.join(f'`{error.__name__}`' for error in operation.errors)}\n",
+        f"**Request**\n\n{tables.request(operation.request.__name__)}\n",
+        _response(operation, tables),
+        *_differences(operation, tables),
+        f"```console\n$ {command(operation.name)}\n```\n",
+    ]
+    return "\n".join(parts)
+
+
+def _response(operation: OperationShape, tables: Tables) -> str:
+    name = operation.response.__name__
+    if not (members := tables.members(name)):
+        return "**Response**: empty.\n"
+    summary = ", ".join(f"<code>{member}</code>" for member in members)
+    return f"<details><summary><b>Response</b>: {summary}</summary>\n\n{tables.response(name)}\n\n</details>\n"
+
+
+def _differences(operation: OperationShape, tables: Tables) -> Iterator[str]:
+    """What is to be known of an operation: by kind, those of its interface among the differences."""
+    known = behaviours_of(operation.name)
+    for kind, title in _KINDS.items():
+        lines = [bullet(each) for each in known if each.kind == kind]
+        if kind == "differs":
+            lines += _interface_bullets(operation, tables)
+        if lines:
+            yield f"**{title}**\n\n" + "\n".join(lines) + "\n"
+
+
+def _interface_bullets(operation: OperationShape, tables: Tables) -> list[str]:
+    """The differences of a request's members and of their bounds, one line per reason."""
+    reasons: dict[str, dict[str, None]] = {}
+    for path, owner, member, shape in tables.paths(operation.request.__name__):
+        for each in DIFFERENCES:
+            place = each.where.partition(":")[0]
+            if each.reason not in (ANYTHING, LINE_BREAKS) and place in (f"{owner}.{member}", shape):
+                reasons.setdefault(each.reason, {})[path] = None
+    return [f"- {', '.join(f'`{path}`' for path in paths)}: {reason}" for reason, paths in reasons.items()]
+
+
+def _interface_differences() -> str:
+    lines = ["| where | here | published | why |", "| --- | --- | --- | --- |"]
+    for each in DIFFERENCES:
+        ours, published = (
+            "" if value is None else f"`{value}`".replace("|", "\\|") for value in (each.ours, each.published)
+        )
+        lines.append(f"| `{each.where}` | {ours or 'nothing'} | {published or 'nothing'} | {each.reason} |")
+    words = (
+        "Members, bounds and patterns that are not those of the service's last published model. Everything else equals "
+        "it, and tests compare both."
+    )
+    return f"## Differences of the interface\n\n{words}\n\n" + "\n".join(lines) + "\n"
+
+
+def _shapes(tables: Tables) -> str:
+    roots = [shape.__name__ for each in OPERATIONS.values() for shape in (each.request, each.response)]
+    parts = ["## Shapes\n\nWhat members of requests and responses are made of.\n"]
+    parts += [f"### {name}\n\n{tables.place(name)}\n" for name in tables.named(iter(roots))]
+    return "\n".join(parts)
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")
+
+
+def _json(value: object, indent: int = 0) -> str:
+    """JSON with what fits on a line on one line."""
+    flat = json.dumps(value, ensure_ascii=False)
+    if len(flat) + indent <= _WIDTH or not isinstance(value, dict | list) or not value:
+        return flat
+    inside = " " * (indent + 2)
+    if isinstance(value, dict):
+        entries = [f"{inside}{json.dumps(key)}: {_json(each, indent + 2)}" for key, each in value.items()]
+    else:
+        entries = [f"{inside}{_json(each, indent + 2)}" for each in value]
+    first, last = "{}" if isinstance(value, dict) else "[]"
+    return f"{first}\n" + ",\n".join(entries) + f"\n{' ' * indent}{last}"

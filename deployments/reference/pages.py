@@ -1,0 +1,23 @@
+"""Which pages are made, and what they have to hold."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ...schemas.errors import ConfigurationError
+from .guide import with_tables
+from .operations_page import operations_page
+
+DOCS = Path(__file__).parents[2] / "docs"
+"""Folder of the documentation, in a copy of the repository."""
+
+
+def pages() -> Mapping[Path, str]:
+    """Makes the pages; what people have written in them stays.
+
+    Raises:
+      ConfigurationError: this is an installed package, which has no documentation.
+    """
+    guide = DOCS / "coming-from-robomaker.md"
+    if not guide.exists():
+        raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
+    return {DOCS / "operations.md": operations_page(), guide: with_tables(guide.read_text())}

@@ -1,0 +1,42 @@
+"""What an operation does that its shapes do not say, as data."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["differs", "decided", "not yet"]
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """One thing that somebody who knows the service should know of operations here."""
+
+    kind: Kind
+    """`differs`: the service was otherwise; `decided`: nobody wrote down what the service did, or it was
+    written down in two ways; `not yet`: the service could, here it is to come."""
+
+    topic: str
+    """What it is about, in a few words."""
+
+    operations: tuple[str, ...]
+    """The operations it is about; none: all of them."""
+
+    known: str
+    """What the service did, or what is known of it."""
+
+    here: str
+    """What happens here."""
+
+
+def differs(topic: str, operations: str, *, known: str, here: str) -> Behaviour:
+    """Something that the service did otherwise; operations are separated by spaces."""
+    return Behaviour("differs", topic, tuple(operations.split()), known, here)
+
+
+def decided(topic: str, operations: str, *, known: str, here: str) -> Behaviour:
+    """Something that had to be decided; operations are separated by spaces."""
+    return Behaviour("decided", topic, tuple(operations.split()), known, here)
+
+
+def not_yet(topic: str, operations: str, *, known: str, here: str) -> Behaviour:
+    """Something that is missing; operations are separated by spaces."""
+    return Behaviour("not yet", topic, tuple(operations.split()), known, here)
