@@ -34,8 +34,8 @@ EVERYWHERE = (
         "Ids",
         "",
         known="Examples of some kinds only.",
-        here="The kind and 12 letters and digits: `template-…`, `generation-…`, `export-…`, `sim-…`, `batch-…`. A world "
-        "is `<id of its generation job>/world-<n>`.",
+        here="The kind and 12 letters and digits: `template-…`, `generation-…`, `export-…`, `sim-…`, `batch-…`. A "
+        "world is `<id of its generation job>/world-<n>`.",
     ),
     decided(
         "How long tokens hold",
