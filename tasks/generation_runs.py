@@ -97,9 +97,10 @@ class GenerationRun:
         workers = min(len(missing), os.cpu_count() or 1)
         with WorldBuilders(workers, self._service.folder("logs") / "world-builders.log") as builders:
 
-            def look() -> None:
-                if self.stopped():
+            def look() -> bool:
+                if stopped := self.stopped():
                     builders.stop()
+                return stopped
 
             run_tasks(
                 generate_and_store,

@@ -24,7 +24,7 @@ def run_tasks(
     workers: int,
     job_arn: str,
     service: Service,
-    look: Callable[[], None] = lambda: None,
+    look: Callable[[], bool | None] = lambda: None,
 ) -> None:
     """Runs a task once for each call and waits for all of them.
 
@@ -34,7 +34,8 @@ def run_tasks(
       workers: how many run at once.
       job_arn: the job that they are parts of.
       service: where the job is stored.
-      look: called several times a second meanwhile, and once after an interruption, in the calling thread.
+      look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
+        says true, calls that have not begun are left out.
 
     Raises:
       BaseException: what the first task raised, once all have ended, or the interruption.
@@ -44,7 +45,9 @@ def run_tasks(
             futures = [runner.submit(task, dict(call)) for call in calls]
             waiting = {future.wrapped_future for future in futures}
             while waiting:
-                look()
+                if look():
+                    for future in waiting:
+                        future.cancel()
                 # Prefect's own `future.state` asks the server, for each future each time.
                 waiting = concurrent.futures.wait(waiting, timeout=_LOOK_S).not_done
         except Exception:
@@ -54,4 +57,5 @@ def run_tasks(
             look()
             raise
     for future in futures:
-        future.result()
+        if not future.wrapped_future.cancelled():
+            future.result()

@@ -1,81 +1,56 @@
-import json
+"""Worlds: lists of them, and what is left of deleted ones."""
+
+import threading
 from collections.abc import Callable
-from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import pytest
-from small_flat import BODY
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import (
-    IdempotentParameterMismatchException,
-    InvalidParameterException,
-    ResourceNotFoundException,
-)
+from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException, StorageError
+from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.storage import read_manifest
+from prefect_robomaker.tasks.storage import publish, read_manifest
+from prefect_robomaker.tasks.world_bundles import bundle_held, bundle_label
+
+Generate = Callable[..., dict[str, Any]]
+BUNDLE = {"bucket": "robomaker", "prefix": "worlds/abc"}
 
 
-def test_a_template_is_described_and_its_body_returned_unchanged(service: Service) -> None:
-    text = json.dumps(BODY, indent=3)
-    made = call("CreateWorldTemplate", {"name": "two rooms", "templateBody": text, "tags": {"team": "nav"}}, service)
+@pytest.fixture
+def add_world(service: Service, tmp_path: Path) -> Callable[..., str]:
+    """Adds a world that was not generated."""
+    folder = tmp_path / "bundle"
+    folder.mkdir()
+    (folder / "world.xml").write_text("<mujoco/>")
 
-    described = call("DescribeWorldTemplate", {"template": made["arn"]}, service)
+    def add(number: int, **labels: str) -> str:
+        service.store.ensure_bucket("robomaker")
+        publish(service.store, **BUNDLE, folder=folder, about={"kind": "world"}, created_at=service.clock())
+        name = f"generation-{number:012}/world-1"
+        world = Resource.new(
+            arn=service.arn("world", name),
+            kind="world",
+            id=name,
+            status="Active",
+            labels={key: [value] for key, value in {"bundle": bundle_label(BUNDLE), **labels}.items()},
+            document={"bundle": BUNDLE},
+        )
+        return service.catalog.create(world, token=None).arn
 
-    assert made["arn"].startswith("arn:aws:robomaker:us-east-1:000000000000:world-template/template-")
-    assert described["version"] == "1"
-    assert described["tags"] == {"team": "nav"}
-    assert isinstance(described["createdAt"], datetime)
-    assert call("GetWorldTemplateBody", {"template": made["arn"]}, service) == {"templateBody": text}
-
-
-def test_a_template_body_may_come_from_the_object_store(service: Service) -> None:
-    service.store.ensure_bucket("templates")
-    service.store.put_bytes("templates", "flat.json", json.dumps(BODY).encode())
-    location = {"s3Bucket": "templates", "s3Key": "flat.json"}
-
-    made = call("CreateWorldTemplate", {"name": "flat", "templateLocation": location}, service)
-
-    assert json.loads(call("GetWorldTemplateBody", {"template": made["arn"]}, service)["templateBody"]) == BODY
-    with pytest.raises(InvalidParameterException, match=r"s3://templates/other\.json does not exist"):
-        call("CreateWorldTemplate", {"templateLocation": {**location, "s3Key": "other.json"}}, service)
-
-
-def test_a_bad_body_is_refused_with_its_path_and_nothing_is_stored(service: Service) -> None:
-    body = json.loads(json.dumps(BODY))
-    body["Buildings"][0]["Floors"][0]["Floorplan"]["Rooms"][0]["Type"] = "Bedrom"
-
-    with pytest.raises(InvalidParameterException, match=r"Rooms\[0\]\.Type.*Bedrom.*Bedroom"):
-        call("CreateWorldTemplate", {"name": "bad", "templateBody": json.dumps(body)}, service)
-    assert service.catalog.list("world-template").resources == ()
+    return add
 
 
-def test_interiors_of_one_floor_plan_share_it(service: Service, generate: Callable[..., dict[str, Any]]) -> None:
-    job = generate(floorplans=1, interiors=2, worldTags={"night": "1"})
-
-    assert job["status"] == "Completed"
-    assert job["finishedWorldsSummary"]["finishedCount"] == 2
-    worlds = [service.catalog.get(arn) for arn in job["finishedWorldsSummary"]["succeededWorlds"]]
-    plans = []
-    for world in worlds:
-        bundle = world.document["bundle"]
-        names = {file.path for file in read_manifest(service.store, **bundle).files}
-        assert names == {"world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg", "preview.png"}
-        plans.append(json.loads(service.store.get_bytes(bundle["bucket"], bundle["prefix"] + "/world.json")))
-    assert plans[0]["floorplan"]["walls"] == plans[1]["floorplan"]["walls"]
-    assert plans[0]["furniture"] != plans[1]["furniture"]
-    assert call("DescribeWorld", {"world": worlds[0].arn}, service)["tags"] == {"night": "1"}
+def listed(service: Service, **filters: str) -> list[str]:
+    given = {"filters": [{"name": name, "values": [value]} for name, value in filters.items()]} if filters else {}
+    return [world["arn"] for world in call("ListWorlds", given, service)["worldSummaries"]]
 
 
-def test_the_same_seed_gives_the_same_worlds(service: Service, generate: Callable[..., dict[str, Any]]) -> None:
-    first, second = generate(), generate()
-
-    bundles = [
-        service.catalog.get(job["finishedWorldsSummary"]["succeededWorlds"][0]).document["bundle"]
-        for job in (first, second)
-    ]
-    assert first["arn"] != second["arn"]
-    assert bundles[0] == bundles[1]
+def stored(service: Service) -> list[str]:
+    return [info.key for info in service.store.list("robomaker", "worlds/")]
 
 
 def test_worlds_are_listed_newest_first_in_pages(service: Service, generate: Callable[..., dict[str, Any]]) -> None:
@@ -91,51 +66,112 @@ def test_worlds_are_listed_newest_first_in_pages(service: Service, generate: Cal
     assert created == sorted(created, reverse=True)
 
 
-def test_the_body_is_kept_as_it_was_when_the_job_was_made(
-    service: Service, generate: Callable[..., dict[str, Any]], template: str
+def test_worlds_are_listed_by_what_they_came_from(service: Service, template: str, generate: Generate) -> None:
+    first, second = generate(), generate()
+    worlds = [job["finishedWorldsSummary"]["succeededWorlds"][0] for job in (first, second)]
+
+    assert listed(service, generationJobId=first["arn"].split("/")[1]) == worlds[:1]
+    assert listed(service, templateId=template.split("/")[1]) == worlds[::-1]
+    assert listed(service, status="Active") == worlds[::-1]
+    assert listed(service, status="Pending") == []
+    with pytest.raises(InvalidParameterException, match=r"'generationJob'.*generationJobId"):
+        listed(service, generationJob="generation-x")
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(1, 4), st.lists(st.sampled_from(["read", "add", "delete"]), max_size=12))
+def test_pages_hold_every_world_once_whatever_comes_and_goes(
+    service: Service, add_world: Callable[..., str], size: int, steps: list[str]
 ) -> None:
-    job = generate()
-    service.catalog.update(template, lambda document: {**document, "templateBody": "{}"})
+    for arn in listed(service):
+        service.catalog.delete(arn)
+    there = [add_world(service.chance.randrange(10**12)) for _ in range(7)]
+    seen: list[str] = []
+    deleted: set[str] = set()
+    request: dict[str, Any] = {"maxResults": size}
+    for step in [*steps, *["read"] * 24]:
+        if step == "add":
+            add_world(service.chance.randrange(10**12))
+        elif step == "delete":
+            arn = service.chance.choice(there)
+            call("BatchDeleteWorlds", {"worlds": [arn]}, service)
+            deleted.add(arn)
+        elif step == "read" and request:
+            page = call("ListWorlds", request, service)
+            seen += [world["arn"] for world in page["worldSummaries"]]
+            request = {"maxResults": size, "nextToken": page["nextToken"]} if "nextToken" in page else {}
 
-    body = call("GetWorldTemplateBody", {"generationJob": job["arn"]}, service)["templateBody"]
-
-    assert json.loads(body) == BODY
-
-
-def test_too_many_worlds_are_refused_and_nothing_is_stored(service: Service, template: str) -> None:
-    count = {"floorplanCount": 17, "interiorCountPerFloorplan": 3}
-
-    with pytest.raises(InvalidParameterException, match="51 worlds; a job may make at most 50"):
-        call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)
-    assert service.catalog.list("world-generation-job").resources == ()
-
-
-def test_a_cancelled_job_keeps_no_promise_but_ends(service: Service, template: str, prefect_server: str) -> None:
-    from prefect_robomaker.flows.operation import registry
-
-    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
-    job = call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)
-    service.catalog.request_cancel(job["arn"])
-
-    ended = registry()["CreateWorldGenerationJob"].perform(job["arn"], service)
-
-    assert ended["status"] == "Canceled"
+    assert len(seen) == len(set(seen))
+    before = [arn for arn in seen if arn in there]
+    assert before == [arn for arn in reversed(there) if arn in before]
+    assert set(there) - deleted <= set(before)
 
 
-def test_a_client_token_makes_creation_repeatable(service: Service, template: str) -> None:
-    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
-    request = {"template": template, "worldCount": count, "clientRequestToken": "once"}
+def test_deleted_worlds_are_gone_with_what_is_stored_of_them(service: Service, generate: Generate) -> None:
+    job = generate(2)
+    first, second = job["finishedWorldsSummary"]["succeededWorlds"]
+    bundle = service.catalog.get(second).document["bundle"]
+    missing = service.arn("world", "generation-000000000000/world-1")
 
-    first, again = (call("CreateWorldGenerationJob", request, service) for _ in range(2))
+    answer = call("BatchDeleteWorlds", {"worlds": [first, missing, job["arn"], first]}, service)
 
-    assert first == again
-    with pytest.raises(IdempotentParameterMismatchException):
-        call("CreateWorldGenerationJob", {**request, "worldTags": {"other": "1"}}, service)
+    assert answer == {"unprocessedWorlds": [missing, job["arn"]]}
+    assert listed(service) == [second]
+    assert stored(service) == [f"{bundle['prefix']}/{name}" for name in sorted(files(service, bundle))]
+    with pytest.raises(ResourceNotFoundException):
+        call("DescribeWorld", {"world": first}, service)
+    # What the job made is history.
+    assert call("DescribeWorldGenerationJob", {"job": job["arn"]}, service) == job
+    assert call("BatchDeleteWorlds", {"worlds": [second]}, service) == {"unprocessedWorlds": []}
+    assert stored(service) == []
 
 
-def test_an_unknown_template_is_not_found(service: Service) -> None:
-    arn = "arn:aws:robomaker:us-east-1:000000000000:world-template/template-000000000000"
-    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+def files(service: Service, bundle: dict[str, str]) -> list[str]:
+    return ["manifest.json", *(file.path for file in read_manifest(service.store, **bundle).files)]
 
-    with pytest.raises(ResourceNotFoundException, match="template-000000000000"):
-        call("CreateWorldGenerationJob", {"template": arn, "worldCount": count}, service)
+
+def test_a_shared_bundle_goes_with_its_last_world_and_can_be_made_again(service: Service, generate: Generate) -> None:
+    worlds = [generate()["finishedWorldsSummary"]["succeededWorlds"][0] for _ in range(2)]
+    before = stored(service)
+
+    call("BatchDeleteWorlds", {"worlds": worlds[:1]}, service)
+    shared = stored(service)
+    call("BatchDeleteWorlds", {"worlds": worlds[1:]}, service)
+
+    assert shared == before
+    assert stored(service) == []
+    generate()
+    assert stored(service) == before
+
+
+def test_a_world_whose_bundle_cannot_be_removed_is_not_processed(
+    service: Service, add_world: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = add_world(1)
+
+    def refuse(bucket: str, key: str) -> None:
+        raise StorageError(f"{bucket}/{key} is protected")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(service.store, "delete", refuse)
+        assert call("BatchDeleteWorlds", {"worlds": [world]}, service) == {"unprocessedWorlds": [world]}
+    assert listed(service) == [world]
+    assert call("BatchDeleteWorlds", {"worlds": [world]}, service) == {"unprocessedWorlds": []}
+    assert stored(service) == []
+
+
+def test_a_world_is_not_deleted_while_another_with_its_content_is_added(
+    service: Service, add_world: Callable[..., str]
+) -> None:
+    first = add_world(1)
+    deletion = threading.Thread(target=call, args=("BatchDeleteWorlds", {"worlds": [first]}, service))
+
+    with bundle_held(BUNDLE, service):
+        deletion.start()
+        deletion.join(0.5)
+        assert deletion.is_alive()
+        second = add_world(2)
+    deletion.join(10)
+
+    assert listed(service) == [second]
+    assert files(service, BUNDLE) == ["manifest.json", "world.xml"]
