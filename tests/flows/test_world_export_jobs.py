@@ -1,15 +1,19 @@
 """Export jobs: what they leave, and how they end when something is missing."""
 
+import contextvars
+import threading
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import wait_for
 from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException, StorageError
+from prefect_robomaker.tasks import world_export
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.service import Service
 
@@ -102,3 +106,134 @@ def test_an_order_that_cannot_be_met_is_refused_and_nothing_is_stored(
     with pytest.raises(error, match=words):
         call("CreateWorldExportJob", {**order(ghost), **change}, service)
     assert service.catalog.list("world-export-job").resources == ()
+
+
+def described(arn: str, service: Service) -> dict[str, Any]:
+    return call("DescribeWorldExportJob", {"job": arn}, service)
+
+
+def listed(service: Service, **filters: str) -> list[str]:
+    given = {"filters": [{"name": name, "values": [value]} for name, value in filters.items()]} if filters else {}
+    return [job["arn"] for job in call("ListWorldExportJobs", given, service)["worldExportJobSummaries"]]
+
+
+def test_jobs_are_listed_by_what_their_worlds_came_from(
+    service: Service, template: str, generate: Callable[..., dict[str, Any]], ghost: str
+) -> None:
+    generations = [generate(), generate()]
+    first, second = (job["finishedWorldsSummary"]["succeededWorlds"][0] for job in generations)
+    other, one, both = (
+        call("CreateWorldExportJob", order(*worlds), service)["arn"] for worlds in ([ghost], [first], [first, second])
+    )
+    call("CancelWorldExportJob", {"job": other}, service)
+
+    assert listed(service) == [both, one, other]
+    assert listed(service, status="Pending") == [both, one]
+    assert listed(service, status="Canceled") == [other]
+    assert listed(service, templateId=template.split("/")[1]) == [both, one]
+    assert listed(service, generationJobId=generations[0]["arn"].split("/")[1]) == [both, one]
+    assert listed(service, generationJobId=generations[1]["arn"].split("/")[1]) == [both]
+    summary = call("ListWorldExportJobs", {"maxResults": 1}, service)["worldExportJobSummaries"][0]
+    job = described(both, service)
+    assert summary == {member: job[member] for member in ("arn", "status", "createdAt", "worlds", "outputLocation")}
+    with pytest.raises(InvalidParameterException, match=r"worlds.*generationJobId"):
+        listed(service, worlds="world-1")
+
+
+def test_a_job_that_nobody_performs_is_cancelled_at_once(service: Service, ghost: str) -> None:
+    job = call("CreateWorldExportJob", order(ghost), service)
+
+    for _ in range(2):
+        assert call("CancelWorldExportJob", {"job": job["arn"]}, service) == {}
+        assert described(job["arn"], service)["status"] == "Canceled"
+
+
+@pytest.mark.parametrize("moment", ["packing", "storing", "stored"])
+def test_a_running_job_that_is_cancelled_leaves_no_archive(
+    service: Service,
+    generate: Callable[..., dict[str, Any]],
+    prefect_server: str,
+    moment: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    worlds = generate(2)["finishedWorldsSummary"]["succeededWorlds"]
+    job = call("CreateWorldExportJob", order(*worlds), service)["arn"]
+    reached, goes_on = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        reached.set()
+        assert goes_on.wait(60)
+
+    put_file, archive = service.store.put_file, world_export.world_bundle
+
+    def put(bucket: str, key: str, path: Path, *, stopped: Callable[[], bool]) -> Any:
+        if moment == "storing":
+            hold()
+        info = put_file(bucket, key, path, stopped=stopped)
+        if moment == "stored":
+            hold()
+        return info
+
+    def pack(world: Resource, where: Service) -> Path:
+        if moment == "packing":
+            hold()
+        return archive(world, where)
+
+    monkeypatch.setattr(service.store, "put_file", put)
+    monkeypatch.setattr(world_export, "world_bundle", pack)
+    perform = registry()["CreateWorldExportJob"].perform
+    # Prefect finds its server by the context.
+    performer = threading.Thread(target=contextvars.copy_context().run, args=(perform, job, service))
+    performer.start()
+    assert reached.wait(60)
+
+    call("CancelWorldExportJob", {"job": job}, service)
+    at_once = described(job, service)["status"]
+    goes_on.set()
+    wait_for(lambda: described(job, service)["status"] == "Canceled", "the end", timeout_s=30)
+    performer.join(30)
+
+    assert at_once == "Canceling"
+    assert [info.key for info in service.store.list("exports")] == []
+    assert list(service.folder("scratch").iterdir()) == []
+
+
+def test_the_archive_of_a_performer_that_died_over_a_cancelled_job_is_removed(
+    service: Service, ghost: str, prefect_server: str
+) -> None:
+    job = call("CreateWorldExportJob", order(ghost), service)["arn"]
+    service.catalog.transition(job, "start", document_changes={"started": True})
+    service.store.ensure_bucket("exports")
+    key = f"aws-robomaker-worldforge-export-{job.split('/export-')[1]}.zip"
+    service.store.put_bytes("exports", key, b"an archive")
+
+    call("CancelWorldExportJob", {"job": job}, service)
+
+    assert described(job, service)["status"] == "Canceled"
+    assert [info.key for info in service.store.list("exports")] == []
+
+
+def test_cancelling_what_has_ended_changes_nothing(service: Service, generate: Callable[..., dict[str, Any]]) -> None:
+    job = perform(order(*generate()["finishedWorldsSummary"]["succeededWorlds"]), service)
+
+    assert call("CancelWorldExportJob", {"job": job["arn"]}, service) == {}
+
+    assert described(job["arn"], service) == job
+    assert len(list(service.store.list("exports"))) == 1
+    with pytest.raises(ResourceNotFoundException, match="export-none"):
+        call("CancelWorldExportJob", {"job": service.arn("world-export-job", "export-none")}, service)
+
+
+def test_a_deleted_world_fails_its_own_exports_only(
+    service: Service, generate: Callable[..., dict[str, Any]], prefect_server: str
+) -> None:
+    gone, kept = generate(2)["finishedWorldsSummary"]["succeededWorlds"]
+    doomed = call("CreateWorldExportJob", order(gone), service)
+    fine = call("CreateWorldExportJob", order(kept), service)
+    call("BatchDeleteWorlds", {"worlds": [gone]}, service)
+
+    ended = [registry()["CreateWorldExportJob"].perform(job["arn"], service) for job in (doomed, fine)]
+
+    assert [job["status"] for job in ended] == ["Failed", "Completed"]
+    assert ended[0]["failureCode"] == "ResourceNotFound"
+    assert gone in ended[0]["failureReason"]

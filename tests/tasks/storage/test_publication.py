@@ -21,7 +21,7 @@ from prefect_robomaker.schemas.errors import (
     StorageError,
     StorageFullError,
 )
-from prefect_robomaker.tasks.storage import fetch, publish, read_manifest
+from prefect_robomaker.tasks.storage import fetch, publish, read_manifest, unpublish
 from prefect_robomaker.tasks.storage.base import ObjectInfo, ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
@@ -305,3 +305,20 @@ def test_who_may_not_know_that_nothing_is_published_yet_publishes(disk: Director
 
     assert made == publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
     assert made == read_manifest(disk, "outputs", "run")
+
+
+def test_what_is_removed_is_gone_and_nothing_beside_it(store: ObjectStore, bucket: str, outputs: Path):
+    for prefix in ("runs/1", "runs/11"):
+        publish(store, bucket, prefix, outputs, about=ABOUT, created_at=NOW)
+    beside = [info.key for info in store.list(bucket, "runs/11")]
+
+    for _ in range(2):
+        unpublish(store, bucket, "runs/1")
+
+    assert [info.key for info in store.list(bucket)] == beside
+    with pytest.raises(ObjectNotFoundError):
+        read_manifest(store, bucket, "runs/1")
+    with pytest.raises(StorageError, match="everything in"):
+        unpublish(store, bucket, "/")
+    publish(store, bucket, "runs/1", outputs, about=ABOUT, created_at=NOW)
+    assert read_manifest(store, bucket, "runs/1").about == ABOUT
