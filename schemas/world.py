@@ -7,6 +7,7 @@ A world bundle is a folder:
 | `world.json` | this module's `World` |
 | `world.xml` | MJCF, self-contained |
 | `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
+| `world_description.json` | what the world holds, for other programs; only of templates of version 2 |
 | `floorplan.svg` | labelled plan |
 | `preview.png` | the furnished world from above |
 
@@ -68,6 +69,38 @@ class Wall(Model):
     bottom_m: float = Field(default=0.0, description="Height of the lower edge.")
 
 
+class Door(Model):
+    """A leaf on hinges in a doorway.
+
+    The hinge's axis stands at `hinge`, on the face of the wall in `room`. In the leaf's own frame, whose
+    x axis starts there and points to the leaf's free edge, the leaf reaches from x = 0 to `leaf_width_m` and
+    is `thickness_m` thick, on the far side from where it swings: y from 0 to `-swing * thickness_m`.
+    """
+
+    id: str = Field(description="Unique in the world, `door-<n>`; name of its body and its joint in the MJCF.")
+    hinge: Point = Field(description="Where the hinge's axis stands.")
+    closed_yaw: float = Field(description="Direction from the hinge along the closed leaf.")
+    swing: Literal[1, -1] = Field(description="Opening turns the leaf: 1 counter-clockwise, -1 clockwise, from above.")
+    room: str = Field(description="Name of the room it opens into.")
+    leaf_width_m: float = Field(description="From the hinge's axis to the leaf's free edge.")
+    leaf_height_m: float = Field(description="Height of the leaf itself.")
+    thickness_m: float = Field(description="Thickness of the leaf.")
+    bottom_m: float = Field(default=0.01, description="Gap under the leaf.")
+    max_angle_rad: float = Field(description="The furthest it opens.")
+    open_percent: float = Field(default=100.0, ge=0, le=100, description="How far it is open at first; 0 is closed.")
+    clear_width_m: float = Field(description="Clear width of the doorway with the leaf fully open.")
+    style: str = Field(default="", description="Which of the parametric styles was built, `panelled oak`.")
+
+    @property
+    def open_angle_rad(self) -> float:
+        """How far the leaf is turned at first."""
+        return self.max_angle_rad * self.open_percent / 100
+
+    def yaw_at(self, angle_rad: float) -> float:
+        """Direction from the hinge along the leaf when it is open by an angle."""
+        return self.closed_yaw + self.swing * angle_rad
+
+
 class Passage(Model):
     """A way between two rooms."""
 
@@ -77,6 +110,7 @@ class Passage(Model):
     end: Point = Field(description="The other jamb, on the wall's centre line.")
     width_m: float = Field(description="Clear width between the jambs.")
     requested: bool = Field(description="Whether the template asked for it; otherwise added to connect all rooms.")
+    door: Door | None = Field(default=None, description="Its door; absent in openings and in worlds of version 1.")
 
 
 class Window(Model):
