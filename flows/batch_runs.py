@@ -1,5 +1,6 @@
 """Performing one simulation job batch: its requests become jobs, the jobs run, the batch ends."""
 
+import time
 from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any
@@ -14,6 +15,7 @@ from ..tasks.performing import Lease
 from ..tasks.service import Progress, Service
 from .simulation_jobs import store_job
 
+_WAIT_S = 0.5
 _END_EVENTS: Mapping[str, str] = {
     "Completed": "complete",
     "Failed": "fail",
@@ -63,6 +65,8 @@ class BatchRun:
             self._lease.transition("start")
         if unfinished := self._unfinished():
             self._run_requests(unfinished)
+        while self.why_stop() and not self._lease.lost and not self._stop_leftovers():
+            time.sleep(_WAIT_S)  # somebody else performs one of its jobs, and has been told to end it
         self._settle()
 
     def end(self) -> None:
@@ -71,14 +75,22 @@ class BatchRun:
         Jobs that others perform are cancelled; the batch is left to whoever performs it next then.
         """
         self._note_stop()
+        if self._stop_leftovers():
+            self._settle()
+
+    def _stop_leftovers(self) -> bool:
+        """Ends the jobs that nobody performs, and has the others cancelled.
+
+        Returns:
+          Whether all jobs have ended.
+        """
         reason = self.why_stop() or "BatchCanceled"
         performed = [
             job.arn for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
         ]
         for arn in performed:
             self._service.catalog.request_cancel(arn)
-        if not performed:
-            self._settle()
+        return not performed
 
     def _active(self) -> dict[int, Resource]:
         """The jobs that have not ended, by the place of their request."""
@@ -158,12 +170,17 @@ class BatchRun:
             Progress({**counts, "not created": failed, "pending": waiting}, len(self._requests))
         )
 
-    def _look(self) -> None:
-        """Records, several times a second, what the requests' tasks have brought about."""
+    def _look(self) -> bool:
+        """Records, several times a second, what the requests' tasks have brought about.
+
+        Returns:
+          Whether requests that nobody has begun with are not to be begun any more.
+        """
         self._save_failures()
         self._note_stop()
         if self._lease.job.status == "InProgress" and not self._waiting():
             self._lease.transition("drain")
+        return self.why_stop() is not None
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""

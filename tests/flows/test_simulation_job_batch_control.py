@@ -181,3 +181,23 @@ def test_a_batch_of_a_thousand_requests_is_stored_described_and_cancelled_quickl
 def test_a_batch_that_does_not_exist_is_not_found(service: Service, operation: str) -> None:
     with pytest.raises(ResourceNotFoundException, match="batch-000000000000"):
         call(operation, {"batch": service.arn(KIND, "batch-000000000000")}, service)
+
+
+@pytest.mark.parametrize(
+    ("event", "code", "status"), [("cancel", "BatchCanceled", "Canceled"), ("time_out", "BatchTimedOut", "TimedOut")]
+)
+def test_a_batch_that_was_being_stopped_when_its_performer_died_is_ended(
+    service: Service, prefect_server: str, event: str, code: str, status: str
+) -> None:
+    arn = start(service, plain(), plain())
+    service.catalog.transition(arn, "start")
+    make_job(service, arn, 0)
+    service.catalog.transition(arn, event)
+
+    ended = registry()["StartSimulationJobBatch"].perform(arn, service)
+
+    assert ended["status"] == status
+    assert [job["status"] for job in ended["createdRequests"]] == ["Canceled"]
+    assert [failed["failureCode"] for failed in ended["failedRequests"]] == [code]
+    [job] = ended["createdRequests"]
+    assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["failureCode"] == code
