@@ -8,6 +8,7 @@ it is chosen.
 import argparse
 import difflib
 import re
+from collections.abc import Callable
 from typing import NoReturn
 
 EPILOGUE = """\
@@ -31,6 +32,15 @@ first steps:
 
 class Parser(argparse.ArgumentParser):
     """A parser that suggests what may have been meant."""
+
+    more_help: Callable[[], str] | None = None
+    """Makes what the help ends with, when somebody asks for help."""
+
+    def format_help(self) -> str:
+        """The help, with what only it needs."""
+        if self.more_help is not None:
+            self.epilog = self.more_help()
+        return super().format_help()
 
     def error(self, message: str) -> NoReturn:
         """Ends the program with exit code 2 and what would be right."""
@@ -134,8 +144,10 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
         shared,
         "call",
         "call one operation, as an SDK would",
-        "Takes the same input as the AWS CLI's --cli-input-json and --cli-input-yaml.",
+        "Takes the same input as the AWS CLI's --cli-input-json and --cli-input-yaml. Each operation with an\n"
+        "example: docs/operations.md; its members: robomaker schema OPERATION.",
     )
+    call.more_help = _operations_by_group
     call.add_argument("operation", metavar="OPERATION", help="operation: DescribeWorld, describe-world, …")
     call.add_argument(
         "--input", metavar="INPUT", default="{}", help="request: a file, JSON text, or - for standard input"
@@ -173,6 +185,16 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
         commands, shared, "server", "start, stop or look at the local Prefect server", "start prints its API's URL."
     )
     server.add_argument("action", choices=("start", "stop", "status"))
+
+
+def _operations_by_group() -> str:
+    from ...schemas.operation_groups import OPERATION_GROUPS
+
+    width = max(len(each.name) for group in OPERATION_GROUPS.values() for each in group)
+    lines = ["operations:"]
+    for title, group in OPERATION_GROUPS.items():
+        lines += [f"  {title}", *(f"    {each.name:<{width}}  {each.description}" for each in group)]
+    return "\n".join(lines)
 
 
 def _add_serve(commands: "_Commands[Parser]", shared: Parser) -> None:

@@ -3,12 +3,15 @@
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from ruamel.yaml import YAML
+
+from prefect_robomaker.schemas.operations import OPERATIONS
 
 BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
 
@@ -53,6 +56,14 @@ def test_refusals_name_the_error_or_the_place(robomaker) -> None:
     unknown = robomaker("call", "DescribeWolrd")
     assert unknown.code == 2
     assert "did you mean 'DescribeWorld'?" in unknown.err
+
+
+def test_help_lists_every_operation_with_others_of_its_resource(robomaker) -> None:
+    shown = robomaker("call", "--help").out
+    for name, shape in OPERATIONS.items():
+        assert re.search(rf"^    {name} +{re.escape(shape.description)}$", shown, re.MULTILINE)
+    lines = [line.split()[0] for line in shown.partition("\noperations:\n")[2].splitlines()]
+    assert lines[lines.index("Tags") :] == ["Tags", "ListTagsForResource", "TagResource", "UntagResource"]
 
 
 def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None:
