@@ -1,9 +1,12 @@
-"""The body of a world template, version 1: what a user wishes a world to be.
+"""The body of a world template, versions 1 and 2: what a user wishes a world to be.
 
 `parse_template_body` turns JSON text into a `WorldTemplateBody` or says, one line per problem, where
 the text is wrong and what would be right. The members' names, defaults and limits are those of the
 published schema; the rules that the schema leaves to prose (areas, names that must exist, connections
 that contradict each other, materials) are enforced here as well.
+
+The models are those of version 2, which has all that version 1 has; what version 1 lacks is refused in its
+bodies by a rule. Version 2 adds doors, `Target.All` and `OriginalName`, and its default room has another name.
 """
 
 import json
@@ -12,7 +15,7 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from .base import Model
@@ -20,15 +23,17 @@ from .errors import InvalidParameterException
 from .request_problems import misspelt_members, pattern_in_words
 from .strict_json import load_strict, show
 from .world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
+from .world_template_doorways import TemplateDoorways
 from .world_template_rules import FLOORPLAN_PATH as FLOORPLAN_PATH
 from .world_template_rules import INTERIOR_PATH as INTERIOR_PATH
 from .world_template_rules import rule_problems
+from .world_template_targets import CONSTANT_TAG, OBJECT_TAG, NameText, RoomTarget
+from .world_template_targets import TemplateTargetSet as TemplateTargetSet
 
 MAX_BODY_CHARACTERS = 262_144
 _MAX_REPORTED_PROBLEMS = 20
 
 SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
-NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
 Side = Annotated[float, Field(ge=1, le=4)]
 
 
@@ -79,6 +84,9 @@ class TemplateRoom(Model):
 
     Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
     Name: NameText = Field(description="The room's name, unique in the template.")
+    OriginalName: str | None = Field(
+        default=None, description="What the user called the room, in any letters; only in version 2."
+    )
     DesiredShape: TemplateShape = Field(
         default=TemplateShape(Area=20.0, AspectRatio=TemplateAspectRatio()),
         description="Desired area and aspect ratio.",
@@ -127,13 +135,6 @@ class TemplateFloorplan(Model):
     )
 
 
-class TemplateTargetSet(Model):
-    """Which rooms a set is for: by name or by type. A name beats a type for the same room."""
-
-    RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
-    RoomTypes: list[RoomType] | None = Field(default=None, min_length=1, max_length=7, description="Types of rooms.")
-
-
 class FloorSampleSet(Model):
     """Floor materials to choose from."""
 
@@ -156,7 +157,7 @@ class FloorMaterialSet(Model):
     """Floor materials of some rooms."""
 
     Name: NameText = Field(description="The set's name.")
-    TargetSet: TemplateTargetSet = Field(description="The rooms it is for.")
+    TargetSet: RoomTarget = Field(description="The rooms it is for.")
     SampleSet: FloorSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
 
 
@@ -164,7 +165,7 @@ class WallMaterialSet(Model):
     """Wall materials of some rooms."""
 
     Name: NameText = Field(description="The set's name.")
-    TargetSet: TemplateTargetSet = Field(description="The rooms it is for.")
+    TargetSet: RoomTarget = Field(description="The rooms it is for.")
     SampleSet: WallSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
 
 
@@ -172,7 +173,7 @@ class FurnitureArrangement(Model):
     """Furniture of some rooms."""
 
     Name: NameText = Field(description="The arrangement's name.")
-    TargetSet: TemplateTargetSet = Field(description="The rooms it is for.")
+    TargetSet: RoomTarget = Field(description="The rooms it is for.")
     SampleSet: FurnitureSampleSet | None = Field(default=None, description="Kinds; absent: by room type.")
     DesiredSpatialDensity: SpatialDensity = Field(default="Moderate", description="How full the rooms should be.")
 
@@ -200,6 +201,7 @@ class TemplateFurniture(Model):
 class TemplateInterior(Model):
     """Wishes about materials and furniture."""
 
+    Doorways: TemplateDoorways | None = Field(default=None, description="Doors; only in version 2.")
     Flooring: TemplateFlooring = Field(default=TemplateFlooring(), description="Floor materials.")
     Walls: TemplateWalls = Field(default=TemplateWalls(), description="Wall materials.")
     Furniture: TemplateFurniture = Field(default=TemplateFurniture(), description="Furniture.")
@@ -220,13 +222,40 @@ class TemplateBuilding(Model):
     )
 
 
-class WorldTemplateBody(Model):
-    """A whole template body; `{}` is one, and means a single default room."""
+_ROOMS: tuple[str | int, ...] = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
+_ROOM_OF_VERSION_2 = {"Type": "Living", "Name": "My_Living_Room", "OriginalName": "My Living Room"}
 
-    Version: Literal["1"] = Field(default="1", description="Version of the body's form.")
+
+def _with_default(value: Any, path: tuple[str | int, ...], default: Any) -> Any:
+    """A copy of a JSON value with `default` at a path where nothing is; a value of another form is left as it is."""
+    if not path:
+        return value
+    key, rest = path[0], path[1:]
+    if isinstance(key, int):
+        return [_with_default(value[0], rest, default), *value[1:]] if isinstance(value, list) and value else value
+    if not isinstance(value, dict):
+        return value
+    if not rest:
+        return {key: default, **value}
+    return {**value, key: _with_default(value.get(key, [{}] if isinstance(rest[0], int) else {}), rest, default)}
+
+
+class WorldTemplateBody(Model):
+    """A whole template body; `{}` is one, of version 1, and means a single default room."""
+
+    Version: Literal["1", "2"] = Field(
+        default="1", description="Version of the body's form; worlds of version 2 have doors."
+    )
     Buildings: list[TemplateBuilding] = Field(
         default=[TemplateBuilding()], min_length=1, max_length=1, description="Exactly one building."
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_room(cls, document: Any) -> Any:
+        """The default room of version 2."""
+        second = isinstance(document, dict) and document.get("Version") == "2"
+        return _with_default(document, _ROOMS, [_ROOM_OF_VERSION_2]) if second else document
 
     @property
     def floorplan(self) -> TemplateFloorplan:
@@ -261,7 +290,7 @@ def parse_template_body(text: str) -> WorldTemplateBody:
         try:
             body = WorldTemplateBody.model_validate(document)
         except ValidationError as error:
-            found = error.errors(include_url=False)
+            found = [_untagged(each) for each in error.errors(include_url=False)]
             misspelt = misspelt_members(found)
             problems = [_explain(each) for each in found if each["type"] != "missing" or each["loc"] not in misspelt]
         else:
@@ -295,10 +324,8 @@ def _version_problems(document: Any) -> Iterator[str]:
     """Comes first: members of another version's bodies would only add noise."""
     if not isinstance(document, dict):
         yield f"body: {show(document)}: not a JSON object"
-    elif document.get("Version", "1") == "2":
-        yield 'Version: "2": version 2 bodies (hinged doors) are not supported yet; "1" would be right'
-    elif document.get("Version", "1") != "1":
-        yield f'Version: {show(document["Version"])}: no such version; "1", in quotes, would be right'
+    elif document.get("Version", "1") not in ("1", "2"):
+        yield f'Version: {show(document["Version"])}: no such version; "1" or "2", in quotes, would be right'
 
 
 def _null_problems(value: Any, path: str = "") -> Iterator[str]:
@@ -316,6 +343,12 @@ def _join(path: str, key: str | int) -> str:
     # Member names that a user made up may hold anything; they stay on one printable line.
     name = key if key.isidentifier() and key.isascii() else show(key)
     return f"{path}.{name}" if path else name
+
+
+def _untagged(detail: ErrorDetails) -> ErrorDetails:
+    """The same error, located by what stands in the document alone."""
+    detail["loc"] = tuple(key for key in detail["loc"] if key not in (OBJECT_TAG, CONSTANT_TAG))
+    return detail
 
 
 def _explain(detail: ErrorDetails) -> str:

@@ -1,17 +1,19 @@
 """The rules for template bodies that the published schema leaves to prose.
 
-Names must be unique and exist, and connections must not contradict each other.
+Names must be unique and exist, connections must not contradict each other, and bodies of version 1 have
+nothing that came with version 2.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .strict_json import show
 
 if TYPE_CHECKING:
-    from .world_template_body import DesiredConnection, TemplateTargetSet, WorldTemplateBody
+    from .world_template_body import DesiredConnection, WorldTemplateBody
+    from .world_template_targets import TemplateTargetSet
 
 MAX_CONNECTIONS_PER_ROOM = 4
 
@@ -24,6 +26,8 @@ INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
 
 def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
     """The rules that the guide gives in prose."""
+    if body.Version == "1":
+        yield from _version_problems(body)
     names = tuple(room.Name for room in body.floorplan.Rooms)
     for index, name in enumerate(names):
         if name in names[:index]:
@@ -32,13 +36,46 @@ def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
     if len(set(names)) < len(names):
         return  # which room a name means is open
     yield from _connection_problems(body.floorplan.DesiredConnections, names)
-    for section, sets in (
-        ("Flooring.MaterialSets", body.interior.Flooring.MaterialSets),
-        ("Walls.MaterialSets", body.interior.Walls.MaterialSets),
-        ("Furniture.FurnitureArrangements", body.interior.Furniture.FurnitureArrangements),
-    ):
+    for path, target in _room_targets(body):
+        yield from _target_problems(target, names, path)
+
+
+_LATER = 'only in bodies of version 2; leave it out, or set Version to "2"'
+
+
+def _version_problems(body: "WorldTemplateBody") -> Iterator[str]:
+    """What version 1 does not have."""
+    for index, room in enumerate(body.floorplan.Rooms):
+        if room.OriginalName is not None:
+            yield f"{FLOORPLAN_PATH}.Rooms[{index}].OriginalName: {_LATER}"
+    if body.interior.Doorways is not None:
+        yield f"{INTERIOR_PATH}.Doorways: {_LATER}"
+    for section, sets in _sets(body):
         for index, item in enumerate(sets):
-            yield from _target_problems(item.TargetSet, names, f"{INTERIOR_PATH}.{section}[{index}].TargetSet")
+            if isinstance(item.TargetSet, str):
+                yield f"{INTERIOR_PATH}.{section}[{index}].TargetSet: {show(item.TargetSet)}: {_LATER}"
+
+
+def _sets(body: "WorldTemplateBody") -> Iterator[tuple[str, Sequence[Any]]]:
+    """The sets for rooms, by where they stand in the interior."""
+    interior = body.interior
+    yield "Flooring.MaterialSets", interior.Flooring.MaterialSets
+    yield "Walls.MaterialSets", interior.Walls.MaterialSets
+    yield "Furniture.FurnitureArrangements", interior.Furniture.FurnitureArrangements
+
+
+def _room_targets(body: "WorldTemplateBody") -> "Iterator[tuple[str, TemplateTargetSet]]":
+    """Everything that names rooms, with its path; not what is for all of them."""
+    for section, sets in _sets(body):
+        for index, item in enumerate(sets):
+            if not isinstance(item.TargetSet, str):
+                yield f"{INTERIOR_PATH}.{section}[{index}].TargetSet", item.TargetSet
+    doorways = body.interior.Doorways
+    for index, item in enumerate(doorways.DoorwaySets if doorways else []):
+        if not isinstance(item.TargetSet, str):
+            path = f"{INTERIOR_PATH}.Doorways.DoorwaySets[{index}].TargetSet"
+            yield f"{path}.From", item.TargetSet.From
+            yield f"{path}.To", item.TargetSet.To
 
 
 def _target_problems(target: "TemplateTargetSet", names: tuple[str, ...], path: str) -> Iterator[str]:

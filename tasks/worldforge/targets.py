@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from ...schemas.world import Room, WishOutcome
-from ...schemas.world_template_body import TemplateTargetSet
+from ...schemas.world_template_targets import RoomTarget
 
 
 class TargetedSet(Protocol):
@@ -16,7 +16,7 @@ class TargetedSet(Protocol):
         ...
 
     @property
-    def TargetSet(self) -> TemplateTargetSet:  # noqa: N802 (the service's name)
+    def TargetSet(self) -> RoomTarget:  # noqa: N802 (the service's name)
         """The rooms it is for."""
         ...
 
@@ -24,25 +24,31 @@ class TargetedSet(Protocol):
 Set = TypeVar("Set", bound=TargetedSet)
 
 
+def _for_room(target: RoomTarget, room: Room) -> int | None:
+    """How a target means a room: 0 by name, 1 by type, 2 with all others; None: it does not."""
+    if isinstance(target, str):
+        return 2
+    if room.name in (target.RoomNames or []):
+        return 0
+    return 1 if room.type in (target.RoomTypes or []) else None
+
+
 def targeted(one_set: TargetedSet, rooms: Sequence[Room]) -> list[Room]:
     """The rooms a set asks for, whether it gets them or not."""
-    target = one_set.TargetSet
-    names, types = target.RoomNames or [], target.RoomTypes or []
-    return [room for room in rooms if room.name in names or room.type in types]
+    return [room for room in rooms if _for_room(one_set.TargetSet, room) is not None]
 
 
 def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
     """Index of the set that each room follows, by the room's name.
 
-    A set that names a room beats one that names its type; among equals the first in the template wins.
+    A set that names a room beats one that names its type, and that beats one for all rooms; among equals
+    the first in the template wins.
     """
     chosen: dict[str, int] = {}
-    for by_name in (True, False):
+    for rank in range(3):
         for index, one_set in enumerate(sets):
-            target = one_set.TargetSet
             for room in rooms:
-                wanted = room.name in (target.RoomNames or []) if by_name else room.type in (target.RoomTypes or [])
-                if wanted:
+                if _for_room(one_set.TargetSet, room) == rank:
                     chosen.setdefault(room.name, index)
     return chosen
 
@@ -54,6 +60,7 @@ def why_unused(
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet
-        return "missed", f"the plan has no room {', '.join(target.RoomNames or target.RoomTypes or [])}"
+        wished = [target] if isinstance(target, str) else target.RoomNames or target.RoomTypes or []
+        return "missed", f"the plan has no room {', '.join(wished)}"
     others = sorted({sets[chosen[room.name]].Name for room in wanted})
     return "contradictory", f"its rooms follow {', '.join(others)}"

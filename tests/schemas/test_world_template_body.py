@@ -132,8 +132,10 @@ def test_equal_wishes_have_equal_canonical_text_which_parses_to_themselves() -> 
         ("1" * 5000, "templateBody: a number has too many digits"),
         ("[]", "body: []: not a JSON object"),
         ("null", "body: null: not a JSON object"),
-        ('{"Version": "2", "Doors": 1}', 'Version: "2": version 2 bodies (hinged doors) are not supported yet'),
-        ('{"Version": 1}', 'Version: 1: no such version; "1", in quotes, would be right'),
+        ('{"Version": "3", "Doors": 1}', 'Version: "3": no such version; "1" or "2", in quotes, would be right'),
+        ('{"Version": 1}', 'Version: 1: no such version; "1" or "2", in quotes, would be right'),
+        ('{"Version": "2", "Doors": 1}', "Doors: unknown member; known here: Version, Buildings"),
+        ('{"Buildings": [{"Floors": [],}],}', "templateBody: not JSON: "),
         ('{"Buildings": null}', "Buildings: null: not allowed; leave it out instead"),
         ('{"buildings": []}', 'buildings: unknown member; did you mean "Buildings"?'),
         ('{"Buildings": []}', "Buildings: []: "),
@@ -239,6 +241,16 @@ LIVING = {"RoomTypes": ["Living"]}
         (
             {"Furniture": {"FurnitureArrangements": [named(LIVING, SampleSet={"ModelTypes": [], "Desired": 1})]}},
             "SampleSet.Desired: unknown member; known here: ModelTypes",
+        ),
+        (
+            {
+                "Furniture": {
+                    "FurnitureArrangements": [
+                        named(LIVING, SampleSet={"ModelTypes": ["Beds"], "DesiredSpatialDensity": "Dense"})
+                    ]
+                }
+            },
+            "SampleSet.DesiredSpatialDensity: unknown member; known here: ModelTypes",
         ),
         (
             {"Furniture": {"FurnitureArrangements": [named(LIVING, DesiredSpatialDensity="Full")]}},
