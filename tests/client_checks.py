@@ -34,7 +34,7 @@ def check_worlds(told: Told, wanted: Mapping[str, Any], objects: Path) -> None:
     assert told["templateDescribed"]["name"] == wanted["name"]
     assert json.loads(told["body"]["templateBody"]) == json.loads(wanted["body"])
     assert told["generation"]["status"] == "Pending"
-    assert told["generated"]["status"] == "Completed"
+    assert told["generated"]["status"] == "Completed", told["generated"]
     assert told["generated"]["tags"] == {"why": "nightly"}
     assert worlds == [f"{job.replace('-generation-job', '')}/world-{number}" for number in (1, 2)]
     assert sorted(_arns(told["worlds"])) == worlds
