@@ -54,7 +54,7 @@ def delete_world(world: Resource, service: Service) -> None:
       StorageError: the bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
     """
     bundle = world.document.get("bundle")
-    if not bundle or BUNDLE_LABEL not in world.labels:  # of an older program's worlds nobody knows who shares what
+    if not bundle:
         service.catalog.delete(world.arn)
         return
     with bundle_held(bundle, service):

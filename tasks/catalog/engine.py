@@ -12,6 +12,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from ...schemas.errors import ConfigurationError
 from .tables import metadata, schema_version
+from .world_labels import label_worlds
 
 _BUSY_TIMEOUT_S = 30.0
 _MIGRATION_LOCK = 0x0B07  # any number, the same for all programs that use this catalog
@@ -28,7 +29,12 @@ def _add_lost_performers(connection: Connection) -> None:
         connection.execute(text("ALTER TABLE resources ADD COLUMN lost_performers INTEGER NOT NULL DEFAULT 0"))
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all, _add_labels, _add_lost_performers)
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
+    metadata.create_all,
+    _add_labels,
+    _add_lost_performers,
+    label_worlds,
+)
 """Each brings the tables one version further; later ones are added at the end and never change.
 
 The first makes all tables as they are now, so a migration added later is for catalogs that were
