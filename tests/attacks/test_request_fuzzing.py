@@ -128,7 +128,12 @@ REQUESTS: dict[str, dict[str, Any]] = {
     "ListWorldExportJobs": {"maxResults": 3, "filters": [{**NAMED, "name": "generationJobId"}]},
     "CancelWorldExportJob": {"job": f"{ARN}:world-export-job/none"},
     "DescribeSimulationJob": {"job": f"{ARN}:simulation-job/none"},
+    "ListSimulationJobs": {"maxResults": 3, "filters": [{**NAMED, "name": "simulationApplicationName"}]},
+    "CancelSimulationJob": {"job": f"{ARN}:simulation-job/none"},
+    "RestartSimulationJob": {"job": f"{ARN}:simulation-job/none"},
     "DescribeSimulationJobBatch": {"batch": f"{ARN}:simulation-job-batch/none"},
+    "ListSimulationJobBatches": {"maxResults": 3, "nextToken": "abc", "filters": [{**NAMED, "name": "status"}]},
+    "CancelSimulationJobBatch": {"batch": f"{ARN}:simulation-job-batch/none"},
     **{
         name: request
         for role in ("Robot", "Simulation")
