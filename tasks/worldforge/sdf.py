@@ -1,0 +1,215 @@
+"""Models in SDF 1.6, which Gazebo 9 and 11 read as well as Gazebo Sim.
+
+That version has boxes, cylinders, spheres, planes and meshes. Ellipsoids for the eye become meshes,
+those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres.
+"""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from math import asin, atan2, pi
+
+import mujoco
+import numpy as np
+
+from .export_meshes import compiled_mesh, obj_text, unit_mesh
+from .export_scene import Inertia, Joint, Matrix, Shape, Thing, Vector
+
+SDF_VERSION = "1.6"
+
+_ENDLESS_PLANE_M = 100.0
+"""Side of a plane without an end, where it has to be told."""
+_SAME_VOLUME = (pi / 6) ** (1 / 3)
+"""A box of this share of an ellipsoid's extents has its volume."""
+_SPECULAR = "0.05 0.05 0.05 1"
+
+
+def model_files(thing: Thing, name: str, model: mujoco.MjModel) -> dict[str, str]:
+    """A model folder's files by their paths in it: `model.config`, `model.sdf` and meshes.
+
+    Args:
+      thing: what it is made from.
+      name: the model's name, which is its folder's.
+      model: the compiled MJCF that the thing is from.
+    """
+    meshes = {}
+    for shape in thing.shapes:
+        if shape.kind == "ellipsoid" and shape.drawn:
+            meshes[_mesh_path(shape)] = obj_text(unit_mesh("ellipsoid"))
+        elif shape.kind == "mesh":
+            meshes[_mesh_path(shape)] = obj_text(compiled_mesh(model, shape.mesh))
+    return {"model.config": _config(thing, name), "model.sdf": model_sdf(thing, name), **meshes}
+
+
+def model_sdf(thing: Thing, name: str) -> str:
+    """The model as SDF text: one link, static unless the thing moves, and the joint that ties it to the world."""
+    root = ET.Element("sdf", version=SDF_VERSION)
+    model = ET.SubElement(root, "model", name=name)
+    _text(model, "static", "false" if thing.inertia else "true")
+    link = ET.SubElement(model, "link", name="link")
+    if thing.inertia:
+        _inertial(link, thing.inertia)
+    for shape in thing.shapes:
+        for simple in _simple_collisions(shape):
+            _collision(link, simple, name)
+        for simple in _simple_visuals(shape):
+            _visual(link, simple, name)
+    if thing.joint:
+        _joint(model, thing.joint)
+    return xml_text(root)
+
+
+def xml_text(root: ET.Element) -> str:
+    """A whole XML document, indented."""
+    ET.indent(root)
+    return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def numbers(values: Iterable[float], digits: int = 4) -> str:
+    """Numbers as SDF writes them."""
+    return " ".join(f"{round(float(value), digits) + 0.0:.10g}" for value in values)
+
+
+def pose_text(position: Vector, rotation: Matrix) -> str:
+    """A pose as SDF writes it: x, y, z, roll, pitch and yaw."""
+    return f"{numbers(position)} {numbers(_roll_pitch_yaw(rotation), 6)}"
+
+
+def _roll_pitch_yaw(rotation: Matrix) -> tuple[float, float, float]:
+    sine = min(1.0, max(-1.0, -float(rotation[2, 0])))
+    if abs(sine) > 1 - 1e-9:  # roll and yaw turn about the same axis
+        return 0.0, asin(sine), atan2(-rotation[0, 1], rotation[1, 1])
+    return atan2(rotation[2, 1], rotation[2, 2]), asin(sine), atan2(rotation[1, 0], rotation[0, 0])
+
+
+def _text(parent: ET.Element, tag: str, text: str) -> ET.Element:
+    child = ET.SubElement(parent, tag)
+    child.text = text
+    return child
+
+
+def _placed(parent: ET.Element, position: Vector, rotation: Matrix) -> None:
+    if position.any() or not np.array_equal(rotation, np.eye(3)):
+        _text(parent, "pose", pose_text(position, rotation))
+
+
+def _simple_collisions(shape: Shape) -> Iterator[Shape]:
+    if not shape.collides:
+        return
+    if shape.kind == "ellipsoid":
+        half = (shape.half[0] * _SAME_VOLUME, shape.half[1] * _SAME_VOLUME, shape.half[2] * _SAME_VOLUME)
+        yield replace(shape, kind="box", half=half)
+    else:
+        yield from _without_capsules(shape)
+
+
+def _simple_visuals(shape: Shape) -> Iterator[Shape]:
+    if not shape.drawn or shape.color[3] <= 0:
+        return
+    if shape.ceiling and shape.kind == "box":
+        underside = shape.position - shape.rotation[:, 2] * shape.half[2]
+        # Drawn from one side only: whoever looks from above sees into the rooms.
+        yield replace(shape, kind="plane", position=underside, half=(*shape.half[:2], 0.0))
+    else:
+        yield from _without_capsules(shape)
+
+
+def _without_capsules(shape: Shape) -> Iterator[Shape]:
+    if shape.kind != "capsule":
+        yield shape
+        return
+    radius, _, half_length = shape.half
+    yield replace(shape, kind="cylinder")
+    for side, name in ((1.0, "head"), (-1.0, "foot")):
+        position = shape.position + side * half_length * shape.rotation[:, 2]
+        yield replace(
+            shape, name=f"{shape.name}-{name}", kind="sphere", position=position, half=(radius, radius, radius)
+        )
+
+
+def _collision(link: ET.Element, shape: Shape, model: str) -> None:
+    # Nothing else in a link may have a collision's name, not even a visual.
+    collision = ET.SubElement(link, "collision", name=f"{shape.name}-collision")
+    _placed(collision, shape.position, shape.rotation)
+    _geometry(collision, shape, model)
+    friction = ET.SubElement(ET.SubElement(collision, "surface"), "friction")
+    ode = ET.SubElement(friction, "ode")
+    _text(ode, "mu", numbers([shape.friction]))
+    _text(ode, "mu2", numbers([shape.friction]))
+
+
+def _visual(link: ET.Element, shape: Shape, model: str) -> None:
+    visual = ET.SubElement(link, "visual", name=shape.name)
+    _placed(visual, shape.position, shape.rotation)
+    _geometry(visual, shape, model)
+    if shape.ceiling:
+        _text(visual, "cast_shadows", "false")
+    if shape.color[3] < 1:
+        _text(visual, "transparency", numbers([1 - shape.color[3]]))
+    material = ET.SubElement(visual, "material")
+    color = numbers(shape.color, 3)
+    for tag, value in (("ambient", color), ("diffuse", color), ("specular", _SPECULAR)):
+        _text(material, tag, value)
+
+
+def _geometry(parent: ET.Element, shape: Shape, model: str) -> None:
+    geometry = ET.SubElement(parent, "geometry")
+    kind = "mesh" if shape.kind == "ellipsoid" else shape.kind
+    element = ET.SubElement(geometry, kind)
+    size = [2 * half for half in shape.half]
+    if kind == "box":
+        _text(element, "size", numbers(size))
+    elif kind == "sphere":
+        _text(element, "radius", numbers(shape.half[:1]))
+    elif kind == "cylinder":
+        _text(element, "radius", numbers(shape.half[:1]))
+        _text(element, "length", numbers(size[2:]))
+    elif kind == "plane":
+        _text(element, "normal", "0 0 -1" if shape.ceiling else "0 0 1")
+        _text(element, "size", numbers(side or _ENDLESS_PLANE_M for side in size[:2]))
+    else:
+        _text(element, "uri", f"model://{model}/{_mesh_path(shape)}")
+        if shape.kind == "ellipsoid":
+            _text(element, "scale", numbers(shape.half))
+
+
+def _mesh_path(shape: Shape) -> str:
+    return "meshes/ellipsoid.obj" if shape.kind == "ellipsoid" else f"meshes/mesh_{shape.mesh}.obj"
+
+
+def _inertial(link: ET.Element, inertia: Inertia) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    _placed(inertial, inertia.position, np.eye(3))
+    _text(inertial, "mass", numbers([inertia.mass_kg]))
+    moments = ET.SubElement(inertial, "inertia")
+    for row, column, tag in ((0, 0, "ixx"), (0, 1, "ixy"), (0, 2, "ixz"), (1, 1, "iyy"), (1, 2, "iyz"), (2, 2, "izz")):
+        _text(moments, tag, f"{inertia.moments[row, column] + 0.0:.6g}")
+
+
+def _joint(model: ET.Element, joint: Joint) -> None:
+    element = ET.SubElement(model, "joint", name="joint", type=joint.kind)
+    _placed(element, joint.position, np.eye(3))
+    _text(element, "parent", "world")
+    _text(element, "child", "link")
+    axis = ET.SubElement(element, "axis")
+    _text(axis, "xyz", numbers(joint.axis))
+    limit = ET.SubElement(axis, "limit")
+    _text(limit, "lower", numbers([joint.lower], 6))
+    _text(limit, "upper", numbers([joint.upper], 6))
+    dynamics = ET.SubElement(axis, "dynamics")
+    _text(dynamics, "damping", numbers([joint.damping]))
+    _text(dynamics, "friction", numbers([joint.friction]))
+
+
+def _config(thing: Thing, name: str) -> str:
+    root = ET.Element("model")
+    _text(root, "name", name)
+    _text(root, "version", "1.0")
+    _text(root, "sdf", "model.sdf").set("version", SDF_VERSION)
+    author = ET.SubElement(root, "author")
+    _text(author, "name", "prefect-robomaker")
+    _text(root, "description", thing.label)
+    return xml_text(root)

@@ -1,0 +1,106 @@
+"""The models that worlds share: equal furniture, objects and doors are stored once."""
+
+import hashlib
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from .export_scene import Joint, Matrix, Scene, Shape, Thing
+from .sdf import model_files
+
+_SAME_M = 6e-4
+"""How far equal pieces may differ: the MJCF's numbers have four digits, poses in `world.json` three."""
+
+
+class SharedModels:
+    """Collects models while worlds are written."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, dict[str, str]] = {}
+        """The files of each model's folder, by the model's name."""
+        self._things: dict[str, Thing] = {}
+
+    def add(self, thing: Thing, scene: Scene) -> str:
+        """The name of the model for a thing: a new one unless there is an equal one already.
+
+        The name depends on the thing alone: worlds exported at different times share models.
+        """
+        square = replace(thing, shapes=tuple(_squared(shape) for shape in thing.shapes))
+        first = name = f"{slug(thing.label)}_{_digest(square, scene)}"
+        number = 1
+        while name in self._things:
+            if _equal(self._things[name], square):
+                return name
+            number += 1
+            name = f"{first}_{number}"
+        self._things[name] = square
+        self.files[name] = model_files(square, name, scene.model)
+        return name
+
+
+def slug(text: str) -> str:
+    """The text as a file's name: small letters, digits and underscores."""
+    return re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).lower()).strip("_")
+
+
+def _squared(shape: Shape) -> Shape:
+    """The shape with its sizes swapped in place of a turn, where that is the same shape.
+
+    The MJCF swaps them as a piece is turned in the room, so that pieces that are equal look different.
+    """
+    turned = np.abs(shape.rotation)
+    # Bricks on a box run along its own axes; boxes of SDF have plain colours.
+    if shape.kind in ("box", "ellipsoid") and _is_permutation(turned):
+        first, second, third = (float(value) for value in turned @ shape.half)
+        return replace(shape, half=(first, second, third), rotation=np.eye(3))
+    if shape.kind == "sphere":
+        return replace(shape, rotation=np.eye(3))
+    if shape.kind in ("cylinder", "capsule") and turned[:, 2].max() > 1 - 1e-6:
+        return replace(shape, rotation=_AXES[int(turned[:, 2].argmax())])
+    return shape
+
+
+_AXES: tuple[Matrix, ...] = (
+    np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
+    np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    np.eye(3),
+)
+"""Rotations that bring z to x, y and z."""
+
+
+def _is_permutation(turned: Matrix) -> bool:
+    return bool(np.all((turned < 1e-6) | (turned > 1 - 1e-6)))
+
+
+def _digest(thing: Thing, scene: Scene) -> str:
+    """Tells things apart whose labels are equal: by their parts, and by what made them.
+
+    Sizes and places of parts are left out, as rounding differs from piece to piece.
+    """
+    parts = [(shape.name, shape.kind, shape.color, shape.drawn, shape.collides) for shape in thing.shapes]
+    joint = thing.joint and (thing.joint.kind, *(round(value, 2) for value in _joint_values(thing.joint)))
+    text = repr((scene.world.generator_version, thing.label, parts, joint))
+    return hashlib.sha256(text.encode()).hexdigest()[:6]
+
+
+def _joint_values(joint: Joint) -> tuple[float, ...]:
+    return (*joint.position, *joint.axis, joint.lower, joint.upper, joint.damping, joint.friction)
+
+
+def _equal(first: Thing, second: Thing) -> bool:
+    if bool(first.inertia) != bool(second.inertia) or len(first.shapes) != len(second.shapes):
+        return False
+    if first.inertia and second.inertia and not np.isclose(first.inertia.mass_kg, second.inertia.mass_kg, rtol=1e-3):
+        return False
+    return all(_equal_shapes(*pair) for pair in zip(first.shapes, second.shapes, strict=True))
+
+
+def _equal_shapes(first: Shape, second: Shape) -> bool:
+    return (
+        (first.name, first.kind, first.color, first.friction)
+        == (second.name, second.kind, second.color, second.friction)
+        and bool(np.abs(first.position - second.position).max() < _SAME_M)
+        and max(abs(a - b) for a, b in zip(first.half, second.half, strict=True)) < _SAME_M
+        and bool(np.abs(first.rotation - second.rotation).max() < 1e-3)
+    )
