@@ -8,7 +8,7 @@ SIMULATIONS = (
     differs(
         "Roles",
         f"{_ORDERS} CreateWorldExportJob",
-        known="The service acted with the rights of `iamRole`.",
+        known="Jobs had the rights of `iamRole`.",
         here="It is recorded, not assumed: jobs have the rights of whoever performs them. Batches do without it.",
     ),
     differs(

@@ -1,16 +1,28 @@
 """What the documentation shows is true: its specifications check, its Python runs, its links lead somewhere."""
 
+import json
+import os
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
+import boto3
 import pytest
+from botocore import xform_name
+from endpoint_process import Serve
 
 from prefect_robomaker.deployments.cli.parser import build_parser
+from prefect_robomaker.deployments.sdk.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
 from prefect_robomaker.schemas.spec_check import load_spec
 from prefect_robomaker.tasks.service import Service
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+GUIDE = ROOT / "docs" / "coming-from-robomaker.md"
+SHOWN_ENDPOINT = "http://127.0.0.1:8057"
+FOR_SDKS = "boto3.client("
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -44,7 +56,51 @@ def test_the_example_specifications_are_right(path: Path) -> None:
 def test_python_in_the_documentation_runs(page: Path, service: Service, prefect_server: str) -> None:
     with service.activated():
         for number, text in enumerate(blocks(page, "python")):
-            exec(compile(text, f"{page.name}, block {number}", "exec"), {})
+            if FOR_SDKS not in text:
+                exec(compile(text, f"{page.name}, block {number}", "exec"), {})
+
+
+@pytest.mark.slow
+def test_programs_for_the_service_run(serve: Serve, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    programs = [(page.name, text) for page in PAGES for text in blocks(page, "python") if FOR_SDKS in text]
+    assert {name for name, _ in programs} >= {"README.md", GUIDE.name}
+
+    with serve(PREFECT_API_URL=prefect_server) as served:
+        for name, value in {**served.facts["environment"], "AWS_DATA_PATH": str(DATA_PATH)}.items():
+            monkeypatch.setenv(name, value)
+        for name, text in programs:
+            monkeypatch.setattr(boto3, "DEFAULT_SESSION", None)
+            exec(compile(text, name, "exec"), {})
+        jobs = served.call("ListSimulationJobs", {})["simulationJobSummaries"]
+
+    assert [job["status"] for job in jobs] == ["Completed"]
+
+
+def test_what_the_guide_says_to_type_works(serve: Serve, service: Service, tmp_path: Path) -> None:
+    program = "import boto3; print(boto3.client('robomaker').list_world_templates()['templateSummaries'][0]['name'])"
+    with serve("--execute", "none") as served:
+        script = "\n".join(blocks(GUIDE, "bash")).replace(SHOWN_ENDPOINT, served.url)
+        script += f"\n{shlex.quote(sys.executable)} -c {shlex.quote(program)}\n"
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        environ = {"PATH": path, "HOME": str(tmp_path), "ROBOMAKER_HOME": str(service.settings.home)}
+        ended = subprocess.run(["bash", "-euo", "pipefail", "-c", script], env=environ, capture_output=True, text=True)
+
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.splitlines()[-1] == "flat", "the AWS variables lead boto3 to what `robomaker call` made"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_of_the_aws_cli_name_operations_and_their_members(page: Path) -> None:
+    model, waiters = (json.loads((MODEL_FOLDER / name).read_text()) for name in (SERVICE, WAITERS))
+    operations = {xform_name(name, "-"): each["input"]["shape"] for name, each in model["operations"].items()}
+    waits = {xform_name(name, "-"): each["operation"] for name, each in waiters["waiters"].items()}
+
+    for command in re.findall(r"^\$ aws robomaker (.*)$", "\n".join(blocks(page, "console")), re.MULTILINE):
+        name, *words = shlex.split(command)
+        shape = model["operations"][waits[words.pop(0)]]["input"]["shape"] if name == "wait" else operations[name]
+        known = {f"--{xform_name(member, '-')}" for member in model["shapes"][shape]["members"]}
+        given = {word for word in words if word.startswith("--")}
+        assert given <= known | {"--max-items", "--page-size", "--query"}, command
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)

@@ -4,19 +4,23 @@ import inspect
 import json
 import re
 from collections.abc import Iterator
+from types import ModuleType
 
 from ...flows.operation import registry
 from ...schemas import errors
 from ...schemas.behaviour import Behaviour, Kind
 from ...schemas.behaviours import BEHAVIOURS, behaviours_of
 from ...schemas.differences import ANYTHING, DIFFERENCES, LINE_BREAKS
+from ...schemas.errors import RobomakerError
 from ...schemas.operation_groups import OPERATION_GROUPS
 from ...schemas.operation_shape import OperationShape
 from ...schemas.operations import OPERATIONS
+from ..endpoint import messages
+from ..sdk.shapes import WIDEST
 from .examples import EXAMPLES
 from .tables import Tables
 
-_WIDTH = 100
+_WIDTH = 90
 _INTRODUCTION = """\
 # Operations
 
@@ -39,6 +43,10 @@ Operations that start a job store it as `Pending` and answer. `robomaker serve`,
 answered in the places of those that are shown; `applications/cartpole.tar.gz` is the archive of
 [Applications](applications.md#from-code-to-a-run).
 """
+_FOR_ALL = frozenset({ANYTHING, LINE_BREAKS})
+"""Reasons that many members share; the table of all differences is enough."""
+_WIDEST = frozenset({f"{shape}:max" for shape in WIDEST})
+"""Bounds that depend on the operation; tables of requests have them."""
 _KINDS: dict[Kind, str] = {
     "differs": "Differs from the service",
     "decided": "Decided here, since it was not clear",
@@ -64,7 +72,7 @@ def command(operation: str) -> str:
 
 def bullet(behaviour: Behaviour) -> str:
     """What is to be known of an operation, as an entry of a list."""
-    known = "Known" if behaviour.kind == "decided" else "The service"
+    known = "Known" if behaviour.kind == "decided" else "RoboMaker"
     return f"- **{behaviour.topic}.** {behaviour.here}<br>*{known}: {behaviour.known}*"
 
 
@@ -79,15 +87,23 @@ def _contents() -> str:
 
 
 def _errors() -> str:
-    lines = ["| error | status | when |", "| --- | --- | --- |"]
-    for name, error in inspect.getmembers(errors, inspect.isclass):
-        if issubclass(error, errors.ServiceError) and error is not errors.ServiceError:
-            lines.append(f"| `{name}` | {error.status} | {inspect.getdoc(error)} |")
-    words = (
-        "Every operation below lists those that it declares. `ServiceUnavailableException` may come from all of them, "
-        "when the catalog or the object store does not answer. The endpoint has some more, see [Serving](serving.md)."
+    own = _error_table(errors, errors.ServiceError)
+    protocol = _error_table(messages, messages.ProtocolError)
+    return (
+        f"## Errors\n\n{own}\n\n"
+        "Every operation lists those that it declares. `ServiceUnavailableException` may come from all of them, when "
+        "the catalog or the object store does not answer.\n\n"
+        f"Over HTTP, requests that no operation sees end with:\n\n{protocol}\n"
     )
-    return "## Errors\n\n" + "\n".join(lines) + f"\n\n{words}\n"
+
+
+def _error_table(module: ModuleType, base: type[RobomakerError]) -> str:
+    """The errors of a module that derive from a class."""
+    lines = ["| error | status | when |", "| --- | --- | --- |"]
+    for name, error in inspect.getmembers(module, inspect.isclass):
+        if issubclass(error, base) and error is not base:
+            lines.append(f"| `{name}` | {getattr(error, 'status', '')} | {inspect.getdoc(error)} |")
+    return "\n".join(lines)
 
 
 def _everywhere() -> str:
@@ -105,10 +121,10 @@ def _operation(operation: OperationShape, tables: Tables) -> str:
         f"- HTTP: `{operation.method} {operation.path}`",
         f"- Flow: {flow}",
         f"- Errors: {', '.join(f'`{error.__name__}`' for error in operation.errors)}\n",
+        f"```console\n$ {command(operation.name)}\n```\n",
         f"**Request**\n\n{tables.request(operation.request.__name__)}\n",
         _response(operation, tables),
         *_differences(operation, tables),
-        f"```console\n$ {command(operation.name)}\n```\n",
     ]
     return "\n".join(parts)
 
@@ -134,13 +150,20 @@ def _differences(operation: OperationShape, tables: Tables) -> Iterator[str]:
 
 def _interface_bullets(operation: OperationShape, tables: Tables) -> list[str]:
     """The differences of a request's members and of their bounds, one line per reason."""
-    reasons: dict[str, dict[str, None]] = {}
+    reasons: dict[tuple[str, str], dict[str, None]] = {}
     for path, owner, member, shape in tables.paths(operation.request.__name__):
         for each in DIFFERENCES:
-            place = each.where.partition(":")[0]
-            if each.reason not in (ANYTHING, LINE_BREAKS) and place in (f"{owner}.{member}", shape):
-                reasons.setdefault(each.reason, {})[path] = None
-    return [f"- {', '.join(f'`{path}`' for path in paths)}: {reason}" for reason, paths in reasons.items()]
+            place, _, trait = each.where.partition(":")
+            if place in (f"{owner}.{member}", shape) and each.reason not in _FOR_ALL and each.where not in _WIDEST:
+                reasons.setdefault((each.reason, _bound(trait, each.ours)), {})[path] = None
+    return [
+        f"- **{', '.join(f'`{path}`' for path in paths)}{bound}.** {reason}"
+        for (reason, bound), paths in reasons.items()
+    ]
+
+
+def _bound(trait: str, value: object) -> str:
+    return {"min": f" from {value}", "max": f" to {value}"}.get(trait, "")
 
 
 def _interface_differences() -> str:

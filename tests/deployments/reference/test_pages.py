@@ -59,8 +59,9 @@ def test_a_section_says_where_it_is_called_what_it_takes_and_what_it_refuses() -
     assert "`prefect_robomaker.flows.simulation_jobs:PerformSimulationJob`" in page
     assert "| `maxJobDurationInSeconds`, **required** | whole number, 1 to 1209600 |" in page
     assert "`IdempotentParameterMismatchException`" in page
-    assert "`seed`: Extension" in page
-    assert "`maxJobDurationInSeconds`: No number below 1" in page
+    assert "**`seed`.** Extension" in page
+    assert "**`maxJobDurationInSeconds` from 1.** No number below 1" in page
+    assert "**`maxJobDurationInSeconds` to 1209600.** The service's documentation gives the bound" in page
 
 
 def test_members_outside_the_body_and_bounds_that_differ_by_operation_are_told() -> None:
