@@ -5,7 +5,8 @@ A world bundle is a folder:
 | file | content |
 | --- | --- |
 | `world.json` | this module's `World` |
-| `world.xml` | MJCF, self-contained |
+| `world.xml` | MJCF |
+| `textures/*.png` | the floors' and walls' pictures, which the MJCF names |
 | `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
 | `world_description.json` | what the world holds, for other programs; only of templates of version 2 |
 | `floorplan.svg` | labelled plan |
@@ -22,10 +23,11 @@ from typing import Literal
 from pydantic import Field
 
 from .base import Model
+from .world_checks import PassageKind as PassageKind
+from .world_checks import WorldChecks as WorldChecks
 
 Point = tuple[float, float]
 RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet"]
-PassageKind = Literal["Doorway", "Opening"]
 WishOutcome = Literal["satisfied", "missed", "contradictory"]
 
 ROOM_TYPES: tuple[RoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
@@ -50,11 +52,16 @@ class Room(Model):
         description="Corners, counter-clockwise, on the centre lines of the walls; axis-aligned."
     )
     area_m2: float = Field(description="Area inside the centre lines of the walls.")
+    aspect_ratio: float | None = Field(
+        default=None, description="Length over width, at least 1; absent in worlds of older generators."
+    )
     desired_area_m2: float = Field(description="Area the template wished for.")
     desired_aspect_ratio: float = Field(description="Length over width the template wished for.")
     goal: Point = Field(description="A free spot a robot can reach, near the room's middle.")
     floor_material: str = Field(default="Floorboards", description="Material of the floor.")
     wall_material: str = Field(default="WallPaint", description="Material of the walls' inner faces.")
+    floor_finish: str = Field(default="", description="Which of the floor material's looks; empty: the first.")
+    wall_finish: str = Field(default="", description="Which of the wall material's looks; empty: the first.")
 
 
 class Wall(Model):
@@ -145,25 +152,6 @@ class Wish(Model):
     wish: str = Field(description="The wish in words, with its value.")
     outcome: WishOutcome = Field(description="Whether the world grants it.")
     reason: str = Field(default="", description="Why not; empty when satisfied.")
-
-
-class WorldChecks(Model):
-    """Measurements that a world has to pass before it counts as succeeded."""
-
-    robot_radius_m: float = Field(description="Radius of the disc that reachability was checked for.")
-    reachable_share: float = Field(description="Share of the free cells that the disc reaches from the origin.")
-    reachable_cells: dict[str, int] = Field(description="Cells of 5 cm the disc reaches, by room.")
-    origin_clear: bool = Field(description="Whether the cylinder of 1 m diameter at the origin is free.")
-    max_penetration_m: float = Field(description="Deepest contact at time 0.")
-    geoms: int = Field(description="Geoms in the compiled model.")
-    unreachable_goals: list[str] = Field(default=[], description="Rooms whose goal the disc does not reach.")
-    narrowest_passage_m: float | None = Field(
-        default=None, description="Clear width of the narrowest passage; absent in a plan without passages."
-    )
-    settled_share: float | None = Field(
-        default=None,
-        description="Share of free bodies that moved less than 1 cm in the settle; absent if not run.",
-    )
 
 
 class Floorplan(Model):

@@ -1,19 +1,28 @@
-"""Measures what a world guarantees, and says which guarantee it breaks."""
+"""Measures what a world has to keep; `guarantees` says which limits it breaks."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
+from collections import Counter
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from ...schemas.world import World, WorldChecks
-from .occupancy import OccupancyGrid, cells_by_room, clearance, reachable
+from ...schemas.world import Floorplan, Passage, Room, World
+from ...schemas.world_checks import RoomMeasures, RoomWay, WishCount, WorldChecks
+from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, ORIGIN_RADIUS_M
+from .occupancy import OccupancyGrid, connected, fitting, room_cells
 
-MAX_PENETRATION_M = 0.005
-MIN_CELLS = 5
-MAX_DRIFT_M = 0.01
-ORIGIN_RADIUS_M = 0.5
-SETTLE_S = 2.0
+_SLEEP_TOLERANCE = 1e-5
+"""A body slower than this, a tenth of MuJoCo's own limit, may fall asleep: in the settle it moves 0.02 mm at most."""
+
+_WALL_FLOOR_M = 0.4
+"""A wall that begins above this leaves a way below it."""
+
+_JUNCTION_M = 0.051
+"""Half an inner wall, where a wall across ends when the wall it meets has been taken away for an opening."""
 
 _ORIGIN = (0.0, 0.0)
 
@@ -31,68 +40,146 @@ def check_world(
     Args:
       world: the world.
       mjcf: its model, from `world_mjcf`.
-      grid: its map, from `occupancy_grid`.
+      grid: its map, from `occupancy_grid`, without the leaves of doors, which a robot can push.
       robot_radius_m: radius of the disc that has to reach every room from the origin.
-      settle_s: how long to let physics run with every body awake; None leaves that out.
+      settle_s: how long to let physics run, with every body awake at first; None leaves that out.
 
     Raises:
       ValueError: when MuJoCo does not accept the model.
     """
-    model = mujoco.MjModel.from_xml_string(mjcf)
-    # Asleep, bodies have no contacts and never move: a floating or half-sunk book would pass.
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    plan = world.floorplan
+    model = _awake(mjcf)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    reached = reachable(grid, _ORIGIN, robot_radius_m)
-    room_for_disc = int(np.count_nonzero(clearance(grid) >= robot_radius_m))
-    plan = world.floorplan
+    deep = -np.asarray(data.contact.dist)
+    ways = [_way(passage, plan) for passage in plan.passages]
+    drift = _drift(model, data, settle_s) if settle_s is not None else None
     return WorldChecks(
         robot_radius_m=robot_radius_m,
-        reachable_share=round(min(1.0, np.count_nonzero(reached) / max(1, room_for_disc)), 4),
-        reachable_cells=dict(cells_by_room(grid, reached, plan.rooms)),
+        **_reach(plan.rooms, grid, robot_radius_m),
         origin_clear=_origin_clear(grid),
-        max_penetration_m=round(max((-float(gap) for gap in data.contact.dist), default=0.0), 6) + 0.0,
+        max_penetration_m=round(max(0.0, float(deep.max(initial=0.0))), 6),
+        penetrations=int(np.count_nonzero(deep > MAX_PENETRATION_M)),
         geoms=int(model.ngeom),
-        unreachable_goals=[room.name for room in plan.rooms if not reached[grid.cell(room.goal)]],
-        narrowest_passage_m=min((passage.width_m for passage in plan.passages), default=None),
-        settled_share=None if settle_s is None else _settled_share(model, settle_s),
+        narrowest_passage_m=min((way.clear_width_m for way in ways), default=None),
+        room_graph=ways,
+        footprint_aspect_ratio=_aspect(plan),
+        wishes=_wishes(world),
+        free_bodies=int(model.njnt),
+        settle_s=settle_s,
+        settled_share=None if drift is None else round(float(np.mean(drift < MAX_DRIFT_M)) if len(drift) else 1.0, 4),
+        max_drift_m=None if drift is None else round(float(drift.max(initial=0.0)), 6),
     )
 
 
-def violations(checks: WorldChecks) -> list[str]:
-    """The broken guarantees, one sentence each; empty for a valid world."""
-    found: list[str] = []
-    for name, cells in checks.reachable_cells.items():
-        if cells < MIN_CELLS:
-            found.append(f"{name}: a robot of {checks.robot_radius_m} m radius reaches {cells} cells, not {MIN_CELLS}")
-    found += [f"{name}: its goal is out of a robot's reach" for name in checks.unreachable_goals]
-    if not checks.origin_clear:
-        found.append(f"the cylinder of {2 * ORIGIN_RADIUS_M:g} m diameter at the origin is not clear")
-    if checks.max_penetration_m > MAX_PENETRATION_M:
-        found.append(f"bodies overlap by {checks.max_penetration_m} m at the start, more than {MAX_PENETRATION_M} m")
-    if checks.narrowest_passage_m is not None and checks.narrowest_passage_m < 2 * checks.robot_radius_m:
-        found.append(f"a passage is {checks.narrowest_passage_m} m wide, less than the robot")
-    if checks.settled_share is not None and checks.settled_share < 1.0:
-        found.append(f"only {checks.settled_share:.0%} of the loose objects stay within {MAX_DRIFT_M} m")
-    return found
+def _awake(mjcf: str) -> mujoco.MjModel:
+    """The model with every body awake at first.
+
+    Asleep, bodies have no contacts and never move: a floating or half-sunk book would pass. What has come to rest
+    may fall asleep later; that makes the settle several times faster.
+    """
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    model.tree_sleep_policy[:] = int(mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED)
+    model.opt.sleep_tolerance = _SLEEP_TOLERANCE
+    return model
+
+
+def _drift(model: mujoco.MjModel, data: mujoco.MjData, settle_s: float) -> NDArray[np.float64]:
+    """How far each free body's middle moves; steps the data, which are at time 0."""
+    bodies = np.asarray(model.jnt_bodyid)
+    before = data.xipos[bodies].copy()
+    mujoco.mj_step(model, data, nstep=round(settle_s / model.opt.timestep))
+    mujoco.mj_kinematics(model, data)
+    return np.linalg.norm(data.xipos[bodies] - before, axis=1)
+
+
+def _reach(rooms: Sequence[Room], grid: OccupancyGrid, radius_m: float) -> dict[str, object]:
+    """What a robot reaches, in all and room by room."""
+    fits = fitting(grid, radius_m)
+    reached = connected(fits, grid.cell(_ORIGIN))
+    measures: list[RoomMeasures] = []
+    cells: dict[str, int] = {}
+    for room in rooms:
+        inside = room_cells(grid, room)
+        cells[room.name] = int(np.count_nonzero(reached & inside))
+        measures.append(_measures(room, int(np.count_nonzero(fits & inside)), cells[room.name]))
+    return {
+        "reachable_share": _share(int(np.count_nonzero(reached)), int(np.count_nonzero(fits))),
+        "reachable_cells": cells,
+        "unreachable_goals": [room.name for room in rooms if not reached[grid.cell(room.goal)]],
+        "rooms": measures,
+    }
+
+
+def _measures(room: Room, fitting_cells: int, reached: int) -> RoomMeasures:
+    ratio = room.aspect_ratio or 1.0
+    return RoomMeasures(
+        name=room.name,
+        area_error=round(room.area_m2 / room.desired_area_m2 - 1, 4) + 0.0,
+        aspect_ratio=ratio,
+        aspect_error=round(ratio / room.desired_aspect_ratio - 1, 4) + 0.0,
+        fitting_cells=fitting_cells,
+        reachable_share=_share(reached, fitting_cells),
+    )
+
+
+def _share(part: int, whole: int) -> float:
+    return round(part / whole, 4) if whole else 0.0
+
+
+def _way(passage: Passage, plan: Floorplan) -> RoomWay:
+    width = _gap(passage, plan)
+    door = passage.door
+    if door is not None:
+        width -= max(0.0, passage.width_m - door.clear_width_m)
+    return RoomWay(
+        rooms=passage.rooms, kind=passage.kind, clear_width_m=round(width, 4), door=None if door is None else door.id
+    )
+
+
+def _gap(passage: Passage, plan: Floorplan) -> float:
+    """Distance along a passage's line between what stands at its two sides: a wall's end, or a wall across."""
+    along = 0 if passage.start[1] == passage.end[1] else 1
+    line = passage.start[1 - along]
+    middle = (passage.start[along] + passage.end[along]) / 2
+    low, high = -np.inf, np.inf
+    for wall in plan.walls:
+        if wall.bottom_m >= _WALL_FLOOR_M:
+            continue
+        half = wall.thickness_m / 2
+        first, last = sorted((wall.start[along], wall.end[along]))
+        side, other = sorted((wall.start[1 - along], wall.end[1 - along]))
+        if first == last:  # it crosses the line, or ends at it
+            first, last = first - half, last + half
+        else:
+            side, other = side - half, other + half
+        if not side - _JUNCTION_M <= line <= other + _JUNCTION_M:
+            continue
+        if last <= middle:
+            low = max(low, last)
+        elif first >= middle:
+            high = min(high, first)
+        else:
+            return 0.0
+    return float(high - low)
+
+
+def _aspect(plan: Floorplan) -> float:
+    xs, ys = zip(*plan.footprint, strict=True)
+    return round((max(xs) - min(xs)) / (max(ys) - min(ys)), 4)
+
+
+def _wishes(world: World) -> WishCount:
+    count = Counter(wish.outcome for wish in (*world.floorplan.wishes, *world.wishes))
+    return WishCount(satisfied=count["satisfied"], missed=count["missed"], contradictory=count["contradictory"])
 
 
 def _origin_clear(grid: OccupancyGrid) -> bool:
     """Whether no occupied cell reaches into the disc at the origin."""
-    rows, columns = np.nonzero(~grid.free)
-    x = np.abs(grid.origin[0] + (columns + 0.5) * grid.resolution_m) - grid.resolution_m / 2
-    y = np.abs(grid.origin[1] + (rows + 0.5) * grid.resolution_m) - grid.resolution_m / 2
+    row, column = grid.cell(_ORIGIN)
+    reach = round(ORIGIN_RADIUS_M / grid.resolution_m) + 2
+    south, west = max(0, row - reach), max(0, column - reach)
+    rows, columns = np.nonzero(~grid.free[south : row + reach, west : column + reach])
+    x = np.abs(grid.origin[0] + (columns + west + 0.5) * grid.resolution_m) - grid.resolution_m / 2
+    y = np.abs(grid.origin[1] + (rows + south + 0.5) * grid.resolution_m) - grid.resolution_m / 2
     return bool(np.all(np.hypot(np.maximum(x, 0), np.maximum(y, 0)) >= ORIGIN_RADIUS_M - 1e-6))
-
-
-def _settled_share(model: mujoco.MjModel, settle_s: float) -> float:
-    """Share of the loose objects that stay where they are."""
-    bodies = [int(model.jnt_bodyid[joint]) for joint in range(model.njnt)]
-    if not bodies:
-        return 1.0
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    before = data.xpos[bodies].copy()
-    mujoco.mj_step(model, data, nstep=round(settle_s / model.opt.timestep))
-    drift = np.linalg.norm(data.xpos[bodies] - before, axis=1)
-    return float(np.mean(drift < MAX_DRIFT_M))

@@ -11,7 +11,7 @@ from ...schemas.world_template_body import TemplateFloorplan, WorldTemplateBody
 from .brief import EXTERIOR_WALL, Brief, brief, length_over_width
 from .connections import Way, connect
 from .floorplan_wishes import judge_wishes
-from .partition import UNITS_PER_M, Corners, Partition, area, extent
+from .partition import UNITS_PER_M, Corners, Partition, area, extent, slenderness
 from .partition_search import find_partition
 from .walls import Pane, Piece, build_walls, place_windows
 
@@ -124,6 +124,7 @@ def _room(wishes: TemplateFloorplan, plan: Partition, number: int, spots: Spots,
         type=wish.Type,
         polygon=_points(corners, origin),
         area_m2=area(corners) / UNITS_PER_M**2,
+        aspect_ratio=round(slenderness(plan, number), 4),
         desired_area_m2=wish.DesiredShape.Area,
         desired_aspect_ratio=length_over_width(wish.DesiredShape.AspectRatio),
         goal=_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],

@@ -8,8 +8,9 @@ import numpy as np
 from ...schemas.errors import WorldGenerationError
 from ...schemas.world import World
 from ...schemas.world_template_body import WorldTemplateBody
-from .checks import SETTLE_S, check_world, violations
+from .checks import check_world
 from .floorplan import generate_floorplan
+from .guarantees import SETTLE_S, violations
 from .interior import furnish
 from .mjcf import world_mjcf
 from .occupancy import occupancy_grid
@@ -17,7 +18,7 @@ from .seeds import seeds_for
 
 __all__ = ["GENERATOR_VERSION", "MAX_ATTEMPTS", "generate_world", "seeds_for"]
 
-GENERATOR_VERSION = "1.0.0"
+GENERATOR_VERSION = "2.0.0"
 """Changes whenever the same seeds give other worlds."""
 
 MAX_ATTEMPTS = 8

@@ -3,8 +3,9 @@
 import pytest
 
 from prefect_robomaker.schemas.world import Furniture, Room, World, WorldChecks
-from prefect_robomaker.tasks.worldforge.checks import SETTLE_S, check_world, violations
+from prefect_robomaker.tasks.worldforge.checks import check_world
 from prefect_robomaker.tasks.worldforge.furniture import styles_of
+from prefect_robomaker.tasks.worldforge.guarantees import SETTLE_S, violations
 from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
 from prefect_robomaker.tasks.worldforge.occupancy import occupancy_grid
 
@@ -63,7 +64,7 @@ def test_a_floating_object_is_found_although_it_sleeps(flat: World) -> None:
     checks = checked(world)
     assert checks.settled_share is not None
     assert checks.settled_share < 1
-    assert any("loose objects stay within 0.01 m" in problem for problem in violations(checks))
+    assert any("free bodies stay within 0.01 m" in problem for problem in violations(checks))
     assert checked(world, settle_s=None).settled_share is None
 
 
@@ -78,4 +79,4 @@ def test_a_passage_narrower_than_the_robot_is_found(flat: World) -> None:
     assert checks is not None
     assert checks.narrowest_passage_m == min(passage.width_m for passage in flat.floorplan.passages)
     narrow = checks.model_copy(update={"narrowest_passage_m": 0.35})
-    assert violations(narrow) == ["a passage is 0.35 m wide, less than the robot"]
+    assert violations(narrow) == ["a passage is 0.35 m wide, not 0.8 m"]

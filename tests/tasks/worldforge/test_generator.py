@@ -8,8 +8,8 @@ from prefect_robomaker.schemas.errors import WorldGenerationError
 from prefect_robomaker.schemas.world import MODEL_TYPES, ROOM_TYPES, World
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
 from prefect_robomaker.tasks.worldforge import generator
-from prefect_robomaker.tasks.worldforge.checks import violations
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION, generate_world, seeds_for
+from prefect_robomaker.tasks.worldforge.guarantees import violations
 from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
 
 from .conftest import MakeBody
