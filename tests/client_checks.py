@@ -85,6 +85,7 @@ def check_simulations(told: Told, wanted: Mapping[str, Any], objects: Path) -> N
     assert told["jobsDescribed"]["unprocessedJobs"] == [f"{ended['arn']}0"]
     assert sorted(_arns(told["jobs"])) == sorted([ended["arn"], *jobs])
     assert _arns(told["jobs"])[-1] == ended["arn"], "the newest is listed first"
+    assert told["jobs"][-1]["lastUpdatedAt"] == ended["lastUpdatedAt"], "neither tags nor the end of its run change it"
     (summary,) = [each for each in told["batches"] if each["arn"] == batch["arn"]]
     assert [summary[f"{kind}RequestCount"] for kind in ("created", "failed", "pending")] == [2, 1, 0]
     _check_times(told, at_least=15)

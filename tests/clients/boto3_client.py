@@ -35,6 +35,8 @@ def worlds():
     generated = finish("generated", "describe_world_generation_job", "WorldGenerationJobCompleted", job=job["arn"])
     one_job = [{"name": "generationJobId", "values": [short_id(job["arn"])]}]
     pages("worlds", "list_worlds", "worldSummaries", filters=one_job)
+    if generated["status"] != "Completed":
+        raise SystemExit(generated)
     first, *_ = generated["finishedWorldsSummary"]["succeededWorlds"]
     tell("world", "describe_world", world=first)
     export = tell(

@@ -27,6 +27,7 @@ async function worlds() {
   const generated = await finish("generated", "DescribeWorldGenerationJob", { job: job.arn });
   const oneJob = [{ name: "generationJobId", values: [shortId(job.arn)] }];
   await pages("worlds", "ListWorlds", "worldSummaries", { filters: oneJob });
+  assert.equal(generated.status, "Completed", JSON.stringify(generated));
   const [first] = generated.finishedWorldsSummary.succeededWorlds;
   await tell("world", "DescribeWorld", { world: first });
   const made = await tell("export", "CreateWorldExportJob", {
