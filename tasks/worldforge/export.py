@@ -1,10 +1,12 @@
-"""The archive of a world export job: one zip with every world's bundle, laid out like the service's.
+"""The archive of a world export job: two ROS packages with every world and the models they share.
 
 ```
 aws_robomaker_worldforge_pkgs/
     README.md
     index.json
-    aws_robomaker_worldforge_worlds/worlds/<world id>/…
+    aws_robomaker_worldforge_shared_models/{CMakeLists.txt,README.md,package.xml,env-hooks,models/<model>/…}
+    aws_robomaker_worldforge_worlds/{CMakeLists.txt,README.md,package.xml,env-hooks,launch/…}
+    aws_robomaker_worldforge_worlds/worlds/<world>/{<world>.world,model.sdf,<world>.glb, the bundle's files}
 ```
 """
 
@@ -13,58 +15,25 @@ import json
 import re
 import stat
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from .export_readme import readme
+from .export_scene import read_scene
+from .glb import scene_glb
+from .ros_packages import SHARED_MODELS, WORLDS, package_files
+from .sdf_models import SharedModels
+from .sdf_world import sdf_world
+
 _TOP = "aws_robomaker_worldforge_pkgs"
-_WORLDS = "aws_robomaker_worldforge_worlds/worlds"
 _WORLD_ID = re.compile(r"[A-Za-z0-9_\-]{1,128}")
 _EXPORT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9\-]{0,63}")
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """A zip cannot say less; equal worlds make equal archives."""
 _COMPRESSED_ALREADY = frozenset({".png", ".jpg", ".jpeg", ".gz", ".zip", ".mp4"})
 _CHUNK_BYTES = 1 << 20
-
-_README = """\
-# Exported worlds
-
-This archive holds {count}. `index.json` lists every file with its size and SHA-256.
-
-Each folder below `{worlds}/` is one world:
-
-| file | what it is |
-| --- | --- |
-| `world.xml` | the world as MJCF, self-contained, for MuJoCo 3 |
-| `world.json` | rooms, walls, passages and furniture with their poses and sizes, seeds, and what became of the wishes |
-| `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
-| `floorplan.svg`, `preview.png` | the plan with names, and the furnished world from above |
-
-Lengths are metres, angles radians; x points east, y north, z up; the floor is z = 0, and a cylinder of
-1 m diameter at the origin is free.
-
-## Look at a world
-
-    python -m mujoco.viewer --mjcf={worlds}/{example}/world.xml
-
-## Load it
-
-    import mujoco
-    model = mujoco.MjModel.from_xml_path("{worlds}/{example}/world.xml")
-    data = mujoco.MjData(model)
-
-A robot is added with `mujoco.MjSpec`:
-
-    world = mujoco.MjSpec.from_file("{worlds}/{example}/world.xml")
-    robot = mujoco.MjSpec.from_file("robot.xml")
-    world.attach(robot, prefix="robot/", frame=world.worldbody.add_frame())
-    model = world.compile()
-
-## Navigate in it
-
-    ros2 run nav2_map_server map_server --ros-args -p yaml_filename:={worlds}/{example}/map.yaml
-"""
 
 
 def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
@@ -76,8 +45,9 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
       path: the archive; it appears when it is whole.
 
     Raises:
-      ValueError: there is no bundle, a name cannot be a folder's, or a bundle holds something that is
-        neither a regular file nor a folder.
+      FileNotFoundError: a bundle is missing or lacks `world.json` or `world.xml`.
+      ValueError: there is no bundle, a name cannot be a folder's, or a bundle holds no world or something
+        that is neither a regular file nor a folder.
       OSError: a bundle cannot be read or the archive cannot be written.
     """
     if not bundles:
@@ -88,10 +58,7 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
     temporary = path.with_name(f".{uuid4().hex}.part")
     try:
         with zipfile.ZipFile(temporary, "x") as archive:
-            worlds = [_write_world(archive, name, bundles[name]) for name in sorted(bundles)]
-            index = {"schema_version": 1, "worlds": worlds}
-            _write_text(archive, "index.json", json.dumps(index, indent=2, ensure_ascii=False) + "\n")
-            _write_text(archive, "README.md", _readme(sorted(bundles)))
+            _Export(archive).write(bundles)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -114,16 +81,6 @@ def export_key(prefix: str, export_id: str) -> str:
     return f"{prefix.strip('/')}/{name}" if prefix.strip("/") else name
 
 
-def _write_world(archive: zipfile.ZipFile, name: str, bundle: Path) -> dict[str, Any]:
-    """Adds a world's files; returns its entry for the index."""
-    folder = f"{_WORLDS}/{name}"
-    files = [
-        {"path": f"{folder}/{relative}", **_write_file(archive, f"{folder}/{relative}", bundle / relative)}
-        for relative in _files(bundle)
-    ]
-    return {"id": name, "path": folder, "files": files}
-
-
 def _files(folder: Path, prefix: str = "") -> list[str]:
     """Paths of a folder's files; symbolic links are refused, as they could name any file of this machine."""
     names = []
@@ -138,22 +95,6 @@ def _files(folder: Path, prefix: str = "") -> list[str]:
     return sorted(names)
 
 
-def _write_file(archive: zipfile.ZipFile, name: str, path: Path) -> dict[str, Any]:
-    digest = hashlib.sha256()
-    size = 0
-    with path.open("rb") as source, archive.open(_entry(name), "w") as target:
-        while chunk := source.read(_CHUNK_BYTES):
-            target.write(chunk)
-            digest.update(chunk)
-            size += len(chunk)
-    return {"size_bytes": size, "sha256": digest.hexdigest()}
-
-
-def _write_text(archive: zipfile.ZipFile, name: str, text: str) -> None:
-    with archive.open(_entry(name), "w") as target:
-        target.write(text.encode())
-
-
 def _entry(name: str) -> zipfile.ZipInfo:
     entry = zipfile.ZipInfo(f"{_TOP}/{name}", date_time=_EARLIEST)
     stored = Path(name).suffix.lower() in _COMPRESSED_ALREADY
@@ -162,6 +103,56 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return entry
 
 
-def _readme(names: list[str]) -> str:
-    count = "one world" if len(names) == 1 else f"{len(names)} worlds"
-    return _README.format(count=count, worlds=_WORLDS, example=names[0])
+class _Export:
+    """Writes one archive."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self._archive = archive
+        self._files: list[dict[str, Any]] = []
+        """What `index.json` says of the files of the part that is being written."""
+
+    def write(self, bundles: Mapping[str, Path]) -> None:
+        names = sorted(bundles)
+        shared = SharedModels()
+        worlds = [self._world(name, bundles[name], shared) for name in names]
+        models = [
+            {"name": name, "path": folder, "files": self._part(folder, shared.files[name])}
+            for name, folder in ((name, f"{SHARED_MODELS}/models/{name}") for name in sorted(shared.files))
+        ]
+        packages = self._part("", {**package_files(names), "README.md": readme(names)})
+        index = {"schema_version": 2, "worlds": worlds, "models": models, "files": packages}
+        self._part("", {"index.json": json.dumps(index, indent=1, ensure_ascii=False) + "\n"})
+
+    def _world(self, name: str, bundle: Path, shared: SharedModels) -> dict[str, Any]:
+        """Adds a world's files; returns its entry for the index."""
+        folder = f"{WORLDS}/worlds/{name}"
+        for relative in _files(bundle):
+            with (bundle / relative).open("rb") as source:
+                self._add(f"{folder}/{relative}", iter(lambda: source.read(_CHUNK_BYTES), b""))
+        scene = read_scene(bundle)
+        made = sdf_world(scene, name, shared)
+        texts = {f"{name}.world": made.world, **made.building}
+        for relative in sorted(texts):
+            self._add(f"{folder}/{relative}", [texts[relative].encode()])
+        self._add(f"{folder}/{name}.glb", [scene_glb(scene)])
+        return {"id": name, "path": folder, "models": list(made.models), "files": self._taken()}
+
+    def _part(self, folder: str, texts: Mapping[str, str]) -> list[dict[str, Any]]:
+        """Adds text files below a folder; returns their entries for the index."""
+        for relative in sorted(texts):
+            self._add(f"{folder}/{relative}" if folder else relative, [texts[relative].encode()])
+        return self._taken()
+
+    def _add(self, name: str, content: Iterable[bytes]) -> None:
+        digest = hashlib.sha256()
+        size = 0
+        with self._archive.open(_entry(name), "w") as target:
+            for chunk in content:
+                target.write(chunk)
+                digest.update(chunk)
+                size += len(chunk)
+        self._files.append({"path": name, "size_bytes": size, "sha256": digest.hexdigest()})
+
+    def _taken(self) -> list[dict[str, Any]]:
+        files, self._files = self._files, []
+        return files

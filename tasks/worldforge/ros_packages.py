@@ -1,0 +1,137 @@
+"""The ROS packages of an export: what makes models and worlds known to ROS 1, ROS 2 and Gazebo."""
+
+from .ros_packages_launch import LAUNCH_ROS1, LAUNCH_ROS2
+
+SHARED_MODELS = "aws_robomaker_worldforge_shared_models"
+WORLDS = "aws_robomaker_worldforge_worlds"
+
+_VERSION = "1.0.0"
+
+_PACKAGE_XML = """\
+<?xml version="1.0"?>
+<?xml-model href="http://download.ros.org/schema/package_format3.xsd" schematypens="http://www.w3.org/2001/XMLSchema"?>
+<package format="3">
+  <name>{name}</name>
+  <version>{version}</version>
+  <description>{description}</description>
+  <maintainer email="owner@example.com">The owner of these worlds</maintainer>
+  <license>Proprietary</license>
+
+  <buildtool_depend condition="$ROS_VERSION == 1">catkin</buildtool_depend>
+  <buildtool_depend condition="$ROS_VERSION == 2">ament_cmake</buildtool_depend>
+{depends}
+  <export>
+    <gazebo_ros gazebo_model_path="${{prefix}}/{folder}"/>
+    <build_type condition="$ROS_VERSION == 1">catkin</build_type>
+    <build_type condition="$ROS_VERSION == 2">ament_cmake</build_type>
+  </export>
+</package>
+"""
+# Only packages that depend on gazebo_ros are asked for their gazebo_model_path in ROS 1. In ROS 2 no
+# simulator is named: Gazebo classic ended with Humble, and either may be the installed one.
+_SHARED_DEPENDS = """\
+  <exec_depend condition="$ROS_VERSION == 1">gazebo_ros</exec_depend>
+"""
+_WORLDS_DEPENDS = """\
+  <exec_depend>aws_robomaker_worldforge_shared_models</exec_depend>
+  <exec_depend condition="$ROS_VERSION == 1">gazebo_ros</exec_depend>
+  <exec_depend condition="$ROS_VERSION == 1">roslaunch</exec_depend>
+  <exec_depend condition="$ROS_VERSION == 2">launch</exec_depend>
+  <exec_depend condition="$ROS_VERSION == 2">ament_index_python</exec_depend>
+"""
+
+_CMAKE = """\
+cmake_minimum_required(VERSION 3.5)
+project({name})
+
+# ROS sets ROS_VERSION; without it, whichever of the two build systems is there is taken.
+if("$ENV{{ROS_VERSION}}" STREQUAL "1")
+  find_package(catkin REQUIRED)
+elseif("$ENV{{ROS_VERSION}}" STREQUAL "2")
+  find_package(ament_cmake REQUIRED)
+else()
+  find_package(ament_cmake QUIET)
+  if(NOT ament_cmake_FOUND)
+    find_package(catkin REQUIRED)
+  endif()
+endif()
+
+if(ament_cmake_FOUND)
+  install(DIRECTORY {folders} DESTINATION share/${{PROJECT_NAME}})
+  ament_environment_hooks(
+    "${{CMAKE_CURRENT_SOURCE_DIR}}/env-hooks/${{PROJECT_NAME}}.sh.in"
+    "${{CMAKE_CURRENT_SOURCE_DIR}}/env-hooks/${{PROJECT_NAME}}.dsv.in")
+  ament_package()
+else()
+  catkin_package()
+  catkin_add_env_hooks(50.${{PROJECT_NAME}} SHELLS sh DIRECTORY ${{CMAKE_CURRENT_SOURCE_DIR}}/env-hooks)
+  install(DIRECTORY {folders} DESTINATION ${{CATKIN_PACKAGE_SHARE_DESTINATION}})
+endif()
+"""
+
+_PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
+"""Where Gazebo classic, Gazebo Sim, Ignition Gazebo and libsdformat look for `model://`."""
+
+
+def package_files(worlds: list[str]) -> dict[str, str]:
+    """The text files of both packages but models and worlds, by their paths in the archive's top folder.
+
+    Args:
+      worlds: names of the worlds in archives; the first is launched unless another is asked for.
+    """
+    shared = _package(
+        SHARED_MODELS,
+        "models",
+        "Models of furniture, objects and doors that generated worlds share.",
+        _SHARED_DEPENDS,
+        ["models"],
+    )
+    own = _package(WORLDS, "worlds", "Generated worlds.", _WORLDS_DEPENDS, ["launch", "worlds"])
+    own |= {
+        f"{WORLDS}/launch/launch_world.launch": LAUNCH_ROS1.replace("@FIRST_WORLD@", worlds[0]),
+        f"{WORLDS}/launch/launch_world.py": LAUNCH_ROS2.replace("@FIRST_WORLD@", worlds[0]),
+    }
+    return shared | own
+
+
+def _package(name: str, folder: str, description: str, depends: str, folders: list[str]) -> dict[str, str]:
+    about = {"name": name, "version": _VERSION, "description": description, "depends": depends, "folder": folder}
+    return {
+        f"{name}/package.xml": _PACKAGE_XML.format(**about),
+        f"{name}/CMakeLists.txt": _CMAKE.format(name=name, folders=" ".join(folders)),
+        f"{name}/README.md": f"# {name}\n\n{description} `../README.md` tells how to use them.\n",
+        f"{name}/env-hooks/{name}.sh.in": _ament_sh(folder),
+        f"{name}/env-hooks/{name}.dsv.in": _ament_dsv(folder),
+        f"{name}/env-hooks/50.{name}.sh.em": _catkin_sh(folder),
+    }
+
+
+def _ament_sh(folder: str) -> str:
+    return "".join(
+        f'ament_prepend_unique_value {variable} "$AMENT_CURRENT_PREFIX/share/@PROJECT_NAME@/{folder}"\n'
+        for variable in _PATH_VARIABLES
+    )
+
+
+def _ament_dsv(folder: str) -> str:
+    return "".join(f"prepend-non-duplicate;{variable};share/@PROJECT_NAME@/{folder}\n" for variable in _PATH_VARIABLES)
+
+
+def _catkin_sh(folder: str) -> str:
+    """A hook of catkin, which expands it with empy: another folder after installing."""
+    lines = [
+        "@[if DEVELSPACE]@",
+        f'_worldforge_folder="@(CMAKE_CURRENT_SOURCE_DIR)/{folder}"',
+        "@[else]@",
+        f'_worldforge_folder="$CATKIN_ENV_HOOK_WORKSPACE/@(CATKIN_PACKAGE_SHARE_DESTINATION)/{folder}"',
+        "@[end if]@",
+    ]
+    for variable in _PATH_VARIABLES:
+        # Sourcing a workspace twice must not name the folder twice.
+        lines += [
+            f'case ":${variable}:" in',
+            '  *":$_worldforge_folder:"*) ;;',
+            f'  *) export {variable}="$_worldforge_folder${{{variable}:+:${variable}}}" ;;',
+            "esac",
+        ]
+    return "\n".join([*lines, "unset _worldforge_folder", ""])
