@@ -6,10 +6,12 @@ import tempfile
 from pathlib import Path
 
 from ...schemas.world import World
-from .mjcf import world_mjcf
+from .leaves import leaf_outlines
+from .mjcf import TEXTURES_FOLDER, surfaces, world_mjcf
 from .occupancy import occupancy_grid, write_map
 from .plan_svg import floorplan_svg
 from .preview import render_preview
+from .textures import texture_png, texture_size_m
 
 WORLD_FILE = "world.json"
 MODEL_FILE = "world.xml"
@@ -60,18 +62,27 @@ def read_world(folder: Path) -> World:
 def content_hash(folder: Path) -> str:
     """SHA-256 over the names and bytes of a bundle's files; the preview is left out, being only a picture."""
     digest = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
-        if path.name != PREVIEW_FILE:
-            content = path.read_bytes()
-            digest.update(f"{path.name}\0{len(content)}\0".encode())
+    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    for name in sorted(files):
+        if name != PREVIEW_FILE:
+            content = files[name].read_bytes()
+            digest.update(f"{name}\0{len(content)}\0".encode())
             digest.update(content)
     return digest.hexdigest()
 
 
 def _write_files(world: World, folder: Path, preview: bool) -> None:
     (folder / WORLD_FILE).write_text(world.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    (folder / MODEL_FILE).write_text(world_mjcf(world), encoding="utf-8")
+    (folder / MODEL_FILE).write_text(world_mjcf(world, textured=True), encoding="utf-8")
+    _write_textures(world, folder / TEXTURES_FOLDER)
     (folder / PLAN_FILE).write_text(floorplan_svg(world), encoding="utf-8")
-    write_map(occupancy_grid(world.floorplan, world.furniture), folder)
+    write_map(occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan)), folder)
     if preview:
         (folder / PREVIEW_FILE).write_bytes(render_preview(world))
+
+
+def _write_textures(world: World, folder: Path) -> None:
+    folder.mkdir()
+    for name in surfaces(world):
+        if texture_size_m(name) is not None:
+            (folder / f"{name}.png").write_bytes(texture_png(name))

@@ -1,4 +1,4 @@
-"""Writes a world as MJCF: one self-contained text, static geoms in the worldbody, sleep enabled.
+"""Writes a world as MJCF: static geoms in the worldbody, sleep enabled.
 
 | name | what |
 | --- | --- |
@@ -17,10 +17,14 @@ from collections.abc import Iterator
 from math import cos, hypot, radians, sin, sqrt, tan
 
 from ...schemas.world import Furniture, Room, Wall, Window, World
-from .materials import FLOORS, OUTSIDE, WALLS, Material
+from .materials import FLOORS, surface_finish, surface_name
 from .parts import Axis
 from .placement import contains, room_rects
 from .solids import Solid, solids_of
+from .textures import texture_size_m
+
+TEXTURES_FOLDER = "textures"
+"""Where a textured model has its pictures, beside itself."""
 
 WINDOW_SILL_M = 0.9
 WINDOW_HEAD_M = 2.1
@@ -37,8 +41,14 @@ _MASS_KG = {"Ball": 0.3, "Book": 0.5, "Carton": 1.2, "ToyBlock": 0.15}
 _VISUAL = 'contype="0" conaffinity="0" group="2" mass="0"'
 
 
-def world_mjcf(world: World) -> str:
-    """The world as MJCF text."""
+def world_mjcf(world: World, *, textured: bool = False) -> str:
+    """The world as MJCF text.
+
+    Args:
+      world: the world.
+      textured: whether floors and walls have pictures, `textures/<surface>.png` for each surface in
+        `surfaces`; without, they have plain colours and the text is complete in itself.
+    """
     plan = world.floorplan
     lines = [
         '<mujoco model="world">',
@@ -50,7 +60,7 @@ def world_mjcf(world: World) -> str:
         "  <asset>",
         '    <texture name="sky" type="skybox" builtin="gradient" width="64" height="384" '
         'rgb1="0.93 0.95 0.97" rgb2="0.74 0.8 0.86"/>',
-        *_materials(world),
+        *_materials(world, textured),
         "  </asset>",
         "  <worldbody>",
         *_cameras(world),
@@ -88,37 +98,22 @@ def _visual(world: World) -> Iterator[str]:
     yield "  </visual>"
 
 
-def _materials(world: World) -> Iterator[str]:
+def surfaces(world: World) -> list[str]:
+    """Names of the floors and walls that a world shows."""
     rooms = world.floorplan.rooms
-    for name in sorted({room.floor_material for room in rooms}):
-        yield from _material(f"floor_{name}", FLOORS[name])
-    for name in sorted({room.wall_material for room in rooms}):
-        yield from _material(f"wall_{name}", WALLS[name])
-    yield from _material("wall_outside", OUTSIDE)
+    used = {surface_name("floor", room) for room in rooms} | {surface_name("wall", room) for room in rooms}
+    return [*sorted(used), "wall_outside"]
 
 
-def _material(name: str, material: Material) -> Iterator[str]:
-    """A material with a texture that MuJoCo makes itself: checks with edges are boards, bricks, tiles."""
-    if material.pattern == "plain":
-        yield f'    <material name="{name}" rgba="{_numbers(*material.color)}" specular="0.1"/>'
-        return
-    first, second, line = (_numbers(*color[:3]) for color in (material.color, material.second, material.line))
-    length, height = material.cell_m
-    cells = 2
-    if material.pattern == "tiles":
-        cells = 1
-        look = f'builtin="flat" mark="edge" width="64" height="64" rgb1="{first}" markrgb="{line}"'
-    elif material.pattern == "speckles":
-        length = height = 0.5
-        look = f'builtin="flat" mark="random" random="0.12" width="128" height="128" rgb1="{first}" markrgb="{line}"'
-    else:
-        edge = "none" if material.pattern == "stripes" else "edge"
-        look = (
-            f'builtin="checker" mark="{edge}" width="128" height="128" rgb1="{first}" rgb2="{second}" markrgb="{line}"'
-        )
-    yield f'    <texture name="{name}" type="2d" {look}/>'
-    repeat = _numbers(1 / (cells * length), 1 / (cells * height))
-    yield f'    <material name="{name}" texture="{name}" texrepeat="{repeat}" texuniform="true" specular="0.1"/>'
+def _materials(world: World, textured: bool) -> Iterator[str]:
+    for name in surfaces(world):
+        size_m = texture_size_m(name) if textured else None
+        if size_m is None:
+            yield f'    <material name="{name}" rgba="{_numbers(*surface_finish(name).color)}" specular="0.1"/>'
+            continue
+        yield f'    <texture name="{name}" type="2d" file="{TEXTURES_FOLDER}/{name}.png"/>'
+        repeat = _numbers(1 / size_m[0], 1 / size_m[1])
+        yield f'    <material name="{name}" texture="{name}" texrepeat="{repeat}" texuniform="true" specular="0.1"/>'
 
 
 def _cameras(world: World) -> Iterator[str]:
@@ -150,7 +145,7 @@ def _surfaces(index: int, room: Room, ceiling_m: float) -> Iterator[str]:
     for number, (x0, y0, x1, y1) in enumerate(room_rects(room)):
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
         floor = f'type="plane" pos="{_numbers(*middle, 0)}" size="{_numbers(*half, 1)}"'
-        yield f'    <geom name="floor_{index}_{number}" {floor} material="floor_{room.floor_material}" {_VISUAL}/>'
+        yield f'    <geom name="floor_{index}_{number}" {floor} material="{surface_name("floor", room)}" {_VISUAL}/>'
         ceiling = f'type="box" pos="{_numbers(*middle, ceiling_m + 0.05)}" size="{_numbers(*half, 0.05)}"'
         hidden = _VISUAL.replace('group="2"', 'group="4"')
         yield f'    <geom name="ceiling_{index}_{number}" {ceiling} rgba="0.96 0.95 0.93 1" {hidden}/>'
@@ -167,7 +162,7 @@ def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
         spot = (x - v * side, y + u * side)
         for room in rooms:
             if contains(room, spot):
-                return f"wall_{room.wall_material}"
+                return surface_name("wall", room)
         return "wall_outside"
 
     return face(-wall.thickness_m), face(wall.thickness_m)

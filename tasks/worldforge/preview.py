@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 
 from ...schemas.world import Wall, Window, World
-from .materials import OUTSIDE, WALLS
+from .materials import OUTSIDE, surface_name
 from .mjcf import wall_faces
 from .parts import Color, Vector, rgb
 from .placement import room_rects
 from .preview_light import Block, LightMap
 from .preview_palette import Palette
-from .preview_patterns import sample
 from .preview_raster import Raster, View
 from .solids import Solid, solids_of, turn
+from .textures import mean_color, sample
 
 WIDTH, HEIGHT = 960, 720
 """Size of the picture in pixels."""
@@ -88,7 +88,7 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
     """Draws floors, walls and windows; returns what of it casts shadows."""
     blocks: list[Block] = []
     for room in world.floorplan.rooms:
-        floor_color = palette.add_floor(room.floor_material)
+        floor_color = palette.add_floor(surface_name("floor", room))
         for x0, y0, x1, y1 in room_rects(room):
             raster.parallelogram((x0, y0, 0.0), (x1 - x0, 0, 0), (0, y1 - y0, 0), floor_color)
     x0, y0, _, _ = _extent(world)
@@ -103,10 +103,7 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
 
 
 def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: Palette) -> Block:
-    right, left = (
-        (OUTSIDE if name == "wall_outside" else WALLS[name.removeprefix("wall_")]).color
-        for name in wall_faces(wall, world)
-    )
+    right, left = ((*mean_color(name), 1.0) for name in wall_faces(wall, world))
     (x0, y0), (x1, y1) = wall.start, wall.end
     half = wall.thickness_m / 2
     if abs(x1 - x0) >= abs(y1 - y0):

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .materials import FLOORS
 from .parts import Color, rgb
 from .preview_raster import LEVELS, LIGHT
+from .textures import mean_color
 
 GROUND = rgb("eeece6")[:3]
 """Colour number 0: what lies around the building."""
@@ -45,8 +45,8 @@ class Palette:
         return first
 
     def add_floor(self, name: str) -> int:
-        """A floor of a material."""
-        number = self.add(FLOORS[name].color)
+        """A floor by its name in the MJCF."""
+        number = self.add((*mean_color(name), 1.0))
         self.floors.setdefault(name, []).append(number)
         return number
 

@@ -6,16 +6,18 @@ import numpy as np
 
 from ...schemas.world import Room, RoomType, Wish
 from ...schemas.world_template_body import INTERIOR_PATH, FloorMaterialSet, WallMaterialSet, WorldTemplateBody
-from .materials import USUAL_FLOORS, USUAL_WALLS
+from .materials import FLOORS, USUAL_FLOORS, USUAL_WALLS, WALLS, Material
 from .targets import choose_sets, why_unused
 
 MaterialSets = Sequence[FloorMaterialSet] | Sequence[WallMaterialSet]
+
+_SAME_FINISH_SHARE = 0.7
 
 
 def choose_surfaces(
     body: WorldTemplateBody, rooms: Sequence[Room], rng: np.random.Generator
 ) -> tuple[list[Room], list[Wish]]:
-    """Gives every room a floor and a wall material.
+    """Gives every room a floor and a wall material, each in one of its finishes.
 
     Args:
       body: the wishes.
@@ -27,8 +29,16 @@ def choose_surfaces(
     """
     floors, floor_wishes = _choose("Flooring", body.interior.Flooring.MaterialSets, USUAL_FLOORS, rooms, rng)
     walls, wall_wishes = _choose("Walls", body.interior.Walls.MaterialSets, USUAL_WALLS, rooms, rng)
+    floor_finishes, wall_finishes = _finishes(floors, FLOORS, rng), _finishes(walls, WALLS, rng)
     finished = [
-        room.model_copy(update={"floor_material": floors[room.name], "wall_material": walls[room.name]})
+        room.model_copy(
+            update={
+                "floor_material": floors[room.name],
+                "wall_material": walls[room.name],
+                "floor_finish": floor_finishes[room.name],
+                "wall_finish": wall_finishes[room.name],
+            }
+        )
         for room in rooms
     ]
     return finished, floor_wishes + wall_wishes
@@ -55,6 +65,16 @@ def _choose(
             materials[room.name] = str(rng.choice(usual[room.type]))
     wishes = [wish for index in range(len(sets)) for wish in _wishes(part, sets, index, chosen, materials, rooms)]
     return materials, wishes
+
+
+def _finishes(chosen: dict[str, str], table: dict[str, Material], rng: np.random.Generator) -> dict[str, str]:
+    """One finish per material and building, mostly: homes do not have a different oak in every room."""
+    usual = {material: str(rng.choice([each.name for each in table[material].finishes])) for material in sorted(table)}
+    finishes: dict[str, str] = {}
+    for room, material in chosen.items():
+        other = str(rng.choice([each.name for each in table[material].finishes]))
+        finishes[room] = usual[material] if rng.random() < _SAME_FINISH_SHARE else other
+    return finishes
 
 
 def _wishes(

@@ -8,9 +8,11 @@ import pytest
 
 from prefect_robomaker.schemas.world import World
 from prefect_robomaker.tasks.worldforge import bundle
-from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
+from prefect_robomaker.tasks.worldforge.bundle import content_hash, read_world, write_bundle
+from prefect_robomaker.tasks.worldforge.mjcf import surfaces
+from prefect_robomaker.tasks.worldforge.textures import texture_size_m
 
-FILES = {"world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg"}
+FILES = {"world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg", "textures"}
 
 
 def test_a_bundle_holds_everything_and_reads_back(flat: World, tmp_path: Path) -> None:
@@ -20,6 +22,21 @@ def test_a_bundle_holds_everything_and_reads_back(flat: World, tmp_path: Path) -
     assert read_world(folder) == flat
     assert mujoco.MjModel.from_xml_path(str(folder / "world.xml")).ngeom == (flat.checks.geoms if flat.checks else 0)
     assert folder.stat().st_mode & 0o777 == 0o755
+
+
+def test_it_holds_the_pictures_of_its_surfaces_and_no_others(flat: World, tmp_path: Path) -> None:
+    write_bundle(flat, tmp_path / "flat", preview=False)
+    files = {path.stem: path for path in (tmp_path / "flat" / "textures").iterdir()}
+    assert set(files) == {name for name in surfaces(flat) if texture_size_m(name) is not None}
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "flat" / "world.xml"))
+    assert {model.tex(index).name for index in range(model.ntex)} - {"sky"} == set(files)
+    assert all(path.stat().st_size < 64_000 for path in files.values())
+
+
+def test_another_picture_makes_another_hash(flat: World, tmp_path: Path) -> None:
+    before = write_bundle(flat, tmp_path / "flat", preview=False)
+    next((tmp_path / "flat" / "textures").iterdir()).write_bytes(b"another")
+    assert content_hash(tmp_path / "flat") != before
 
 
 def test_equal_worlds_have_equal_hashes_whether_drawn_or_not(flat: World, tmp_path: Path) -> None:

@@ -1,0 +1,129 @@
+"""Pictures of floor and wall materials, made from their finishes: small, seamless, the same everywhere.
+
+Only sums, products, comparisons and roundings make the pixels, from a seed that is the texture's own
+name; so every process on every machine makes the same ones.
+"""
+
+import io
+import zlib
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from .materials import Finish, Pattern, surface_finish
+from .texture_patterns import (
+    Grid,
+    boards,
+    bricks,
+    checkered,
+    formwork,
+    herringbone,
+    marbled,
+    metro,
+    mottled,
+    panels,
+    parquet,
+    pile,
+    sprigs,
+    stones,
+    stripes,
+    tiles,
+    trellis,
+)
+
+Pixels = NDArray[np.uint8]
+
+_PALETTE_COLORS = 64
+
+# Size of one repetition: pixels to the right and up, metres to the right and up.
+_PATTERNS: dict[Pattern, tuple[Callable[[Grid, Finish], NDArray[np.floating[Any]]], Grid]] = {
+    "pile": (pile, Grid(256, 256, 1.0, 1.0)),
+    "mottled": (mottled, Grid(256, 256, 2.4, 2.4)),
+    "boards": (boards, Grid(384, 256, 2.4, 1.12)),
+    "marbled": (marbled, Grid(256, 256, 1.5, 1.5)),
+    "checkered": (checkered, Grid(256, 256, 1.2, 1.2)),
+    "parquet": (parquet, Grid(240, 240, 1.2, 1.2)),
+    "herringbone": (herringbone, Grid(320, 320, 1.6, 1.6)),
+    "tiles": (tiles, Grid(256, 256, 1.2, 1.2)),
+    "metro": (metro, Grid(240, 240, 0.8, 0.8)),
+    "bricks": (bricks, Grid(256, 256, 0.96, 0.96)),
+    "stones": (stones, Grid(256, 256, 1.6, 1.6)),
+    "formwork": (formwork, Grid(256, 256, 2.4, 2.4)),
+    "panels": (panels, Grid(256, 256, 0.84, 2.0)),
+    "stripes": (stripes, Grid(128, 128, 0.36, 0.36)),
+    "trellis": (trellis, Grid(160, 160, 0.4, 0.4)),
+    "sprigs": (sprigs, Grid(192, 192, 0.6, 0.6)),
+}
+
+
+def texture_size_m(name: str) -> tuple[float, float] | None:
+    """Length to the right and up of one repetition, metres; `None`: the surface has one plain colour.
+
+    Args:
+      name: a surface, as in `floor_Tiles_white`.
+    """
+    pattern = surface_finish(name).pattern
+    if pattern == "plain":
+        return None
+    grid = _PATTERNS[pattern][1]
+    return grid.width_m, grid.height_m
+
+
+@lru_cache(maxsize=64)
+def texture(name: str) -> Pixels:
+    """A surface's picture: rows from top to bottom, red, green, blue; one pixel if it is plain."""
+    finish = surface_finish(name)
+    if finish.pattern == "plain":
+        return _bytes(np.array([[finish.color[:3]]]))
+    paint, grid = _PATTERNS[finish.pattern]
+    pixels = _bytes(paint(grid.seeded(zlib.crc32(name.encode())), finish))
+    pixels.flags.writeable = False
+    return pixels
+
+
+@lru_cache(maxsize=64)
+def texture_png(name: str) -> bytes:
+    """A surface's picture as PNG."""
+    # Of few colours, a third of the size; the eye does not see it.
+    picture = Image.fromarray(texture(name)).quantize(
+        _PALETTE_COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
+    )
+    buffer = io.BytesIO()
+    picture.save(buffer, format="PNG", compress_level=6)
+    return buffer.getvalue()
+
+
+@lru_cache(maxsize=64)
+def mean_color(name: str) -> tuple[float, float, float]:
+    """What one sees of a surface from far away: red, green, blue, 0 to 1."""
+    red, green, blue = texture(name).reshape(-1, 3).mean(axis=0) / 255
+    return round(float(red), 3), round(float(green), 3), round(float(blue), 3)
+
+
+def sample(name: str, right_m: NDArray[np.floating[Any]], up_m: NDArray[np.floating[Any]]) -> Pixels:
+    """Colours of a surface at places on it.
+
+    Args:
+      name: the surface.
+      right_m: places to the right of any fixed line, metres.
+      up_m: places above any fixed line, metres.
+
+    Returns:
+      Red, green, blue; the places' shape and a last axis.
+    """
+    pixels = texture(name)
+    size_m = texture_size_m(name)
+    if size_m is None:
+        return np.broadcast_to(pixels[0, 0], (*right_m.shape, 3))
+    height, width, _ = pixels.shape
+    column = np.floor(right_m * (width / size_m[0])).astype(np.int32) % width
+    row = height - 1 - np.floor(up_m * (height / size_m[1])).astype(np.int32) % height
+    return np.take(pixels.reshape(-1, 3), row * width + column, axis=0)
+
+
+def _bytes(colors: NDArray[np.floating[Any]]) -> Pixels:
+    return np.rint(np.clip(colors, 0, 1) * 255).astype(np.uint8)
