@@ -47,6 +47,7 @@ class Room(Model):
     """One room of a floor plan."""
 
     name: str = Field(description="The room's name in the template.")
+    original_name: str | None = Field(default=None, description="The `OriginalName` in the template, if it has one.")
     type: RoomType = Field(description="The room's type in the template.")
     polygon: list[Point] = Field(
         description="Corners, counter-clockwise, on the centre lines of the walls; axis-aligned."
@@ -171,6 +172,9 @@ class World(Model):
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     generator_version: str = Field(description="Version of the generator; same version and seeds, same bytes.")
+    template_version: Literal["1", "2"] = Field(
+        default="1", description="Version of the template's body; worlds of version 2 have doors."
+    )
     floorplan_seed: int = Field(description="Seed of the floor plan.")
     interior_seed: int = Field(description="Seed of the interior.")
     interior_attempt: int = Field(

@@ -55,6 +55,9 @@ class WorldChecks(Model):
     max_penetration_m: float = Field(description="Deepest contact at time 0, in metres.")
     penetrations: int = Field(default=0, description="Contacts deeper than 5 mm at time 0.")
     geoms: int = Field(description="Geoms in the compiled model.")
+    closed_off_rooms: list[str] = Field(
+        default=[], description="Rooms the disc reaches only when it pushes a door further open than it is at first."
+    )
     unreachable_goals: list[str] = Field(default=[], description="Rooms whose goal the disc does not reach.")
     narrowest_passage_m: float | None = Field(
         default=None,

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ...schemas.world import Floorplan, Passage, Room, World
 from ...schemas.world_checks import RoomMeasures, RoomWay, WishCount, WorldChecks
-from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, ORIGIN_RADIUS_M
-from .occupancy import OccupancyGrid, connected, fitting, room_cells
+from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, ORIGIN_RADIUS_M
+from .leaves import FULLY_OPEN_PERCENT, leaf_outlines
+from .occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
 
 _SLEEP_TOLERANCE = 1e-5
 """A body slower than this, a tenth of MuJoCo's own limit, may fall asleep: in the settle it moves 0.02 mm at most."""
@@ -40,7 +41,7 @@ def check_world(
     Args:
       world: the world.
       mjcf: its model, from `world_mjcf`.
-      grid: its map, from `occupancy_grid`, without the leaves of doors, which a robot can push.
+      grid: its map, from `occupancy_grid`, with all doors fully open, since a robot can push them.
       robot_radius_m: radius of the disc that has to reach every room from the origin.
       settle_s: how long to let physics run, with every body awake at first; None leaves that out.
 
@@ -57,6 +58,7 @@ def check_world(
     return WorldChecks(
         robot_radius_m=robot_radius_m,
         **_reach(plan.rooms, grid, robot_radius_m),
+        closed_off_rooms=_closed_off(world, robot_radius_m),
         origin_clear=_origin_clear(grid),
         max_penetration_m=round(max(0.0, float(deep.max(initial=0.0))), 6),
         penetrations=int(np.count_nonzero(deep > MAX_PENETRATION_M)),
@@ -109,6 +111,16 @@ def _reach(rooms: Sequence[Room], grid: OccupancyGrid, radius_m: float) -> dict[
         "unreachable_goals": [room.name for room in rooms if not reached[grid.cell(room.goal)]],
         "rooms": measures,
     }
+
+
+def _closed_off(world: World, radius_m: float) -> list[str]:
+    """Rooms that a robot reaches only when it pushes a door."""
+    plan = world.floorplan
+    if all(passage.door is None or passage.door.open_percent == FULLY_OPEN_PERCENT for passage in plan.passages):
+        return []
+    grid = occupancy_grid(plan, world.furniture, leaf_outlines(plan))
+    reached = reachable(grid, _ORIGIN, radius_m)
+    return [room.name for room in plan.rooms if np.count_nonzero(reached & room_cells(grid, room)) < MIN_CELLS]
 
 
 def _measures(room: Room, fitting_cells: int, reached: int) -> RoomMeasures:

@@ -10,6 +10,7 @@ from ...schemas.world import Floorplan, Passage, Point, Room, Wall, Window
 from ...schemas.world_template_body import TemplateFloorplan, WorldTemplateBody
 from .brief import EXTERIOR_WALL, Brief, brief, length_over_width
 from .connections import Way, connect
+from .doors import hang_doors
 from .floorplan_wishes import judge_wishes
 from .partition import UNITS_PER_M, Corners, Partition, area, extent, slenderness
 from .partition_search import find_partition
@@ -56,7 +57,7 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     panes = place_windows(plan, numbers, dice)
     spots = [_spots(corners) for corners in plan.rooms]
     origin = _origin(plan, numbers, ways, spots)
-    return Floorplan(
+    drawn = Floorplan(
         footprint=_points(((0, 0), (plan.width, 0), (plan.width, plan.height), (0, plan.height)), origin),
         ceiling_height_m=wishes.Ceiling.Height,
         rooms=[_room(wishes, plan, number, spots[number], origin) for number in range(len(plan.rooms))],
@@ -65,6 +66,7 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
         windows=[_window(pane, numbers, origin) for pane in panes],
         wishes=judge_wishes(wishes, numbers, plan, ways),
     )
+    return hang_doors(drawn)[0] if body.Version == "2" else drawn
 
 
 def _origin(plan: Partition, numbers: Brief, ways: list[Way], spots: list[Spots]) -> Spot:
@@ -121,6 +123,7 @@ def _room(wishes: TemplateFloorplan, plan: Partition, number: int, spots: Spots,
     middle = int(spots.clearance.argmax())
     return Room(
         name=wish.Name,
+        original_name=wish.OriginalName,
         type=wish.Type,
         polygon=_points(corners, origin),
         area_m2=area(corners) / UNITS_PER_M**2,

@@ -9,9 +9,11 @@ from ...schemas.errors import WorldGenerationError
 from ...schemas.world import World
 from ...schemas.world_template_body import WorldTemplateBody
 from .checks import check_world
+from .door_wishes import dress_doors
 from .floorplan import generate_floorplan
 from .guarantees import SETTLE_S, violations
 from .interior import furnish
+from .leaves import leaf_outlines
 from .mjcf import world_mjcf
 from .occupancy import occupancy_grid
 from .seeds import seeds_for
@@ -45,16 +47,19 @@ def generate_world(body: WorldTemplateBody, floorplan_seed: int, interior_seed: 
     for attempt in range(MAX_ATTEMPTS):
         sub_seed = np.random.SeedSequence(interior_seed, spawn_key=(attempt,))
         furniture, wishes, rooms = furnish(body, plan, np.random.default_rng(sub_seed))
+        hung, door_wishes = dress_doors(body, plan, np.random.default_rng(sub_seed.spawn(1)[0]))
         world = World(
             generator_version=GENERATOR_VERSION,
+            template_version=body.Version,
             floorplan_seed=floorplan_seed,
             interior_seed=interior_seed,
             interior_attempt=attempt,
-            floorplan=plan.model_copy(update={"rooms": rooms}),
+            floorplan=hung.model_copy(update={"rooms": rooms}),
             furniture=furniture,
-            wishes=wishes,
+            wishes=[*wishes, *door_wishes],
         )
-        grid = occupancy_grid(world.floorplan, furniture)
+        # A robot can push doors open: what it reaches then is what counts.
+        grid = occupancy_grid(hung, furniture, leaf_outlines(hung, fully_open=True))
         checks = check_world(world, world_mjcf(world), grid, settle_s=SETTLE_S if settle else None)
         problems = violations(checks)
         if not problems:

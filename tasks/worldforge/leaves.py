@@ -4,6 +4,8 @@ from math import cos, sin
 
 from ...schemas.world import Door, Floorplan, Point
 
+FULLY_OPEN_PERCENT = 100.0
+
 HANDLE_M = 0.06
 """How far handles stand off the leaf."""
 
