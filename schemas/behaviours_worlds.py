@@ -43,7 +43,7 @@ WORLDS = (
     ),
     not_yet(
         "Bodies of version 2",
-        _BODIES,
+        f"{_BODIES} DescribeWorld",
         known="They have doors that open, and rooms' original names.",
         here='`Version: "2"` is refused; `worldDescriptionBody`, which belongs to it, is absent.',
     ),
