@@ -8,6 +8,8 @@
 | `window_<n>_frame`, `window_<n>_glass` | drawn only |
 | `<furniture id>.<part>` | parts of furniture; those for the eye only are in group 2 and never collide |
 | body `<furniture id>` | a loose object |
+| `doorframe_<passage>_…` | frames of doors, drawn only |
+| body and joint `door-<n>` | a leaf on hinges, with its geoms `door-<n>.<part>`; at 0 it is closed |
 | cameras `top`, `iso` | the whole plan |
 
 A robot is attached with a prefix of its own, which no name here has.
@@ -17,6 +19,7 @@ from collections.abc import Iterator
 from math import cos, hypot, radians, sin, sqrt, tan
 
 from ...schemas.world import Furniture, Room, Wall, Window, World
+from .door_model import door_lines
 from .materials import FLOORS, surface_finish, surface_name
 from .parts import Axis
 from .placement import contains, room_rects
@@ -36,7 +39,9 @@ _ALONG_Y = "0.5 0.5 0.5 0.5"
 _CYLINDER_QUAT = {"x": f"{_HALF:.6f} 0 {_HALF:.6f} 0", "y": f"{_HALF:.6f} {_HALF:.6f} 0 0", "z": ""}
 _FOVY_DEG = 45.0
 _ASPECT = 4 / 3
-_MASS_KG = {"Ball": 0.3, "Book": 0.5, "Carton": 1.2, "ToyBlock": 0.15}
+_MASS_KG = {
+    "Ball": 0.3, "Book": 0.5, "Carton": 1.2, "Clothes": 0.4, "Cup": 0.35, "Plate": 0.5, "Shoe": 0.35, "ToyBlock": 0.15,
+}  # fmt: skip
 
 _VISUAL = 'contype="0" conaffinity="0" group="2" mass="0"'
 
@@ -72,6 +77,7 @@ def world_mjcf(world: World, *, textured: bool = False) -> str:
         lines += _wall(index, wall, world)
     for index, window in enumerate(plan.windows):
         lines += _window(index, window, world)
+    lines += door_lines(plan, _geom)
     for item in world.furniture:
         lines += _loose(item) if item.movable else [_geom(solid) for solid in solids_of(item)]
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
