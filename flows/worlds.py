@@ -3,7 +3,7 @@
 import logging
 from typing import Any
 
-from ..schemas.errors import ResourceNotFoundException, StorageError
+from ..schemas.errors import InternalServerException, ResourceNotFoundException, StorageError
 from ..schemas.worlds import (
     BatchDeleteWorldsRequest,
     BatchDeleteWorldsResponse,
@@ -27,9 +27,11 @@ _logger = logging.getLogger(__name__)
 
 @operation("DescribeWorld")
 def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeWorldResponse:
-    """Tells where a world comes from."""
+    """Tells where a world comes from, and what one of version 2 holds."""
     world = service.catalog.get(request.world, kind=KIND)
-    return DescribeWorldResponse.model_validate({**_summary(world), "tags": dict(world.tags)})
+    return DescribeWorldResponse.model_validate(
+        {**_summary(world), "tags": dict(world.tags), "worldDescriptionBody": _description(world, service)}
+    )
 
 
 @operation("ListWorlds")
@@ -51,6 +53,18 @@ def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> 
         if arn not in found or found[arn].kind != KIND or not _deleted(found[arn], service)
     ]
     return BatchDeleteWorldsResponse(unprocessedWorlds=left)
+
+
+def _description(world: Resource, service: Service) -> str | None:
+    """What the world's bundle says of it; worlds of version 1 have no description."""
+    key = world.document.get("descriptionKey")
+    if key is None:
+        return None
+    bucket = world.document["bundle"]["bucket"]
+    try:
+        return service.store.get_bytes(bucket, key).decode()
+    except StorageError as error:
+        raise InternalServerException(f"the description of {world.arn} cannot be read: {error}") from error
 
 
 def _deleted(world: Resource, service: Service) -> bool:

@@ -11,6 +11,7 @@ from prefect.cache_policies import NO_CACHE
 
 from ..schemas.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ..schemas.ids import world_id
+from ..schemas.world_description import DESCRIPTION_FILE
 from .catalog import Resource
 from .service import Service
 from .storage import publish
@@ -68,7 +69,7 @@ def _generate(
             with bundle_held(bundle, service):
                 # Stores nothing, unless the last world with this content was deleted just now.
                 publish_bundle(service, prefix, folder, service.clock())
-                _add_to_catalog(service, job, index, world_arn, bundle)
+                _add_to_catalog(service, job, index, world_arn, bundle, _description_key(folder, prefix))
     except WorldGenerationError as error:
         return {"code": "InternalServiceError", "reason": str(error)}
     except (StorageError, OSError) as error:
@@ -82,7 +83,14 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
     publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
 
 
-def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
+def _description_key(folder: Path, prefix: str) -> str | None:
+    """Where the world's description is stored, if it has one: worlds of version 1 have none."""
+    return f"{prefix}/{DESCRIPTION_FILE}" if (folder / DESCRIPTION_FILE).is_file() else None
+
+
+def _add_to_catalog(
+    service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str], description_key: str | None
+) -> None:
     world = Resource.new(
         arn=arn,
         kind="world",
@@ -91,7 +99,11 @@ def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundl
         parent=job.arn,
         tags=job.document["request"].get("worldTags") or {},
         labels={"generationJobId": [job.id], **job.labels, BUNDLE_LABEL: [bundle_label(bundle)]},
-        document={"template": job.document["request"]["template"], "bundle": bundle},
+        document={
+            "template": job.document["request"]["template"],
+            "bundle": bundle,
+            **({"descriptionKey": description_key} if description_key else {}),
+        },
     )
     with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over
         service.catalog.create(world, token=None)
