@@ -1,6 +1,7 @@
 """Doors as solids in the world, and as hinged bodies in the MJCF."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from math import cos, sin
 
 from ...schemas.world import Door, Floorplan, Wall
@@ -28,6 +29,17 @@ def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
         x, y, z = part.center
         center = (x0 + c * x - s * y, y0 + s * x + c * y, z)
         yield Solid(f"{door.id}.{part.name}", part.shape, center, part.size, part.axis, yaw, part.color, part.solid)
+
+
+def cut_door_solids(plan: Floorplan, top_m: float) -> Iterator[Solid]:
+    """All doors as they are at first, and their frames, as far as they are below a height."""
+    doors = [passage.door for passage in plan.passages if passage.door]
+    for solid in (*doorframe_solids(plan), *(solid for door in doors for solid in door_solids(door))):
+        low = solid.center[2] - solid.size[2] / 2
+        height = min(solid.size[2], top_m - low)
+        if height > 0:
+            center = (solid.center[0], solid.center[1], low + height / 2)
+            yield replace(solid, center=center, size=(solid.size[0], solid.size[1], height))
 
 
 def doorframe_solids(plan: Floorplan) -> Iterator[Solid]:

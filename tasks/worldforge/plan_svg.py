@@ -15,6 +15,7 @@ from math import degrees, hypot
 from re import sub
 
 from ...schemas.world import Floorplan, Furniture, Passage, Point, Room, Wall, Window, World
+from .plan_doors import DARK_DOOR_STYLE, DOOR_STYLE, door_svg
 from .plan_labels import AREA_PX, NAME_PX, place_label
 from .plan_symbols import number, symbol
 
@@ -95,7 +96,7 @@ def floorplan_svg(world: World) -> str:
         f'viewBox="0 0 {number(sheet.width)} {number(sheet.height)}" '
         f'width="{number(sheet.width)}" height="{number(sheet.height)}" data-scale="{number(sheet.scale)}" '
         f'data-origin-x="{number(sheet.origin_x)}" data-origin-y="{number(sheet.origin_y)}">',
-        f"<style>{_STYLE}</style>",
+        f"<style>{_STYLE}{DOOR_STYLE}@media (prefers-color-scheme:dark){{{DARK_DOOR_STYLE}}}</style>",
         '<rect class="fp-paper" width="100%" height="100%"/>',
         _dimensions(sheet),
         _scale_bar(sheet),
@@ -179,7 +180,7 @@ def _window(window: Window, thickness: float) -> str:
 
 def _passage(passage: Passage) -> str:
     if passage.kind == "Doorway":
-        return ""
+        return door_svg(passage.door) if passage.door else ""
     (x0, y0), (x1, y1) = passage.start, passage.end
     return f'<path class="fp-opening" d="M{number(x0)} {number(y0)}L{number(x1)} {number(y1)}"/>'
 

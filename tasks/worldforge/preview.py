@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 
 from ...schemas.world import Wall, Window, World
+from .door_model import cut_door_solids
 from .materials import OUTSIDE, surface_name
 from .mjcf import wall_faces
 from .parts import Color, Vector, rgb
@@ -52,6 +53,8 @@ def render_preview(world: World) -> bytes:
             _draw_solid(solid, raster, palette)
             if solid.size[2] > 0.015:
                 blocks.append(_block(solid))
+    for solid in cut_door_solids(world.floorplan, _CUT_M):
+        _draw_solid(solid, raster, palette)
     colors = np.take(palette.table(), raster.ids, axis=0)
     _lay_floors(raster, palette, colors)
     _draw_outlines(raster, colors)
