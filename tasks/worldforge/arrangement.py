@@ -5,14 +5,20 @@ from typing import Literal
 
 from ...schemas.world import RoomType
 
-Relation = Literal["beside", "before", "around", "desk", "facing", "run", ""]
+Relation = Literal["beside", "before", "around", "desk", "facing", "gathered", "run", ""]
 Spot = Literal["wall", "corner", "open"]
 Density = Literal["Sparse", "Moderate", "Dense"]
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How one kind of furniture is placed."""
+    """How one kind of furniture is placed.
+
+    Clearances are what people need, from the usual handbooks of ergonomics and kitchen design, metres:
+    0.6 to stand and turn before a piece, 0.75 to pull out a drawer or open a wardrobe and stand before it,
+    0.9 to work at an appliance with its door open or to push a chair back from a desk, 0.75 around a dining
+    table to sit down, 0.5 beside a bed to get up, 0.4 between a sofa and its table for the legs.
+    """
 
     spot: Spot = "wall"
     """Where it stands on its own."""
@@ -20,53 +26,77 @@ class Rule:
     """Which part of a wall suits it best."""
     front_m: float = 0.0
     """What stays free before it: to get up, to open it, to stand at it."""
+    beside_m: float = 0.0
+    """What stays free on both sides; on one side of a bed for one."""
+    around_m: float = 0.0
+    """What stays free on every side of a piece that stands in the open."""
     relation: Relation = ""
     """How it stands to the kinds in `near`, tried before `spot`."""
     near: tuple[str, ...] = ()
     """Kinds it belongs to."""
+    bound: bool = False
+    """Whether it makes no sense away from those kinds where the room has one."""
+    seat_m: float = 0.0
+    """How far a chair will stand before it, so that the place must not be at a door."""
     gap_m: float = 0.0
-    """Distance for `before`."""
+    """Distance for `before` and `gathered`."""
+    hides_window: bool = False
+    """Whether it never stands before a window, however low it is."""
     counts: tuple[int, int, int] = (1, 1, 1)
     """Pieces wanted at first in sparse, moderate and dense rooms."""
     limit: int = 1
     """At most so many per 30 m2."""
 
 
-_KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
+KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
+"""What stands in a kitchen's line."""
+
+HALLWAY_WAY_M = 0.9
+"""What stays free before everything that stands in a hallway."""
+
+_SEATS = ("Sofas", "LivingRoomChairs")
 
 # In the order of placing: what rooms are arranged around comes first.
 RULES: dict[str, Rule] = {
-    "Beds": Rule(prefer="middle", front_m=0.6),
-    "MediaStorage": Rule(prefer="middle", front_m=0.5),
-    "Sofas": Rule(prefer="middle", front_m=0.5, relation="facing", near=("MediaStorage",), limit=2),
-    "DiningTables": Rule(spot="open", front_m=0.55),
-    "Fridges": Rule(prefer="corner", front_m=0.7, relation="run", near=_KITCHEN_RUN),
-    "Ovens": Rule(prefer="any", front_m=0.75, relation="run", near=_KITCHEN_RUN),
-    "DishWashers": Rule(prefer="any", front_m=0.65, relation="run", near=_KITCHEN_RUN),
-    "Storage": Rule(prefer="corner", front_m=0.6, relation="run", near=_KITCHEN_RUN, counts=(1, 1, 2), limit=4),
-    "Baths": Rule(prefer="corner", front_m=0.5),
-    "Showers": Rule(prefer="corner", front_m=0.5),
-    "Toilets": Rule(prefer="any", front_m=0.55),
-    "VanityCounters": Rule(prefer="any", front_m=0.6),
-    "WashingMachinesAndDryers": Rule(prefer="corner", front_m=0.6, relation="run", near=_KITCHEN_RUN),
-    "Desks": Rule(prefer="any", front_m=0.7, limit=2),
-    "Dressers": Rule(prefer="any", front_m=0.6, limit=2),
-    "Bookcases": Rule(prefer="corner", front_m=0.4, limit=4),
-    "SideboardsAndBuffets": Rule(prefer="middle", front_m=0.5, limit=2),
-    "BarCabinets": Rule(prefer="any", front_m=0.5),
-    "CornerCabinets": Rule(spot="corner", front_m=0.4, limit=2),
-    "KitchenIslandsAndCarts": Rule(spot="open", front_m=0.7),
-    "ConsoleTables": Rule(prefer="middle", limit=2),
-    "StorageBenches": Rule(prefer="any", front_m=0.4, limit=2),
-    "Nightstands": Rule(relation="beside", near=("Beds",), counts=(1, 2, 2), limit=4),
-    "CoffeeTables": Rule(spot="open", relation="before", near=("Sofas", "LivingRoomChairs"), gap_m=0.38),
-    "DiningChairs": Rule(relation="around", near=("DiningTables",), counts=(2, 4, 6), limit=8),
-    "DeskChairs": Rule(relation="desk", near=("Desks",), limit=2),
-    "LivingRoomChairs": Rule(prefer="corner", front_m=0.4, counts=(1, 1, 2), limit=3),
-    "EndAndSideTables": Rule(relation="beside", near=("Sofas", "LivingRoomChairs"), limit=3),
-    "Ottomans": Rule(prefer="any", relation="before", near=("LivingRoomChairs", "Sofas"), gap_m=0.25, limit=2),
-    "FloorLamps": Rule(prefer="corner", relation="beside", near=("Sofas", "LivingRoomChairs"), limit=2),
-    "ServingCarts": Rule(prefer="corner"),
+    "Beds": Rule(prefer="middle", front_m=0.6, beside_m=0.5),
+    "MediaStorage": Rule(prefer="middle", front_m=0.75, hides_window=True),
+    "Sofas": Rule(prefer="middle", front_m=0.5, relation="facing", near=("MediaStorage",), gap_m=0.5, limit=2),
+    "DiningTables": Rule(spot="open", around_m=0.75),
+    "Fridges": Rule(prefer="corner", front_m=0.9, relation="run", near=KITCHEN_RUN),
+    "Ovens": Rule(front_m=0.9, relation="run", near=KITCHEN_RUN),
+    "DishWashers": Rule(front_m=0.9, relation="run", near=KITCHEN_RUN),
+    "Storage": Rule(prefer="corner", front_m=0.75, relation="run", near=KITCHEN_RUN, counts=(1, 1, 2), limit=3),
+    "Baths": Rule(prefer="corner", front_m=0.6),
+    "Showers": Rule(prefer="corner", front_m=0.6),
+    "Toilets": Rule(front_m=0.6, beside_m=0.15),
+    "VanityCounters": Rule(front_m=0.7, hides_window=True),
+    "WashingMachinesAndDryers": Rule(prefer="corner", front_m=0.75, relation="run", near=KITCHEN_RUN),
+    "Desks": Rule(front_m=0.9, seat_m=0.5, limit=2),
+    "Dressers": Rule(front_m=0.75, limit=2),
+    "Bookcases": Rule(prefer="corner", front_m=0.6, limit=4),
+    "SideboardsAndBuffets": Rule(prefer="middle", front_m=0.75, limit=2),
+    "BarCabinets": Rule(front_m=0.75),
+    "CornerCabinets": Rule(spot="corner", front_m=0.6, limit=2),
+    "KitchenIslandsAndCarts": Rule(spot="open", around_m=0.9),
+    "ConsoleTables": Rule(prefer="middle", front_m=0.5, limit=2),
+    "StorageBenches": Rule(front_m=0.6, limit=2),
+    "Nightstands": Rule(relation="beside", near=("Beds",), bound=True, counts=(1, 2, 2), limit=4),
+    "CoffeeTables": Rule(spot="open", relation="before", near=_SEATS, bound=True, gap_m=0.4),
+    "DiningChairs": Rule(relation="around", near=("DiningTables",), bound=True, counts=(2, 4, 6), limit=8),
+    "DeskChairs": Rule(relation="desk", near=("Desks",), bound=True, limit=2),
+    "LivingRoomChairs": Rule(
+        prefer="corner",
+        front_m=0.45,
+        relation="gathered",
+        near=("CoffeeTables",),
+        gap_m=0.46,
+        counts=(1, 1, 2),
+        limit=3,
+    ),
+    "EndAndSideTables": Rule(relation="beside", near=_SEATS, bound=True, limit=3),
+    "Ottomans": Rule(relation="before", near=("LivingRoomChairs", "Sofas"), gap_m=0.3, limit=2),
+    "FloorLamps": Rule(prefer="corner", relation="beside", near=_SEATS, limit=2),
+    "ServingCarts": Rule(prefer="corner", front_m=0.3),
 }
 
 _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
@@ -79,21 +109,21 @@ _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Storage",),
 }
 _USUAL: dict[RoomType, tuple[str, ...]] = {
-    "Bedroom": ("Dressers", "Desks", "DeskChairs", "FloorLamps"),
-    "Bathroom": ("Baths", "WashingMachinesAndDryers"),
-    "Living": ("LivingRoomChairs", "EndAndSideTables", "FloorLamps", "Bookcases"),
-    "Dining": ("SideboardsAndBuffets", "BarCabinets", "FloorLamps"),
+    "Bedroom": ("Dressers", "Desks", "DeskChairs"),
+    "Bathroom": ("Baths",),
+    "Living": ("LivingRoomChairs", "EndAndSideTables", "FloorLamps"),
+    "Dining": ("SideboardsAndBuffets", "FloorLamps"),
     "Kitchen": ("DishWashers", "KitchenIslandsAndCarts"),
     "Hallway": ("StorageBenches", "CornerCabinets"),
     "Closet": ("Dressers", "StorageBenches"),
 }
 _LAVISH: dict[RoomType, tuple[str, ...]] = {
-    "Bedroom": ("LivingRoomChairs", "Bookcases", "StorageBenches", "Ottomans"),
-    "Bathroom": ("Storage", "StorageBenches"),
-    "Living": ("SideboardsAndBuffets", "ConsoleTables", "Ottomans", "BarCabinets", "CornerCabinets"),
-    "Dining": ("CornerCabinets", "ServingCarts", "ConsoleTables", "Bookcases"),
+    "Bedroom": ("LivingRoomChairs", "Bookcases", "StorageBenches", "Ottomans", "FloorLamps"),
+    "Bathroom": ("WashingMachinesAndDryers", "Storage", "StorageBenches"),
+    "Living": ("Bookcases", "SideboardsAndBuffets", "ConsoleTables", "Ottomans", "BarCabinets", "CornerCabinets"),
+    "Dining": ("BarCabinets", "CornerCabinets", "ServingCarts", "ConsoleTables", "Bookcases"),
     "Kitchen": ("WashingMachinesAndDryers", "ServingCarts", "CornerCabinets"),
-    "Hallway": ("Bookcases", "FloorLamps", "Storage"),
+    "Hallway": ("Storage", "Bookcases"),
     "Closet": ("Bookcases", "Ottomans"),
 }
 
@@ -123,15 +153,27 @@ def first_count(model_type: str, density: Density) -> int:
     return RULES[model_type].counts[DENSITIES.index(density)]
 
 
+def front_of(model_type: str, room_type: RoomType) -> float:
+    """What stays free before a piece in a room of this type."""
+    front = RULES[model_type].front_m
+    return max(front, HALLWAY_WAY_M) if room_type == "Hallway" else front
+
+
 def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[str]:
-    """Which forms of a kind suit a room: a kitchen's storage is a counter, a bathroom's is shelves."""
+    """Which forms of a kind suit a room: a kitchen's storage is a counter, a bathroom's is shelves.
+
+    All forms where the catalogue has none of the suiting ones.
+    """
     if model_type != "Storage":
         return forms
+    counters = [form for form in forms if form.startswith("counter")]
+    if room_type == "Kitchen":
+        return counters or forms
     suiting: dict[str, list[str]] = {
-        "Kitchen": ["counter-sink", "counter"],
         "Bathroom": ["shelves", "cupboard"],
         "Hallway": ["cupboard", "wardrobe"],
         "Bedroom": ["wardrobe", "cupboard"],
         "Closet": ["wardrobe", "shelves", "cupboard"],
     }
-    return suiting.get(room_type, ["cupboard", "shelves"])
+    wanted = suiting.get(room_type, ["cupboard", "shelves"])
+    return [form for form in forms if form in wanted] or [form for form in forms if form not in counters] or forms

@@ -1,267 +1,176 @@
 """Poses a piece of furniture could take in a room, each with a score; which of them fit is asked later."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from random import Random
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...schemas.world import Floorplan, Furniture, Room
+from ...schemas.world import Furniture
+from .boxes import Pose, pose_of
 from .parts import Style
-from .placement import Rects
-
-_WALL_GAP_M = 0.015
-_STEP_M = 0.1
-_FRONTS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+from .placement import WALL_GAP_M, RoomSpace, Side
 
 TUCK_M = 0.13
 """How far chairs are pushed under their table."""
 
+FLUSH_M = 0.004
+"""Between pieces that stand edge to edge."""
 
-@dataclass(frozen=True)
-class Poses:
-    """Candidate poses; arrays of equal length."""
-
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    quarter: NDArray[np.int64]
-    """Facing direction in quarter turns from +x."""
-    score: NDArray[np.float64]
-    """Higher is better."""
-
-    def __len__(self) -> int:
-        return len(self.x)
-
-    def footprints(self, style: Style) -> Rects:
-        """What the piece would cover."""
-        upright = self.quarter % 2 == 1
-        half_x = np.where(upright, style.width_m, style.depth_m) / 2
-        half_y = np.where(upright, style.depth_m, style.width_m) / 2
-        return np.stack([self.x - half_x, self.y - half_y, self.x + half_x, self.y + half_y], axis=1)
-
-    def zones(self, style: Style, depth: float) -> Rects:
-        """What would have to stay free in front of it; empty rectangles for depth 0."""
-        rects = self.footprints(style)
-        front = _FRONTS[self.quarter]
-        if depth == 0:
-            return np.stack([self.x, self.y, self.x, self.y], axis=1)
-        start = np.stack([self.x, self.y], axis=1) + front * style.depth_m / 2
-        end = start + front * depth
-        zone = np.stack([np.minimum(start, end), np.maximum(start, end)], axis=1).reshape(-1, 4)
-        upright = self.quarter % 2 == 1
-        zone[~upright, 1], zone[~upright, 3] = rects[~upright, 1], rects[~upright, 3]
-        zone[upright, 0], zone[upright, 2] = rects[upright, 0], rects[upright, 2]
-        return zone
-
-    def plus(self, bonus: NDArray[np.float64]) -> "Poses":
-        """The same poses with other scores."""
-        return Poses(self.x, self.y, self.quarter, self.score + bonus)
+_STEP_M = 0.3
+_CORNER_M = 0.2
+_BESIDE_GAP_M = 0.04
+_NEAREST_SCREEN_M = 1.7
+_FARTHEST_SCREEN_M = 4.2
+_BEST_SCREEN_M = 2.5
+"""From a screen's front to the sofa's: about three times the width of the screen."""
 
 
-def joined(groups: list[Poses]) -> Poses:
-    """Several groups as one."""
-    return Poses(
-        np.concatenate([np.empty(0), *(group.x for group in groups)]),
-        np.concatenate([np.empty(0), *(group.y for group in groups)]),
-        np.concatenate([np.empty(0, np.int64), *(group.quarter for group in groups)]),
-        np.concatenate([np.empty(0), *(group.score for group in groups)]),
-    )
+def against_walls(
+    space: RoomSpace, style: Style, front_m: float, prefer: str, dice: Random, *, tall: bool = False
+) -> list[Pose]:
+    """Back to a wall, at the ends, the middle and the quarters of every free stretch.
+
+    Args:
+      space: the room.
+      style: the piece.
+      front_m: what has to stay free before it.
+      prefer: `middle`, `corner` or `any`.
+      dice: the source of chance.
+      tall: whether the piece must not stand before a window.
+    """
+    poses: list[Pose] = []
+    inward = WALL_GAP_M + style.depth_m / 2
+    for side in space.sides:
+        liking = 0.5 * dice.random()
+        for low, high in space.spans(side, style.depth_m, front_m, tall=tall):
+            slack = high - low - style.width_m
+            if slack < 0:
+                continue
+            for share in (0.0, 0.25, 0.5, 0.75, 1.0) if slack > 0.05 else (0.0,):
+                along = low + style.width_m / 2 + share * slack
+                score = liking + _wall_score(side, along, style.width_m, share, prefer) + 0.3 * dice.random()
+                poses.append(side.pose(along, inward, score))
+    return poses
 
 
-def single(poses: list[tuple[float, float, int, float]]) -> Poses:
-    """Poses from rows of x, y, quarter turns, score."""
-    rows = np.array(poses, dtype=float).reshape(-1, 4)
-    return Poses(rows[:, 0], rows[:, 1], rows[:, 2].astype(np.int64) % 4, rows[:, 3])
+def _wall_score(side: Side, along: float, width_m: float, share: float, prefer: str) -> float:
+    """How well a spot on a wall suits: pieces in the middle of it, or in its corners."""
+    off_middle = abs(along - (side.low + side.high) / 2) / max(side.high - side.low, 1e-6)
+    if prefer == "middle":
+        return 1.2 - 2.0 * off_middle - (0.4 if share in (0.0, 1.0) else 0.0)
+    off_corner = min(along - side.low, side.high - along) - width_m / 2
+    if prefer == "corner":
+        return (0.6 if share in (0.0, 1.0) else 0.0) - min(off_corner, 2.0)
+    # Anywhere, but rather flush with a neighbour or a corner than with a useless gap beside it.
+    return 0.4 if share in (0.0, 0.5, 1.0) else 0.0
 
 
-@dataclass(frozen=True)
-class Side:
-    """One side of a room, seen from inside."""
-
-    start: NDArray[np.float64]
-    """Its right end, for someone who looks into the room from the wall."""
-    along: NDArray[np.float64]
-    length_m: float
-    quarter: int
-    """Direction into the room."""
-    half_wall_m: float
-    """Half the thickness of the wall on it; 0 where there is none."""
-
-
-def sides_of(room: Room, floorplan: Floorplan) -> list[Side]:
-    """All sides of a room that have a wall."""
-    sides: list[Side] = []
-    for first, second in zip(room.polygon, [*room.polygon[1:], room.polygon[0]], strict=True):
-        start, end = np.array(first), np.array(second)
-        length = float(np.abs(end - start).sum())
-        along = (end - start) / length
-        axis = 0 if along[0] == 0 else 1
-        half = max(
-            (
-                wall.thickness_m / 2
-                for wall in floorplan.walls
-                if not wall.lintel
-                and room.name in wall.rooms
-                and abs(wall.start[axis] - start[axis]) < 1e-6
-                and abs(wall.end[axis] - start[axis]) < 1e-6
-            ),
-            default=0.0,
-        )
-        # The inside of a counter-clockwise polygon lies to the left of each side.
-        quarter = {(1, 0): 1, (0, 1): 2, (-1, 0): 3, (0, -1): 0}[round(along[0]), round(along[1])]
-        if half > 0:
-            sides.append(Side(start, along, length, quarter, half))
-    return sides
+def in_corners(space: RoomSpace, style: Style, dice: Random) -> list[Pose]:
+    """Back and one side to two walls that meet."""
+    poses: list[Pose] = []
+    inward, sideways = WALL_GAP_M + style.depth_m / 2, WALL_GAP_M + style.width_m / 2
+    for side in space.sides:
+        for other in space.sides:
+            if (side.quarter - other.quarter) % 2 == 0:
+                continue
+            # Inside corners only: the other wall's face lies a little within this one's end.
+            if 0 < other.face - side.low < _CORNER_M:
+                poses.append(side.pose(other.face + sideways, inward, dice.random()))
+            elif 0 < side.high - other.face < _CORNER_M:
+                poses.append(side.pose(other.face - sideways, inward, dice.random()))
+    return poses
 
 
-def against_walls(sides: list[Side], style: Style, prefer: str, rng: np.random.Generator) -> Poses:
-    """Back to a wall, everywhere along it; `prefer` is `middle`, `corner` or `any`."""
-    groups: list[Poses] = []
-    for side in sides:
-        low, high = 0.1 + _WALL_GAP_M + style.width_m / 2, side.length_m - 0.1 - _WALL_GAP_M - style.width_m / 2
-        if high < low:
-            continue
-        spots = np.unique(np.concatenate([np.arange(low, high, _STEP_M), [high, (low + high) / 2]]))
-        off_corner = np.minimum(spots - low, high - spots) / max(side.length_m, 1e-6)
-        score = {"middle": 2.0, "corner": -2.0, "any": 0.0}[prefer] * off_corner + 0.5 * rng.random(len(spots))
-        score += 0.4 * rng.random()
-        offset = side.half_wall_m + _WALL_GAP_M + style.depth_m / 2
-        at = side.start + spots[:, None] * side.along + offset * _FRONTS[side.quarter]
-        groups.append(Poses(at[:, 0], at[:, 1], np.full(len(spots), side.quarter), score))
-    return joined(groups)
-
-
-def in_corners(sides: list[Side], style: Style, rng: np.random.Generator) -> Poses:
-    """Back and right side to two walls that meet."""
-    poses: list[tuple[float, float, int, float]] = []
-    for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
-        # Inside corners only: the direction along the last side is the reverse of the way into the room from this one.
-        if (before.quarter - side.quarter) % 4 != 3 or not np.allclose(
-            before.start + before.along * before.length_m, side.start
-        ):
-            continue
-        inward = side.half_wall_m + _WALL_GAP_M + style.depth_m / 2
-        sideways = before.half_wall_m + _WALL_GAP_M + style.width_m / 2
-        x, y = side.start + side.along * sideways + inward * _FRONTS[side.quarter]
-        poses.append((float(x), float(y), side.quarter, float(rng.random())))
-    return single(poses)
-
-
-def in_the_open(bounds: tuple[float, float, float, float], rng: np.random.Generator) -> Poses:
-    """Away from walls, best in the middle of the room."""
-    x0, y0, x1, y1 = bounds
-    xs, ys = np.meshgrid(np.arange(x0 + 0.4, x1 - 0.4, 0.2), np.arange(y0 + 0.4, y1 - 0.4, 0.2))
-    x, y = xs.ravel(), ys.ravel()
-    off = np.hypot((x - (x0 + x1) / 2) / (x1 - x0), (y - (y0 + y1) / 2) / (y1 - y0))
-    turns = np.repeat([0, 1], len(x))
+def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Pose]:
+    """Away from walls, best in the middle of the room; along a kitchen's line, its front to it."""
+    x0, y0, x1, y1 = space.bounds
+    middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
+    columns, rows = int((x1 - x0 - 0.8) / 2 / _STEP_M), int((y1 - y0 - 0.8) / 2 / _STEP_M)
+    turns = (0, 1, 2, 3) if run else (0, 1)
     # A long table lies along a long room: fronts face its long sides.
-    lengthwise = np.where(turns == int(x1 - x0 >= y1 - y0), 0.3, 0.0)
-    score = -2 * np.tile(off, 2) + lengthwise + 0.2 * rng.random(2 * len(x))
-    return Poses(np.tile(x, 2), np.tile(y, 2), turns, score)
+    best_turn = (pose_of(run[0]).quarter + 2) % 4 if run else int(x1 - x0 >= y1 - y0)
+    poses: list[Pose] = []
+    for column in range(-columns, columns + 1):
+        for row in range(-rows, rows + 1):
+            x, y = middle_x + column * _STEP_M, middle_y + row * _STEP_M
+            off = ((x - middle_x) / (x1 - x0)) ** 2 + ((y - middle_y) / (y1 - y0)) ** 2
+            score = -2.0 * off**0.5 + 0.15 * dice.random()
+            poses += [Pose(x, y, turn, score + (0.4 if turn == best_turn else 0.0)) for turn in turns]
+    return poses
 
 
-def beside(partner: Furniture, style: Style, rng: np.random.Generator) -> Poses:
+def beside(partner: Furniture, style: Style, dice: Random) -> list[Pose]:
     """At the partner's left or right, backs in line, looking the same way."""
-    quarter, front, left = _frame(partner)
-    poses: list[tuple[float, float, int, float]] = []
-    for side in (1, -1):
-        across = side * (partner.width_m / 2 + 0.04 + style.width_m / 2)
-        back = -(partner.depth_m - style.depth_m) / 2
-        x, y = np.array([partner.x, partner.y]) + across * left + back * front
-        poses.append((float(x), float(y), quarter, float(rng.random())))
-    return single(poses)
+    back = -(partner.depth_m - style.depth_m) / 2
+    across = partner.width_m / 2 + _BESIDE_GAP_M + style.width_m / 2
+    return [pose_of(partner).moved(back, side * across, 0, dice.random()) for side in (1, -1)]
 
 
-def before(partner: Furniture, style: Style, gap: float, rng: np.random.Generator) -> Poses:
-    """In front of the partner, looking at it or, for tables, along it."""
-    quarter, front, left = _frame(partner)
-    distance = partner.depth_m / 2 + gap + style.depth_m / 2
-    poses: list[tuple[float, float, int, float]] = []
-    for shift in (0.0, 0.25, -0.25):
-        x, y = np.array([partner.x, partner.y]) + distance * front + shift * left
-        poses.append((float(x), float(y), quarter + 2, 0.2 * float(rng.random()) - abs(shift)))
-    return single(poses)
+def before(partner: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
+    """In front of the partner, turned to it."""
+    distance = partner.depth_m / 2 + gap_m + style.depth_m / 2
+    return [
+        pose_of(partner).moved(distance, shift, 2, 0.2 * dice.random() - abs(shift)) for shift in (0.0, 0.25, -0.25)
+    ]
 
 
-def around(table: Furniture, style: Style) -> Poses:
-    """Chairs at a table, pushed in a little: first along its sides, then at its ends."""
-    quarter, front, left = _frame(table)
+def gathered(table: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
+    """At the ends of a coffee table, turned to it, so that people on sofa and chairs see each other."""
+    reach = table.width_m / 2 + gap_m + style.depth_m / 2
+    # A table's front is turned to its sofa: a little away from it, chairs leave the way to the sofa open.
+    return [
+        pose_of(table).moved(back, side * reach, 3 if side == 1 else 1, 1.0 + 0.5 * dice.random() + back)
+        for side in (1, -1)
+        for back in (0.0, -0.2, -0.4)
+    ]
+
+
+def around(table: Furniture, style: Style) -> list[Pose]:
+    """Chairs at a table, pushed in a little: in pairs along its sides from the middle, then at its ends."""
     reach = table.depth_m / 2 + style.depth_m / 2 - TUCK_M
     seats = max(1, int(table.width_m / (style.width_m + 0.12)))
-    poses: list[tuple[float, float, int, float]] = []
-    for index in range(seats):
-        shift = (index + 0.5) * table.width_m / seats - table.width_m / 2
-        for side in (1, -1):
-            x, y = np.array([table.x, table.y]) + side * reach * front + shift * left
-            poses.append((float(x), float(y), quarter + (2 if side == 1 else 0), 1.0 - 0.1 * index))
+    shifts = sorted(((i + 0.5) * table.width_m / seats - table.width_m / 2 for i in range(seats)), key=abs)
+    pose = pose_of(table)
+    poses: list[Pose] = []
+    for index, shift in enumerate(shifts):
+        poses.append(pose.moved(reach, shift, 2, 1.0 - 0.1 * index))
+        poses.append(pose.moved(-reach, shift, 0, 1.0 - 0.1 * index))
     ends = table.width_m / 2 + style.depth_m / 2 - TUCK_M
-    for side in (1, -1):
-        x, y = np.array([table.x, table.y]) + side * ends * left
-        poses.append((float(x), float(y), quarter + (3 if side == 1 else 1), 0.0))
-    return single(poses)
+    return [*poses, pose.moved(0.0, ends, 3), pose.moved(0.0, -ends, 1)]
 
 
-def at_desk(desk: Furniture, style: Style) -> Poses:
+def at_desk(desk: Furniture, style: Style) -> list[Pose]:
     """A chair at a desk, pushed in a little, beside the drawers."""
-    quarter, front, left = _frame(desk)
-    x, y = np.array([desk.x, desk.y]) + (desk.depth_m / 2 + style.depth_m / 2 - TUCK_M) * front + 0.12 * left
-    return single([(float(x), float(y), quarter + 2, 0.0)])
+    reach = desk.depth_m / 2 + style.depth_m / 2 - TUCK_M
+    return [pose_of(desk).moved(reach, 0.12, 2)]
 
 
-def facing(partner: Furniture, style: Style, rng: np.random.Generator) -> Poses:
-    """Opposite the partner at a comfortable distance, looking at it."""
-    quarter, front, left = _frame(partner)
-    poses: list[tuple[float, float, int, float]] = []
-    for distance in np.arange(1.6, 3.6, 0.1):
-        for shift in (0.0, 0.2, -0.2, 0.4, -0.4):
-            step = partner.depth_m / 2 + distance + style.depth_m / 2
-            x, y = np.array([partner.x, partner.y]) + step * front + shift * left
-            score = 1.5 - 0.5 * abs(distance - 2.3) - abs(shift) + 0.2 * float(rng.random())
-            poses.append((float(x), float(y), quarter + 2, score))
-    return single(poses)
-
-
-def facing_bonus(poses: Poses, partner: Furniture) -> NDArray[np.float64]:
-    """What poses gain by looking at the partner from not too far, without anything turned away."""
-    offset = np.stack([partner.x - poses.x, partner.y - poses.y], axis=1)
-    distance = np.hypot(offset[:, 0], offset[:, 1])
-    looks = (offset * _FRONTS[poses.quarter]).sum(axis=1) / np.maximum(distance, 1e-6)
-    _, front, _ = _frame(partner)
-    before_it = -(offset * front).sum(axis=1) / np.maximum(distance, 1e-6)
-    return np.where(before_it > 0.5, 2 * looks, 0.0) + 1.5 * before_it - 0.4 * np.abs(distance - 2.8)
-
-
-def run_bonus(poses: Poses, style: Style, run: list[Furniture]) -> NDArray[np.float64]:
-    """What poses gain by standing in line with appliances that are already there."""
-    rects = poses.footprints(style)
-    best = np.full(len(poses), 9.0)
-    for item in run:
-        quarter, _, _ = _frame(item)
-        along_y = quarter % 2 == 0
-        half = item.width_m / 2
-        low, high, at = (1, 3, item.y) if along_y else (0, 2, item.x)
-        gap = np.maximum(rects[:, low] - (at + half), (at - half) - rects[:, high])
-        across = np.abs(poses.x - item.x) if along_y else np.abs(poses.y - item.y)
-        in_line = (poses.quarter == quarter) & (across < 0.4)
-        best = np.minimum(best, np.where(in_line, np.abs(gap), 9.0))
-    return -2.0 * np.minimum(best, 2.0)
-
-
-def next_to(item: Furniture, style: Style) -> Poses:
-    """In line with an appliance, edge to edge, backs in line."""
-    quarter, front, left = _frame(item)
+def next_to(item: Furniture, style: Style) -> list[Pose]:
+    """In line with a piece, edge to edge, backs in line."""
     back = -(item.depth_m - style.depth_m) / 2
-    spots = [
-        np.array([item.x, item.y]) + side * (item.width_m / 2 + style.width_m / 2 + 0.004) * left + back * front
-        for side in (1, -1)
-    ]
-    return single([(float(x), float(y), quarter, 0.5) for x, y in spots])
+    across = item.width_m / 2 + style.width_m / 2 + FLUSH_M
+    return [pose_of(item).moved(back, side * across, 0, 0.5) for side in (1, -1)]
 
 
-def quarter_of(item: Furniture) -> int:
-    """A piece's facing direction in quarter turns."""
-    return round(item.yaw / (np.pi / 2)) % 4
+def facing(space: RoomSpace, screen: Pose, screen_depth_m: float, style: Style) -> Iterator[Pose]:
+    """Seats opposite a screen: back to the wall across from it if that is not too far, else in the open."""
+    depth = style.depth_m
+    steps: list[tuple[float, float]] = [(distance, -0.7) for distance in (_BEST_SCREEN_M, 2.1, 2.9)]
+    for side in space.sides:
+        if side.quarter == (screen.quarter + 2) % 4:
+            span = abs(side.face - (screen.x if side.axis else screen.y))
+            distance = span - screen_depth_m / 2 - depth - WALL_GAP_M
+            if _NEAREST_SCREEN_M <= distance <= _FARTHEST_SCREEN_M:
+                steps.append((distance, 0.5))
+    for distance, liking in steps:
+        for shift in (0.0, 0.35, -0.35):
+            score = liking - 0.35 * abs(distance - _BEST_SCREEN_M) - 0.6 * abs(shift)
+            yield screen.moved(screen_depth_m / 2 + distance + depth / 2, shift, 2, score)
 
 
-def _frame(item: Furniture) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
-    quarter = quarter_of(item)
-    return quarter, _FRONTS[quarter], _FRONTS[(quarter + 1) % 4]
+def facing_bonus(pose: Pose, partner: Furniture) -> float:
+    """What a pose gains by looking at the partner from not too far, without anything turned away."""
+    x, y = partner.x - pose.x, partner.y - pose.y
+    distance = max((x * x + y * y) ** 0.5, 1e-6)
+    here, there = pose.moved(1.0, 0.0), pose_of(partner).moved(1.0, 0.0)
+    looks = (x * (here.x - pose.x) + y * (here.y - pose.y)) / distance
+    before_it = -(x * (there.x - partner.x) + y * (there.y - partner.y)) / distance
+    return (2 * looks if before_it > 0.5 else 0.0) + 1.5 * before_it - 0.4 * abs(distance - 2.8)

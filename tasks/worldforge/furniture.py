@@ -17,7 +17,7 @@ from .parts import Part, Style, styles
 
 Builder = Callable[[Style], list[Part]]
 
-LOOSE_TYPES = ("Ball", "Book", "Carton", "ToyBlock")
+LOOSE_TYPES = ("Ball", "Book", "Carton", "Clothes", "Cup", "Plate", "Shoe", "ToyBlock")
 """Kinds of loose objects, which no template can name."""
 
 _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
@@ -125,6 +125,10 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
     "Ball": (loose.ball, styles("ball", (0.18, 0.18, 0.18), "terracotta", "navy", "mustard")),
     "Book": (loose.book, styles("book", (0.16, 0.23, 0.035), "terracotta", "navy", "sage", "mustard")),
     "Carton": (loose.carton, styles("carton", (0.4, 0.3, 0.26), "oak")),
+    "Clothes": (loose.clothes, styles("pullover", (0.3, 0.36, 0.07), "navy", "terracotta", "sage", "mustard")),
+    "Cup": (loose.cup, styles("mug", (0.085, 0.085, 0.095), "white", "navy", "terracotta")),
+    "Plate": (loose.plate, styles("dinner", (0.26, 0.26, 0.022), "white", "sage")),
+    "Shoe": (loose.shoe, styles("trainer", (0.1, 0.28, 0.11), "white", "navy", "walnut")),
     "ToyBlock": (loose.toy_block, styles("block", (0.09, 0.09, 0.09), "terracotta", "mustard", "navy", "sage")),
 }  # fmt: skip
 

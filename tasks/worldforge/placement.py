@@ -1,15 +1,17 @@
 """Where a piece of furniture may stand: rectangles, keep-clear zones and the ways that must stay open."""
 
 import itertools
-from collections.abc import Iterable
-from math import ceil
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from ...schemas.world import Floorplan, Point, Room
+from ...schemas.world import Floorplan, Passage, Point, Room, Wall
+from .boxes import FRONTS, Box, Pose, hits, left_over
+from .leaves import open_box, swept_box
 from .occupancy import wall_corners
+from .ways import Ways
 
 Rects = NDArray[np.float64]
 """Shape (n, 4): west, south, east, north, metres."""
@@ -17,31 +19,48 @@ Rects = NDArray[np.float64]
 TALL_M = 1.1
 """Anything higher would stand before a window's glass."""
 
-_ROBOT_M = 0.28
+WALL_GAP_M = 0.015
+"""Between a piece and the wall beside or behind it."""
+
+_HALF_WAY_M = 0.3
 """Half the width of the ways kept open: the robot's 0.2 m, a cell of the map, and some ease."""
 
-_CELL_M = 0.05
+_HALF_HALLWAY_M = 0.4
+"""The same in hallways. Cells stand for squares of 5 cm, so that at least 0.85 m stay clear there."""
+
 _ORIGIN_HALF_M = 0.56
-_DOOR_DEPTH_M = 0.75
-_OPENING_DEPTH_M = 0.45
+_DOOR_DEPTH_M = 0.8
+_OPENING_DEPTH_M = 0.5
 _WINDOW_DEPTH_M = 0.4
-_LARGEST_POCKETS = 0.06
-"""Share of a room's ways that furniture may cut off, such as the gap behind a sofa."""
-
-_TOUCHING_M = 1e-6
+_GATE_M = 0.45
 
 
-def rect(x0: float, y0: float, x1: float, y1: float) -> Rects:
-    """One rectangle, as an array of one row."""
-    return np.array([[x0, y0, x1, y1]])
+class Side(NamedTuple):
+    """One side of a room that has a wall, seen from inside."""
 
+    low: float
+    """Where it begins, along its axis, on the corners' centre lines."""
+    high: float
+    face: float
+    """Where the wall's face is, across the axis."""
+    quarter: int
+    """Direction into the room."""
 
-def overlap(some: Rects, others: Rects) -> NDArray[np.bool_]:
-    """Which of `some` overlap any of `others`; touching is not overlapping."""
-    a, b = some[:, None], others[None]
-    hits = (a[..., 0] < b[..., 2] - _TOUCHING_M) & (b[..., 0] < a[..., 2] - _TOUCHING_M)
-    hits &= (a[..., 1] < b[..., 3] - _TOUCHING_M) & (b[..., 1] < a[..., 3] - _TOUCHING_M)
-    return np.asarray(hits.any(axis=1))
+    @property
+    def axis(self) -> int:
+        """0 for a side along x, 1 for one along y."""
+        return 1 - self.quarter % 2
+
+    def pose(self, along: float, inward: float, score: float = 0.0) -> Pose:
+        """A pose with its back to the wall, its middle `inward` from the face."""
+        at = self.face + inward * sum(FRONTS[self.quarter])
+        return Pose(along, at, self.quarter, score) if self.axis == 0 else Pose(at, along, self.quarter, score)
+
+    def strip(self, near: float, far: float) -> Box:
+        """What lies between two distances from the wall's face."""
+        sign = sum(FRONTS[self.quarter])
+        one, other = sorted((self.face + sign * near, self.face + sign * far))
+        return (self.low, one, self.high, other) if self.axis == 0 else (one, self.low, other, self.high)
 
 
 class RoomSpace:
@@ -49,199 +68,202 @@ class RoomSpace:
 
     Attributes:
       room: the room.
+      bounds: its extent.
+      sides: its sides that have walls.
     """
 
     def __init__(self, room: Room, floorplan: Floorplan) -> None:
         self.room = room
         xs, ys = zip(*room.polygon, strict=True)
         self.bounds = (min(xs), min(ys), max(xs), max(ys))
-        self._outside = _complement(room)
-        self._walls = _walls_near(self.bounds, floorplan)
-        self._solids = np.concatenate([self._walls, self._outside])
+        self.sides = _sides_of(room, floorplan)
+        outside = _complement(room)
+        walls = _walls_near(self.bounds, floorplan)
+        self._solids = [*walls, *outside]
         passages = [passage for passage in floorplan.passages if room.name in passage.rooms]
-        self._keep = np.concatenate(
-            [
-                rect(-_ORIGIN_HALF_M, -_ORIGIN_HALF_M, _ORIGIN_HALF_M, _ORIGIN_HALF_M),
-                *(
-                    _around(p.start, p.end, _DOOR_DEPTH_M if p.kind == "Doorway" else _OPENING_DEPTH_M)
-                    for p in passages
-                ),
-            ]
-        )
-        windows = [window for window in floorplan.windows if window.room == room.name]
-        self._glass = np.concatenate(
-            [np.empty((0, 4)), *(_around(window.start, window.end, _WINDOW_DEPTH_M) for window in windows)]
-        )
-        self._zones: dict[str, Rects] = {}
-        self._ways = _Ways(self, [self._gate(p.start, p.end) for p in passages])
+        self._keep = [(-_ORIGIN_HALF_M, -_ORIGIN_HALF_M, _ORIGIN_HALF_M, _ORIGIN_HALF_M)]
+        for passage in passages:
+            self._keep += _clear_at(passage, room)
+        self._glass = [_around(w.start, w.end, _WINDOW_DEPTH_M) for w in floorplan.windows if w.room == room.name]
+        self._zones: dict[str, list[Box]] = {}
+        half = _HALF_HALLWAY_M if room.type == "Hallway" else _HALF_WAY_M
+        leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
+        self._ways = Ways(self.bounds, half, [*walls, *leaves], outside)
+        gates = [_gate(room, passage.start, passage.end) for passage in passages]
+        self._ways.join([*gates, *([(0.0, 0.0)] if contains(room, (0.0, 0.0)) else [])])
 
     def fits(
-        self, footprints: Rects, zones: Rects, *, tall: bool = False, partner: str = "", tucked: Rects | None = None
-    ) -> NDArray[np.bool_]:
-        """Which footprints may stand in the room, ways aside.
+        self,
+        box: Box,
+        zones: Sequence[Box] = (),
+        *,
+        tall: bool = False,
+        partners: Sequence[str] = (),
+        tucked: Box | None = None,
+    ) -> bool:
+        """Whether a piece may stand in the room, ways aside.
 
         Args:
-          footprints: where a piece would stand.
-          zones: for each, what has to stay free in front of it.
-          tall: whether the piece would hide a window.
-          partner: id of the piece it belongs to, whose zone it may enter.
+          box: what it would cover.
+          zones: what has to stay free around it.
+          tall: whether it would hide a window.
+          partners: ids of the pieces it belongs to, whose zones it may enter.
           tucked: footprint of the piece it may be pushed under.
         """
         x0, y0, x1, y1 = self.bounds
-        inside = (
-            (footprints[:, 0] >= x0) & (footprints[:, 1] >= y0) & (footprints[:, 2] <= x1) & (footprints[:, 3] <= y1)
-        )
-        solids = self._solids
-        if tucked is not None:
-            solids = solids[(np.abs(solids - tucked) > _TOUCHING_M).any(axis=1)]
-        closed = [solids, self._keep, *(zone for owner, zone in self._zones.items() if owner != partner)]
-        if tall:
-            closed.append(self._glass)
-        return inside & ~overlap(footprints, np.concatenate(closed)) & ~overlap(zones, solids)
+        if box[0] < x0 or box[1] < y0 or box[2] > x1 or box[3] > y1:
+            return False
+        solids = self._solids if tucked is None else [solid for solid in self._solids if solid != tucked]
+        if hits(box, solids) or hits(box, self._keep) or (tall and hits(box, self._glass)):
+            return False
+        for zone in zones:
+            if hits(zone, solids):
+                return False
+        if not partners:
+            return not hits(box, itertools.chain.from_iterable(self._zones.values()))
+        return not any(hits(box, zone) for owner, zone in self._zones.items() if owner not in partners)
 
-    def stays_open(self, footprint: Rects) -> bool:
-        """Whether a robot still gets from every way into the room to every other with this piece in place."""
-        return self._ways.with_block(footprint) is not None
+    def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:
+        """Free stretches of a wall for pieces of a depth that need some room before them."""
+        axis = side.axis
+        body = side.strip(0.0, depth_m + WALL_GAP_M)
+        before = side.strip(depth_m + WALL_GAP_M, depth_m + WALL_GAP_M + front_m)
+        kept = [*self._keep, *itertools.chain.from_iterable(self._zones.values()), *(self._glass if tall else ())]
+        taken = _shadows(axis, body, [*self._solids, *kept])
+        if front_m:
+            taken += _shadows(axis, before, self._solids)
+        gap = WALL_GAP_M
+        ends = (side.low, side.high)
+        return [
+            (low + (gap if low > ends[0] else 0.0), high - (gap if high < ends[1] else 0.0))
+            for low, high in left_over(side.low, side.high, taken)
+            if high - low > 0.2
+        ]
 
-    def add(self, owner: str, footprint: Rects, zone: Rects) -> None:
+    def is_clear(self, box: Box) -> bool:
+        """Whether neither walls nor furniture reach into a rectangle."""
+        return not hits(box, self._solids)
+
+    def stays_open(self, *boxes: Box) -> bool:
+        """Whether a robot still gets from every way into the room to every other with these pieces in place."""
+        return self._ways.stays_open(*boxes)
+
+    def keep_clear(self, owner: str, box: Box) -> None:
+        """Keeps a further rectangle free of everything that does not belong to its owner."""
+        self._zones[owner].append(box)
+
+    def add(self, owner: str, box: Box, zones: Sequence[Box]) -> None:
         """Puts a piece where `fits` and `stays_open` have been asked."""
-        self._solids = np.concatenate([self._solids, footprint])
-        self._zones[owner] = zone
-        self._ways.block(footprint)
+        self._solids.append(box)
+        self._zones[owner] = list(zones)
+        self._ways.block(box)
 
     def goal(self) -> Point:
         """The spot nearest to the room's middle that a robot can reach."""
         return self._ways.nearest(self.room.goal)
 
-    def open_cells(self) -> Rects:
-        """Middles of all cells a robot can reach, shape (n, 2)."""
-        return self._ways.centers()
 
-    def _gate(self, start: Point, end: Point) -> Point:
-        """A point inside the room, before the middle of a way in."""
-        x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-        step = _OPENING_DEPTH_M
-        along_x = abs(end[0] - start[0]) > abs(end[1] - start[1])
-        sides = [(x, y + step), (x, y - step)] if along_x else [(x + step, y), (x - step, y)]
-        return next((side for side in sides if contains(self.room, side)), sides[0])
+def _shadows(axis: int, strip: Box, boxes: Iterable[Box]) -> list[tuple[float, float]]:
+    """The stretches along an axis that boxes take from a strip along it."""
+    across = 1 - axis
+    near, far = strip[across] + 1e-6, strip[across + 2] - 1e-6
+    return [(box[axis], box[axis + 2]) for box in boxes if box[across] < far and near < box[across + 2]]
 
 
-class _Ways:
-    """The cells of a room that the middle of a robot may be in."""
-
-    def __init__(self, space: RoomSpace, gates: list[Point]) -> None:
-        x0, y0, x1, y1 = space.bounds
-        self._x0, self._y0 = x0, y0
-        self._free = np.ones((ceil((y1 - y0) / _CELL_M), ceil((x1 - x0) / _CELL_M)), np.bool_)
-        for outside in space._outside:
-            self._free[self._slices(outside, 0)] = False
-        for wall in space._walls:
-            self._free[self._slices(wall, _ROBOT_M)] = False
-        points = [*gates, *([(0.0, 0.0)] if contains(space.room, (0.0, 0.0)) else [])]
-        self._gates = [self._cell(point) for point in points]
-        self._open = self._component(self._free)
-        cut_off = 0 if self._open is None else np.count_nonzero(self._free & ~self._open)
-        self._most_lost = cut_off + _LARGEST_POCKETS * np.count_nonzero(self._free)
-
-    def with_block(self, footprint: Rects) -> NDArray[np.bool_] | None:
-        """The cells reachable with one more block, or None when it would cut the ways."""
-        if self._open is None:
-            return None
-        free = self._free.copy()
-        free[self._slices(footprint[0], _ROBOT_M)] = False
-        component = self._component(free)
-        if component is None:
-            return None
-        return component if np.count_nonzero(free & ~component) <= self._most_lost else None
-
-    def block(self, footprint: Rects) -> None:
-        self._open = self.with_block(footprint)
-        self._free[self._slices(footprint[0], _ROBOT_M)] = False
-
-    def nearest(self, point: Point) -> Point:
-        centers = self.centers()
-        if not len(centers):
-            return point
-        x, y = centers[np.argmin(((centers - np.array(point)) ** 2).sum(axis=1))]
-        return round(float(x), 3), round(float(y), 3)
-
-    def centers(self) -> Rects:
-        rows, columns = np.nonzero(self._open if self._open is not None else np.zeros_like(self._free))
-        return np.stack([self._x0 + (columns + 0.5) * _CELL_M, self._y0 + (rows + 0.5) * _CELL_M], axis=1)
-
-    def _component(self, free: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-        labels = np.asarray(ndimage.label(free)[0])  # pyright: ignore[reportIndexIssue]
-        found = {int(labels[gate]) for gate in self._gates}
-        if len(found) != 1 or 0 in found:
-            return None
-        return labels == found.pop()
-
-    def _cell(self, point: Point) -> tuple[int, int]:
-        rows, columns = self._free.shape
-        row, column = int((point[1] - self._y0) / _CELL_M), int((point[0] - self._x0) / _CELL_M)
-        return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
-
-    def _slices(self, block: NDArray[np.float64], margin: float) -> tuple[slice, slice]:
-        """Cells whose middle lies within `margin` of a block, as a square would measure it."""
-        x0, y0, x1, y1 = ((block + margin * np.array([-1, -1, 1, 1])) - [self._x0, self._y0] * 2) / _CELL_M - 0.5
-        return slice(max(0, ceil(y0)), max(0, ceil(y1))), slice(max(0, ceil(x0)), max(0, ceil(x1)))
+def _sides_of(room: Room, floorplan: Floorplan) -> list[Side]:
+    """All sides of a room that have a wall; the inside of a counter-clockwise polygon lies to their left."""
+    walls = [wall for wall in floorplan.walls if not wall.lintel and room.name in wall.rooms]
+    sides: list[Side] = []
+    for start, end in _edges(room):
+        upright = start[0] == end[0]
+        quarter = (2 if end[1] > start[1] else 0) if upright else (1 if end[0] > start[0] else 3)
+        across, along = (0, 1) if upright else (1, 0)
+        half = max((wall.thickness_m / 2 for wall in walls if _lies_on(wall, across, start[across])), default=0.0)
+        if half > 0:
+            low, high = sorted((start[along], end[along]))
+            sides.append(Side(low, high, start[across] + half * sum(FRONTS[quarter]), quarter))
+    return sides
 
 
-def _complement(room: Room) -> Rects:
+def _lies_on(wall: Wall, across: int, at: float) -> bool:
+    return abs(wall.start[across] - at) < 1e-6 and abs(wall.end[across] - at) < 1e-6
+
+
+def _edges(room: Room) -> list[tuple[Point, Point]]:
+    return list(zip(room.polygon, [*room.polygon[1:], room.polygon[0]], strict=True))
+
+
+def _clear_at(passage: Passage, room: Room) -> list[Box]:
+    """What stays free at a way in: the approach, and where a door swings."""
+    found = [_around(passage.start, passage.end, _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M)]
+    if passage.door is not None and passage.door.room == room.name:
+        found.append(swept_box(passage.door))
+    return found
+
+
+def _gate(room: Room, start: Point, end: Point) -> Point:
+    """A point inside the room, before the middle of a way in."""
+    x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+    along_x = abs(end[0] - start[0]) > abs(end[1] - start[1])
+    sides = [(x, y + _GATE_M), (x, y - _GATE_M)] if along_x else [(x + _GATE_M, y), (x - _GATE_M, y)]
+    return next((side for side in sides if contains(room, side)), sides[0])
+
+
+def _complement(room: Room) -> list[Box]:
     """What lies inside a room's bounding box but not in the room."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
-    sides = list(zip(room.polygon, [*room.polygon[1:], room.polygon[0]], strict=True))
-    outside = [
-        rect(x0, y0, x1, y1)
+    edges = _edges(room)
+    return [
+        (x0, y0, x1, y1)
         for x0, x1 in itertools.pairwise(xs)
         for y0, y1 in itertools.pairwise(ys)
-        if not _inside(((x0 + x1) / 2, (y0 + y1) / 2), sides)
+        if not _inside(((x0 + x1) / 2, (y0 + y1) / 2), edges)
     ]
-    return np.concatenate([np.empty((0, 4)), *outside])
 
 
 def room_rects(room: Room) -> Rects:
     """A room's floor as rectangles that do not overlap: rows of the grid its corners span."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
-    sides = list(zip(room.polygon, [*room.polygon[1:], room.polygon[0]], strict=True))
-    rows: list[Rects] = []
+    edges = _edges(room)
+    rows: list[Box] = []
     for y0, y1 in itertools.pairwise(ys):
         start: float | None = None
         for x0, x1 in itertools.pairwise(xs):
-            inside = _inside(((x0 + x1) / 2, (y0 + y1) / 2), sides)
+            inside = _inside(((x0 + x1) / 2, (y0 + y1) / 2), edges)
             if inside and start is None:
                 start = x0
             if start is not None and (not inside or x1 == xs[-1]):
-                rows.append(rect(start, y0, x1 if inside else x0, y1))
+                rows.append((start, y0, x1 if inside else x0, y1))
                 start = None
-    return np.concatenate(rows)
+    return np.array(rows)
 
 
 def contains(room: Room, point: Point) -> bool:
     """Whether a point lies inside a room's polygon."""
-    return _inside(point, zip(room.polygon, [*room.polygon[1:], room.polygon[0]], strict=True))
+    return _inside(point, _edges(room))
 
 
-def _inside(point: Point, sides: Iterable[tuple[Point, Point]]) -> bool:
+def _inside(point: Point, edges: Iterable[tuple[Point, Point]]) -> bool:
     """Crossing test; only upright sides cross an eastward ray."""
     x, y = point
-    crossings = sum(a[0] == b[0] and x < a[0] and min(a[1], b[1]) <= y < max(a[1], b[1]) for a, b in sides)
+    crossings = sum(a[0] == b[0] and x < a[0] and min(a[1], b[1]) <= y < max(a[1], b[1]) for a, b in edges)
     return crossings % 2 == 1
 
 
-def _walls_near(bounds: tuple[float, float, float, float], floorplan: Floorplan) -> Rects:
-    rects = np.empty((0, 4))
+def _walls_near(bounds: Box, floorplan: Floorplan) -> list[Box]:
+    near = (bounds[0] - 0.3, bounds[1] - 0.3, bounds[2] + 0.3, bounds[3] + 0.3)
+    found: list[Box] = []
     for wall in floorplan.walls:
         if not wall.lintel:
             xs, ys = zip(*wall_corners(wall), strict=True)
-            rects = np.concatenate([rects, rect(min(xs), min(ys), max(xs), max(ys))])
-    return rects[overlap(rects, rect(bounds[0] - 0.3, bounds[1] - 0.3, bounds[2] + 0.3, bounds[3] + 0.3))]
+            found.append((min(xs), min(ys), max(xs), max(ys)))
+    return [box for box in found if hits(near, (box,))]
 
 
-def _around(start: Point, end: Point, depth: float) -> Rects:
+def _around(start: Point, end: Point, depth: float) -> Box:
     """The strip on both sides of a line along an axis."""
     x0, x1 = sorted((start[0], end[0]))
     y0, y1 = sorted((start[1], end[1]))
     if x1 - x0 > y1 - y0:
-        return rect(x0, y0 - depth, x1, y1 + depth)
-    return rect(x0 - depth, y0, x1 + depth, y1)
+        return x0, y0 - depth, x1, y1 + depth
+    return x0 - depth, y0, x1 + depth, y1
