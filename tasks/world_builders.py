@@ -6,8 +6,11 @@ under a Prefect worker that is Prefect itself, and in a script without a guard i
 
 import json
 import queue
+import shutil
 import subprocess
 import sys
+import threading
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -16,17 +19,31 @@ from ..schemas.errors import WorldGenerationError
 _PROGRAM = "prefect_robomaker.tasks.worldforge.worker"
 
 
+MOST_S = 120.0
+"""Seconds after which a builder that has not answered is ended. The generator itself gives up long before."""
+
+
+class _BuilderDiedError(WorldGenerationError):
+    """The process that built a world ended without an answer."""
+
+
 class WorldBuilders:
     """A fixed number of builders; use as a context manager. Safe to use from several threads.
+
+    A builder that dies is replaced, and its world is begun once more: the machine may have been short of memory for a
+    moment.
 
     Args:
       count: how many processes.
       log: file their messages are appended to.
+      most_s: seconds that one world may take.
     """
 
-    def __init__(self, count: int, log: Path) -> None:
+    def __init__(self, count: int, log: Path, most_s: float = MOST_S) -> None:
         self._count = count
         self._log = log
+        self.most_s = most_s
+        self._lock = threading.Lock()
         self._idle: queue.SimpleQueue[subprocess.Popen[str]] = queue.SimpleQueue()
         self._all: list[subprocess.Popen[str]] = []
         self._stopped = False
@@ -43,16 +60,18 @@ class WorldBuilders:
             self.stop()
         for process in self._all:
             if process.stdin:
-                process.stdin.close()
+                with suppress(BrokenPipeError):  # of one that died with an order half written
+                    process.stdin.close()
             process.wait()
             if process.stdout:
                 process.stdout.close()
 
     def stop(self) -> None:
         """Ends all builders in the midst of what they do; builds fail from then on."""
-        self._stopped = True
-        for process in self._all:
-            process.kill()
+        with self._lock:
+            self._stopped = True
+            for process in self._all:
+                process.kill()
 
     def build(self, body: str, floorplan_seed: int, interior_seed: int, folder: Path) -> str:
         """Builds a world bundle; waits for an idle builder.
@@ -69,18 +88,31 @@ class WorldBuilders:
             "interior_seed": interior_seed,
             "folder": str(folder),
         }
-        process = self._idle.get()
         try:
-            answer = _ask(process, json.dumps(order))
-        finally:
-            alive = self._stopped or process.poll() is None
-            self._idle.put(process if alive else self._start())
+            answer = self._ask(json.dumps(order))
+        except _BuilderDiedError:
+            if self._stopped:
+                raise
+            shutil.rmtree(folder, ignore_errors=True)  # it may have died with everything done but its answer
+            answer = self._ask(json.dumps(order))
         if "error" in answer:
             raise WorldGenerationError(answer["error"])
         return answer["content"]
 
+    def _ask(self, order: str) -> dict[str, str]:
+        """Has the next idle builder carry out an order; one that has died is replaced first."""
+        process = self._idle.get()
+        try:
+            if process.poll() is not None:
+                process = self._start()
+            return _answer(process, order, self.most_s)
+        finally:
+            self._idle.put(process)
+
     def _start(self) -> subprocess.Popen[str]:
-        with self._log.open("ab") as log:
+        with self._lock, self._log.open("ab") as log:
+            if self._stopped:
+                raise WorldGenerationError("no more worlds are wanted")
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", _PROGRAM],
                 stdin=subprocess.PIPE,
@@ -90,19 +122,39 @@ class WorldBuilders:
                 cwd=self._log.parent,
                 start_new_session=True,  # Ctrl-C in a terminal is for the caller to handle
             )
-        self._all.append(process)
+            self._all.append(process)
         return process
 
 
-def _ask(process: subprocess.Popen[str], order: str) -> dict[str, str]:
+def _answer(process: subprocess.Popen[str], order: str, most_s: float) -> dict[str, str]:
+    """A builder's answer to an order.
+
+    Raises:
+      _BuilderDiedError: it ended meanwhile.
+      WorldGenerationError: it took too long, and was ended.
+    """
     assert process.stdin is not None
     assert process.stdout is not None
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        process.kill()
+
+    timer = threading.Timer(most_s, end)
+    timer.daemon = True
+    timer.start()
     try:
         process.stdin.write(f"{order}\n")
         process.stdin.flush()
         line = process.stdout.readline()
     except BrokenPipeError:
         line = ""
-    if not line.endswith("\n"):  # killed in the midst of its answer, at the latest
-        raise WorldGenerationError(f"the process that built the world ended with code {process.wait()}")
-    return json.loads(line)
+    finally:
+        timer.cancel()
+    if line.endswith("\n"):  # otherwise killed in the midst of its answer, at the latest
+        return json.loads(line)
+    code = process.wait()
+    if late.is_set():
+        raise WorldGenerationError(f"the world was not built within {most_s:g} s")
+    raise _BuilderDiedError(f"the process that built the world ended with code {code}")

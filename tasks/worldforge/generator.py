@@ -3,6 +3,9 @@
 The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """
 
+import time
+from collections.abc import Callable
+
 import numpy as np
 
 from ...schemas.errors import WorldGenerationError
@@ -26,8 +29,18 @@ GENERATOR_VERSION = "2.0.0"
 MAX_ATTEMPTS = 8
 """Interiors tried on one floor plan before giving up."""
 
+MOST_CPU_S = 20.0
+"""CPU seconds after which no further interior is begun; a hundred times what a world takes."""
 
-def generate_world(body: WorldTemplateBody, floorplan_seed: int, interior_seed: int, *, settle: bool = True) -> World:
+
+def generate_world(
+    body: WorldTemplateBody,
+    floorplan_seed: int,
+    interior_seed: int,
+    *,
+    settle: bool = True,
+    clock: Callable[[], float] = time.process_time,
+) -> World:
     """Makes one world and checks it.
 
     An interior that breaks a guarantee is made again from the next sub-seed; the floor plan stays,
@@ -38,13 +51,17 @@ def generate_world(body: WorldTemplateBody, floorplan_seed: int, interior_seed: 
       floorplan_seed: equal seeds give equal walls and passages.
       interior_seed: seed of materials and furniture.
       settle: whether physics runs for two seconds to see that loose objects stay.
+      clock: seconds; CPU time unless told otherwise, so that a busy machine rejects no world that an idle one makes.
 
     Raises:
-      WorldGenerationError: no attempt passed the checks; the message says what the last one broke.
+      WorldGenerationError: no floor plan was found, or no attempt passed the checks in `MOST_CPU_S`; the message says
+        what the last one broke.
     """
+    begun = clock()
     plan = generate_floorplan(body, np.random.default_rng(floorplan_seed))
     problems: list[str] = []
-    for attempt in range(MAX_ATTEMPTS):
+    attempt = 0
+    while attempt < MAX_ATTEMPTS and clock() - begun < MOST_CPU_S:
         sub_seed = np.random.SeedSequence(interior_seed, spawn_key=(attempt,))
         furniture, wishes, rooms = furnish(body, plan, np.random.default_rng(sub_seed))
         hung, door_wishes = dress_doors(body, plan, np.random.default_rng(sub_seed.spawn(1)[0]))
@@ -64,7 +81,10 @@ def generate_world(body: WorldTemplateBody, floorplan_seed: int, interior_seed: 
         problems = violations(checks)
         if not problems:
             return world.model_copy(update={"checks": checks})
-    raise WorldGenerationError(
-        f"no valid interior in {MAX_ATTEMPTS} attempts (floor plan seed {floorplan_seed}, "
-        f"interior seed {interior_seed}); the last one: {'; '.join(problems)}"
-    )
+        attempt += 1
+    tried = f"{attempt} {'attempt' if attempt == 1 else 'attempts'}"
+    if attempt < MAX_ATTEMPTS:
+        tried += f" and {clock() - begun:.0f} s, more than {MOST_CPU_S:g} s"
+    last = "; ".join(problems) or "the floor plan took all the time"
+    seeds = f"floor plan seed {floorplan_seed}, interior seed {interior_seed}"
+    raise WorldGenerationError(f"no valid interior in {tried} ({seeds}); the last one: {last}")

@@ -133,13 +133,16 @@ def furniture_corners(item: Furniture) -> list[Point]:
 def _fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]) -> None:
     """Marks every cell that a convex polygon enters, by the separating axis theorem."""
     size = grid.resolution_m
-    xs, ys = np.array(corners).T
+    xs, ys = zip(*corners, strict=True)
     rows, columns = cells.shape
-    west = max(0, floor((xs.min() - grid.origin[0] + _TOUCHING_M) / size))
-    east = min(columns, ceil((xs.max() - grid.origin[0] - _TOUCHING_M) / size))
-    south = max(0, floor((ys.min() - grid.origin[1] + _TOUCHING_M) / size))
-    north = min(rows, ceil((ys.max() - grid.origin[1] - _TOUCHING_M) / size))
+    west = max(0, floor((min(xs) - grid.origin[0] + _TOUCHING_M) / size))
+    east = min(columns, ceil((max(xs) - grid.origin[0] - _TOUCHING_M) / size))
+    south = max(0, floor((min(ys) - grid.origin[1] + _TOUCHING_M) / size))
+    north = min(rows, ceil((max(ys) - grid.origin[1] - _TOUCHING_M) / size))
     if west >= east or south >= north:
+        return
+    if _is_upright(corners):
+        cells[south:north, west:east] = True
         return
     x = grid.origin[0] + (np.arange(west, east) + 0.5) * size
     y = grid.origin[1] + (np.arange(south, north) + 0.5)[:, np.newaxis] * size
@@ -165,6 +168,14 @@ def clearance(grid: OccupancyGrid) -> NDArray[np.float64]:
     free = grid.free
     distance = ndimage.distance_transform_edt(free, sampling=grid.resolution_m)
     return np.where(free, np.asarray(distance) - grid.resolution_m / 2, 0.0)
+
+
+def _is_upright(corners: Sequence[Point]) -> bool:
+    """Whether a polygon is a rectangle along the axes: it enters all cells of its extent."""
+    return len(corners) == 4 and all(
+        abs(x - u) < _TOUCHING_M or abs(y - v) < _TOUCHING_M
+        for (x, y), (u, v) in zip(corners, (*corners[1:], corners[0]), strict=True)
+    )
 
 
 def fitting(grid: OccupancyGrid, radius_m: float) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ import os
 import queue
 import sys
 import threading
+import traceback
 from pathlib import Path
 
 from ...schemas.errors import RobomakerError
@@ -53,6 +54,10 @@ def answer(order: dict[str, str | int]) -> dict[str, str]:
         return {"error": str(error)}
     except OSError as error:
         return {"error": f"the bundle could not be written: {error}"}
+    except Exception as error:
+        # One world's failure, told as such: ending here would tell its orderer nothing but an exit code.
+        traceback.print_exc()
+        return {"error": f"the generator failed with {type(error).__name__}: {error}"}
 
 
 if __name__ == "__main__":
