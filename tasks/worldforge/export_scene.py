@@ -123,13 +123,8 @@ class Scene:
     model: mujoco.MjModel
     things: tuple[Thing, ...]
     """The building first, furniture in the order of `world.json`, then bodies as in the MJCF."""
-
-    def colliding_floor_friction(self) -> float:
-        """Sliding friction of what everything stands on."""
-        return max(
-            (shape.friction for shape in self.things[0].shapes if shape.kind == "plane" and shape.collides),
-            default=1.0,
-        )
+    folder: Path | None = None
+    """The bundle's, which holds the pictures that the MJCF names."""
 
 
 def read_scene(bundle: Path) -> Scene:
@@ -143,15 +138,16 @@ def read_scene(bundle: Path) -> Scene:
     path = bundle / MODEL_FILE
     if not path.is_file():
         raise FileNotFoundError(f"{path}: a world bundle has its MJCF there")
-    return make_scene(world, mujoco.MjModel.from_xml_path(str(path)))
+    return make_scene(world, mujoco.MjModel.from_xml_path(str(path)), bundle)
 
 
-def make_scene(world: World, model: mujoco.MjModel) -> Scene:
+def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) -> Scene:
     """Takes a compiled world apart.
 
     Args:
       world: the world that the MJCF was written for.
       model: the compiled MJCF.
+      folder: where its pictures are; without, they are written anew where they are needed.
 
     Raises:
       ValueError: the MJCF has something that exports cannot hold.
@@ -172,7 +168,7 @@ def make_scene(world: World, model: mujoco.MjModel) -> Scene:
         things.append(Thing(name, "furniture", _label(item), _spot(item), _turned(item.yaw), tuple(shapes)))
     labels = {item.id: _label(item) for item in world.furniture}
     things += [_body_thing(model, body, labels, colors) for body in range(1, model.nbody)]
-    return Scene(world, model, tuple(things))
+    return Scene(world, model, tuple(things), folder)
 
 
 def _label(item: Furniture) -> str:
@@ -263,6 +259,17 @@ def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | 
     shape = (model.tex_height[texture], model.tex_width[texture], model.tex_nchannel[texture])
     start = int(model.tex_adr[texture])
     return model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
+
+
+def texture_png(scene: Scene, material: int) -> bytes | None:
+    """The file of the picture on a material; None if it has none, or one that MuJoCo makes itself."""
+    texture = int(scene.model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    start = int(scene.model.tex_pathadr[texture]) if texture >= 0 else -1
+    if start < 0 or scene.folder is None:
+        return None
+    name = scene.model.paths[start:].split(b"\0", 1)[0].decode()
+    path = scene.folder / name
+    return path.read_bytes() if name.endswith(".png") and path.is_file() else None
 
 
 def _body_thing(model: mujoco.MjModel, body: int, labels: dict[str, str], colors: list[Vector]) -> Thing:

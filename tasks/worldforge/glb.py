@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .export_meshes import Mesh, capsule_mesh, compiled_mesh, unit_mesh
-from .export_scene import Matrix, Scene, Shape, Thing, Vector, read_scene, texture_pixels
+from .export_scene import Matrix, Scene, Shape, Thing, Vector, read_scene, texture_pixels, texture_png
 from .glb_file import GlbFile
 
 _TO_Y_UP = [-0.70710678, 0.0, 0.0, 0.70710678]
@@ -41,21 +41,22 @@ def world_glb(bundle: Path) -> bytes:
 
 def scene_glb(scene: Scene) -> bytes:
     """The scene's drawn shapes as GLB; equal scenes give equal bytes."""
-    return _Writer(scene.model).write(scene)
+    return _Writer(scene).write()
 
 
 class _Writer:
     """Puts shapes into a GLB file; equal meshes and materials are stored once."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model = model
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._model = scene.model
         self._file = GlbFile()
         self._attributes: dict[Any, dict[str, Any]] = {}
         self._meshes: dict[Any, int] = {}
         self._materials: dict[Any, int] = {}
 
-    def write(self, scene: Scene) -> bytes:
-        roots = [self._thing(thing) for thing in scene.things]
+    def write(self) -> bytes:
+        roots = [self._thing(thing) for thing in self._scene.things]
         world = self._file.append("nodes", {"name": "world", "rotation": _TO_Y_UP, "children": roots})
         self._file.document |= {"scene": 0, "scenes": [{"nodes": [world]}]}
         return self._file.to_bytes()
@@ -138,20 +139,25 @@ class _Writer:
         entry: dict[str, Any] = {"pbrMetallicRoughness": surface}
         if pixels is not None:
             entry["name"] = self._model.material(shape.material).name
-            surface["baseColorTexture"] = {"index": self._add_texture(pixels, entry["name"])}
+            surface["baseColorTexture"] = {"index": self._add_texture(shape.material, pixels, entry["name"])}
             color = tuple(float(value) for value in self._model.mat_rgba[shape.material])  # pyright: ignore[reportAssignmentType]
         surface["baseColorFactor"] = [*(round(_linear(value), 4) for value in color[:3]), round(color[3], 4)]
         if color[3] < 1:
             entry["alphaMode"] = "BLEND"
         return self._file.append("materials", entry)
 
-    def _add_texture(self, pixels: NDArray[np.uint8], name: str) -> int:
+    def _add_texture(self, material: int, pixels: NDArray[np.uint8], name: str) -> int:
         if not self._file.document.get("samplers"):
             wrap = {"wrapS": _REPEAT, "wrapT": _REPEAT}
             self._file.append("samplers", {"magFilter": _LINEAR, "minFilter": _LINEAR_MIPMAP_LINEAR, **wrap})
-        png = BytesIO()
-        Image.fromarray(pixels.squeeze()).save(png, "PNG", optimize=False)
-        return self._file.append("textures", {"sampler": 0, "source": self._file.add_image(png.getvalue(), name)})
+        png = texture_png(self._scene, material) or _png(pixels)
+        return self._file.append("textures", {"sampler": 0, "source": self._file.add_image(png, name)})
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    png = BytesIO()
+    Image.fromarray(pixels.squeeze()).save(png, "PNG")
+    return png.getvalue()
 
 
 def _mesh_of(model: mujoco.MjModel, shape: Shape, form: str, *, scaled: bool) -> Mesh:

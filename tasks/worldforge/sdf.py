@@ -10,6 +10,7 @@ those that collide boxes of the same volume; a capsule becomes a cylinder and tw
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from math import asin, atan2, pi
 
 import mujoco
@@ -38,7 +39,7 @@ def model_files(thing: Thing, name: str, model: mujoco.MjModel) -> dict[str, str
     meshes = {}
     for shape in thing.shapes:
         if shape.kind == "ellipsoid" and shape.drawn:
-            meshes[_mesh_path(shape)] = obj_text(unit_mesh("ellipsoid"))
+            meshes[_mesh_path(shape)] = _ellipsoid_obj()
         elif shape.kind == "mesh":
             meshes[_mesh_path(shape)] = obj_text(compiled_mesh(model, shape.mesh))
     return {"model.config": _config(thing, name), "model.sdf": model_sdf(thing, name), **meshes}
@@ -174,6 +175,11 @@ def _geometry(parent: ET.Element, shape: Shape, model: str) -> None:
         _text(element, "uri", f"model://{model}/{_mesh_path(shape)}")
         if shape.kind == "ellipsoid":
             _text(element, "scale", numbers(shape.half))
+
+
+@cache
+def _ellipsoid_obj() -> str:
+    return obj_text(unit_mesh("ellipsoid"))
 
 
 def _mesh_path(shape: Shape) -> str:
