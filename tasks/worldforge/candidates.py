@@ -84,9 +84,9 @@ def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Po
     x0, y0, x1, y1 = space.bounds
     middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
     columns, rows = int((x1 - x0 - 0.8) / 2 / _STEP_M), int((y1 - y0 - 0.8) / 2 / _STEP_M)
-    turns = (0, 1, 2, 3) if run else (0, 1)
     # A long table lies along a long room: fronts face its long sides.
     best_turn = (pose_of(run[0]).quarter + 2) % 4 if run else int(x1 - x0 >= y1 - y0)
+    turns = (best_turn, (best_turn + 1) % 4)
     poses: list[Pose] = []
     for column in range(-columns, columns + 1):
         for row in range(-rows, rows + 1):

@@ -162,5 +162,5 @@ def _settle(work: RoomFurnishing, options: Iterator[tuple[float, Placed]]) -> bo
 
 def _fits(work: RoomFurnishing, unit: Unit, pose: Pose) -> bool:
     if unit.blind:
-        return work.space.fits(footprint(pose, unit.style.width_m, unit.style.depth_m))
+        return work.space.admits(footprint(pose, unit.style.width_m, unit.style.depth_m))
     return work.fits(unit.kind, unit.style, pose)

@@ -137,7 +137,7 @@ def _on_floor(furnished: RoomFurnishing) -> list[Furniture]:
     for _ in range(_TRIES):
         x, y = _floor_spot(kind, furnished)
         box = (x - half, y - half, x + half, y + half)
-        if contains(furnished.room, (x, y)) and space.fits(box, (box,), partners=owners) and space.stays_open(box):
+        if contains(furnished.room, (x, y)) and space.admits(box, partners=owners) and space.stays_open(box):
             yaw = dice.uniform(-pi, pi)
             things = [
                 _thing(kind, style, furnished, (x - side * sin(yaw), y + side * cos(yaw), yaw), 0.0)

@@ -92,20 +92,11 @@ class RoomSpace:
         gates = [_gate(room, passage.start, passage.end) for passage in passages]
         self._ways.join([*gates, *([(0.0, 0.0)] if contains(room, (0.0, 0.0)) else [])])
 
-    def fits(
-        self,
-        box: Box,
-        zones: Sequence[Box] = (),
-        *,
-        tall: bool = False,
-        partners: Sequence[str] = (),
-        tucked: Box | None = None,
-    ) -> bool:
-        """Whether a piece may stand in the room, ways aside.
+    def admits(self, box: Box, *, tall: bool = False, partners: Sequence[str] = (), tucked: Box | None = None) -> bool:
+        """Whether a piece may cover a rectangle, its own clearances and the ways aside.
 
         Args:
           box: what it would cover.
-          zones: what has to stay free around it.
           tall: whether it would hide a window.
           partners: ids of the pieces it belongs to, whose zones it may enter.
           tucked: footprint of the piece it may be pushed under.
@@ -113,15 +104,15 @@ class RoomSpace:
         x0, y0, x1, y1 = self.bounds
         if box[0] < x0 or box[1] < y0 or box[2] > x1 or box[3] > y1:
             return False
-        solids = self._solids if tucked is None else [solid for solid in self._solids if solid != tucked]
-        if hits(box, solids) or hits(box, self._keep) or (tall and hits(box, self._glass)):
+        if hits(box, self._keep) or not self.is_clear(box, tucked) or (tall and hits(box, self._glass)):
             return False
-        for zone in zones:
-            if hits(zone, solids):
-                return False
         if not partners:
             return not hits(box, itertools.chain.from_iterable(self._zones.values()))
         return not any(hits(box, zone) for owner, zone in self._zones.items() if owner not in partners)
+
+    def is_clear(self, box: Box, tucked: Box | None = None) -> bool:
+        """Whether neither walls nor furniture, `tucked` aside, reach into a rectangle."""
+        return not hits(box, self._solids if tucked is None else [solid for solid in self._solids if solid != tucked])
 
     def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:
         """Free stretches of a wall for pieces of a depth that need some room before them."""
@@ -139,10 +130,6 @@ class RoomSpace:
             for low, high in left_over(side.low, side.high, taken)
             if high - low > 0.2
         ]
-
-    def is_clear(self, box: Box) -> bool:
-        """Whether neither walls nor furniture reach into a rectangle."""
-        return not hits(box, self._solids)
 
     def stays_open(self, *boxes: Box) -> bool:
         """Whether a robot still gets from every way into the room to every other with these pieces in place."""

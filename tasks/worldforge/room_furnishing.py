@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from math import hypot, pi, sqrt
 from random import Random
 from typing import NamedTuple
@@ -32,8 +33,11 @@ _SMALL_ROOM_M2 = 15.0
 _WIDE_BED_M = 1.2
 _TRIES = 6
 _HALF_SEAT_M = 0.3
-_COMPANIONS = ("beside", "before", "around", "desk")
+_COMPANIONS = ("beside", "before", "gathered", "around", "desk")
 """Relations without which a second piece makes no sense: one chair may stand alone, not four."""
+
+_ATTENDANTS = {"Desks": "DeskChairs"}
+"""What every further piece of a kind is useless without."""
 
 _TUCKED = ("around", "desk")
 _YAWS = (0.0, pi / 2, pi, -pi / 2)
@@ -50,6 +54,12 @@ class Group(NamedTuple):
 
 
 _NO_GROUP = Group([])
+
+
+@cache
+def _schemes() -> tuple[str, ...]:
+    """All colour schemes of the catalogue."""
+    return tuple(sorted({style.colors for kind in RULES for style in styles_of(kind)}))
 
 
 @dataclass
@@ -78,7 +88,7 @@ class RoomFurnishing:
     @classmethod
     def begin(cls, room: Room, floorplan: Floorplan, density: Density, dice: Random, new_id: NewId) -> "RoomFurnishing":
         """An empty room, with a taste in colours."""
-        schemes = sorted({style.colors for kind in RULES for style in styles_of(kind)})
+        schemes = list(_schemes())
         dice.shuffle(schemes)
         taste = {scheme: rank for rank, scheme in enumerate(schemes)}
         return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste)
@@ -110,11 +120,13 @@ class RoomFurnishing:
     def _fill(self, kinds: list[str]) -> None:
         scale = max(1.0, self.room.area_m2 / 30.0)
         most = MOST_PIECES[self.density] * max(1.0, sqrt(self.room.area_m2 / 40.0))
-        left = list(kinds)
+        left = [kind for kind in kinds if kind not in _ATTENDANTS.values()]
         while left and not self._full(COVERAGE) and len(self.items) < most:
             kind = self.dice.choice(left)
             if len(self.placed(kind)) >= RULES[kind].limit * scale or self._place(kind):
                 left.remove(kind)
+            elif kind in _ATTENDANTS and _ATTENDANTS[kind] in kinds:
+                self._place(_ATTENDANTS[kind])
 
     @property
     def covered_share(self) -> float:
@@ -182,12 +194,15 @@ class RoomFurnishing:
         """Whether a piece may stand at a pose with all its clearances; ways aside."""
         box = footprint(pose, style.width_m, style.depth_m)
         tall = style.height_m > TALL_M or RULES[kind].hides_window
-        if RULES[kind].seat_m and not self.space.fits(self._takes(kind, style, pose)[1]):
+        space = self.space
+        if not space.admits(box, tall=tall, partners=group.partners, tucked=group.tucked):
             return False
-        return any(
-            self.space.fits(box, zones, tall=tall, partners=group.partners, tucked=group.tucked)
-            for zones in self._zones(kind, style, pose)
-        )
+        if RULES[kind].seat_m and not space.admits(self._takes(kind, style, pose)[1]):
+            return False
+        for zones in self._zones(kind, style, pose):
+            if all(space.is_clear(zone, group.tucked) for zone in zones):
+                return True
+        return False
 
     def _takes(self, kind: str, style: Style, pose: Pose) -> list[Box]:
         """What a piece covers, together with the chair that it is for."""
@@ -243,14 +258,9 @@ class RoomFurnishing:
         zones: list[Box] = []
         if zone:
             choices = list(self._zones(kind, style, pose))
-            zones = next(
-                (one for one in choices if self.space.fits(box, one, partners=list(self._owners()))), choices[0]
-            )
+            zones = next((one for one in choices if all(map(self.space.is_clear, one))), choices[0])
         self.space.add(item.id, box, zones)
         return item
-
-    def _owners(self) -> Iterator[str]:
-        return (item.id for item in self.items)
 
     def _groups(self, kind: str, style: Style) -> Iterator[Group]:
         """Groups of poses, the most fitting first."""
@@ -270,10 +280,12 @@ class RoomFurnishing:
             return
         if rule.relation not in ("run", "facing"):
             for partner in self._free_partners(kind, rule, partners):
-                owners = (partner.id, *(item.id for item in self.placed("Sofas")))
+                at_table = self.placed("Sofas") if rule.relation in ("before", "gathered") else []
+                owners = (partner.id, *(item.id for item in at_table))
                 tucked = box_of(partner) if rule.relation in _TUCKED else None
                 yield Group(self._relate(rule, partner, style), owners, tucked)
-        repeated = bool(self.placed(kind)) and (rule.bound or rule.relation in _COMPANIONS)
+        companion = rule.relation in _COMPANIONS and (rule.relation != "gathered" or self.density != "Dense")
+        repeated = bool(self.placed(kind)) and (rule.bound or companion)
         if not repeated and not (rule.bound and partners):
             yield Group(self._alone(kind, rule, style))
 
