@@ -1,12 +1,17 @@
 """Templates and worlds that the tests of WorldForge share."""
 
+import json
+import zipfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from prefect_robomaker.schemas.world import World
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.schemas.world_template_body import WorldTemplateBody, parse_template_body
+from prefect_robomaker.tasks.worldforge.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 
 ROOMS = (
@@ -50,3 +55,27 @@ def make_body() -> MakeBody:
 def flat(make_body: MakeBody) -> World:
     """A furnished flat of four rooms."""
     return generate_world(make_body(), 1, 2)
+
+
+@pytest.fixture(scope="session")
+def bundles(make_body: MakeBody, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Bundles of worlds with doors, and of one without, by their names in archives; two share a floor plan."""
+    folder = tmp_path_factory.mktemp("bundles")
+    doors = {"Name": "all", "TargetSet": "Target.All", "Door": {"InitialState": {"OpenPosition": {"Percent": 50}}}}
+    wished = make_body().model_dump(mode="json", exclude_none=True) | {"Version": "2"}
+    wished["Buildings"][0]["Floors"][0]["Interior"]["Doorways"] = {"DoorwaySets": [doors]}
+    dressed = parse_template_body(json.dumps(wished))
+    made = {1: (dressed, 1, 2), 2: (dressed, 1, 3), 10: (make_body(), 4, 5)}
+    for number, order in made.items():
+        write_bundle(generate_world(*order, settle=False), folder / str(number), preview=False)
+    return {f"generation_82856b0yq33y_world_{number}": folder / str(number) for number in made}
+
+
+@pytest.fixture(scope="session")
+def exported(bundles: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The unpacked export of the bundles: its folder `aws_robomaker_worldforge_pkgs`."""
+    folder = tmp_path_factory.mktemp("exported")
+    write_export_zip(bundles, folder / "export.zip")
+    with zipfile.ZipFile(folder / "export.zip") as archive:
+        archive.extractall(folder)
+    return folder / "aws_robomaker_worldforge_pkgs"

@@ -4,96 +4,154 @@ import hashlib
 import json
 import os
 import re
-import zipfile
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 
+from prefect_robomaker.tasks.worldforge.bundle import read_world
 from prefect_robomaker.tasks.worldforge.export import export_key, write_export_zip
+from prefect_robomaker.tasks.worldforge.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, read_map
 
 TOP = "aws_robomaker_worldforge_pkgs"
-WORLDS = f"{TOP}/aws_robomaker_worldforge_worlds/worlds"
-MODEL = "<mujoco><worldbody><geom type='plane' size='1 1 1'/></worldbody></mujoco>"
-IDS = ("generation_82856b0yq33y_world_3", "generation_82856b0yq33y_world_10")
+PACKAGES = ("aws_robomaker_worldforge_shared_models", "aws_robomaker_worldforge_worlds")
+WORLDS = "aws_robomaker_worldforge_worlds/worlds"
 
 
-@pytest.fixture
-def bundles(tmp_path: Path) -> dict[str, Path]:
-    made = {}
-    for number, name in enumerate(IDS):
-        folder = tmp_path / f"bundle{number}"
-        (folder / "textures").mkdir(parents=True)
-        (folder / "world.xml").write_text(MODEL)
-        (folder / "world.json").write_text(json.dumps({"number": number}))
-        (folder / "textures" / "oak.png").write_bytes(os.urandom(10))
-        made[name] = folder
-    return made
+def test_every_file_of_every_bundle_is_where_clients_look(bundles: dict[str, Path], exported: Path) -> None:
+    assert sorted(path.name for path in exported.iterdir()) == ["README.md", *PACKAGES, "index.json"]
+    for name, bundle in bundles.items():
+        assert (exported / WORLDS / name / f"{name}.world").is_file()
+        for path in (path for path in bundle.rglob("*") if path.is_file()):
+            assert (exported / WORLDS / name / path.relative_to(bundle)).read_bytes() == path.read_bytes()
 
 
-def test_every_file_of_every_bundle_is_where_clients_look(bundles: dict[str, Path], tmp_path: Path):
-    write_export_zip(bundles, tmp_path / "export.zip")
-    with zipfile.ZipFile(tmp_path / "export.zip") as archive:
-        assert archive.testzip() is None
-        assert {name.split("/")[0] for name in archive.namelist()} == {TOP}
-        for name, folder in bundles.items():
-            for file in ("world.xml", "world.json", "textures/oak.png"):
-                assert archive.read(f"{WORLDS}/{name}/{file}") == (folder / file).read_bytes()
-
-
-def test_the_index_describes_exactly_what_is_inside(bundles: dict[str, Path], tmp_path: Path):
-    write_export_zip(bundles, tmp_path / "export.zip")
-    with zipfile.ZipFile(tmp_path / "export.zip") as archive:
-        index = json.loads(archive.read(f"{TOP}/index.json"))
-        assert [world["id"] for world in index["worlds"]] == sorted(IDS)
-        files = [file for world in index["worlds"] for file in world["files"]]
-        for file in files:
-            content = archive.read(f"{TOP}/{file['path']}")
-            assert file["size_bytes"] == len(content)
-            assert file["sha256"] == hashlib.sha256(content).hexdigest()
-        named = {f"{TOP}/{file['path']}" for file in files} | {f"{TOP}/README.md", f"{TOP}/index.json"}
-        assert set(archive.namelist()) == named
+def test_the_index_describes_exactly_what_is_inside(bundles: dict[str, Path], exported: Path) -> None:
+    index = json.loads((exported / "index.json").read_text())
+    assert [world["id"] for world in index["worlds"]] == sorted(bundles)
+    files = [file for part in (*index["worlds"], *index["models"], index) for file in part["files"]]
+    for file in files:
+        content = (exported / file["path"]).read_bytes()
+        assert file["size_bytes"] == len(content)
+        assert file["sha256"] == hashlib.sha256(content).hexdigest()
+    found = {str(path.relative_to(exported)) for path in exported.rglob("*") if path.is_file()}
+    assert found == {file["path"] for file in files} | {"index.json"}
+    models = {model["name"] for model in index["models"]}
+    assert models == {name for world in index["worlds"] for name in world["models"]}
 
 
 def test_the_readme_code_loads_the_exported_world(
-    bundles: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Runs the README's own Python after unzipping, as a reader would."""
-    write_export_zip(bundles, tmp_path / "export.zip")
-    with zipfile.ZipFile(tmp_path / "export.zip") as archive:
-        archive.extractall(tmp_path / "out")
-    monkeypatch.chdir(tmp_path / "out" / TOP)
+    shutil.copytree(exported, tmp_path / TOP)
+    monkeypatch.chdir(tmp_path / TOP)
     Path("robot.xml").write_text("<mujoco><worldbody><body name='base'><geom size='.1'/></body></worldbody></mujoco>")
-    blocks = re.findall(r"((?:^    .*\n)+)", Path("README.md").read_text(), re.MULTILINE)
-    code = "\n".join(
-        re.sub("^    ", "", block, flags=re.MULTILINE) for block in blocks if not re.match(r"\s+(python|ros2)", block)
-    )
+    python = Path("README.md").read_text().partition("In Python:")[2].partition("## Nav2")[0]
+    code = "\n".join(re.findall(r"^    (.*)$", python, re.MULTILINE))
     names: dict = {}
     exec(code, names)
-    assert names["model"].body("robot/base").id == 1
+    assert names["model"].body("robot/base").id > 0
 
 
-def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], tmp_path: Path):
-    write_export_zip(bundles, tmp_path / "one.zip")
-    for folder in bundles.values():
-        for path in folder.rglob("*"):
+def test_every_exported_mjcf_runs(bundles: dict[str, Path], exported: Path) -> None:
+    for name in bundles:
+        model = mujoco.MjModel.from_xml_path(str(exported / WORLDS / name / "world.xml"))
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, 100)
+        assert np.isfinite(data.qpos).all()
+
+
+def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, Path], exported: Path) -> None:
+    """Whatever a robot would bump into is on the map, and the place it looks from is free."""
+    colliding = np.array([1, 1, 0, 0, 0, 0], np.uint8)  # other groups are for the eye only
+    for name in bundles:
+        folder = exported / WORLDS / name
+        grid = read_map(folder)
+        model = mujoco.MjModel.from_xml_path(str(folder / "world.xml"))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        hits, missing = 0, []
+        for room in read_world(folder).floorplan.rooms:
+            for height in np.linspace(ROBOT_LOW_M + 0.02, ROBOT_HIGH_M - 0.02, 5):
+                for angle in np.linspace(-np.pi, np.pi, 90, endpoint=False):
+                    start = np.array([*room.goal, height])
+                    ray = np.array([np.cos(angle), np.sin(angle), 0.0])
+                    distance = mujoco.mj_ray(model, data, start, ray, colliding, 1, -1, np.zeros(1, np.int32))
+                    assert distance > 0
+                    # A millimetre into what was hit: exactly on a face, the cell before it would do as well.
+                    end = start + (distance + 0.001) * ray
+                    hits += 1
+                    if not grid.occupied[grid.cell((float(end[0]), float(end[1])))]:
+                        missing.append((room.name, end.round(3)))
+            assert grid.free[grid.cell(room.goal)]
+        assert hits > 1000
+        assert missing == []
+
+
+def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], tmp_path: Path) -> None:
+    copies = {name: tmp_path / f"copy{number}" for number, name in enumerate(bundles)}
+    for name, copy in copies.items():
+        shutil.copytree(bundles[name], copy)
+        for path in copy.rglob("*"):
             os.utime(path, (1, 1))
             if path.is_file():
                 path.chmod(0o755)
-    write_export_zip(dict(reversed(bundles.items())), tmp_path / "two.zip")
+    write_export_zip(bundles, tmp_path / "one.zip")
+    # Another process: nothing may hang on the order of sets or on what was written before.
+    program = (
+        "import json, sys; from pathlib import Path; from prefect_robomaker.tasks.worldforge import export;"
+        "export.write_export_zip({k: Path(v) for k, v in json.loads(sys.argv[1]).items()}, Path(sys.argv[2]))"
+    )
+    order = json.dumps({name: str(copies[name]) for name in reversed(bundles)})
+    subprocess.run([sys.executable, "-c", program, order, str(tmp_path / "two.zip")], check=True)
     assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
 
 
-def test_a_link_in_a_bundle_is_refused_and_nothing_is_left(bundles: dict[str, Path], tmp_path: Path):
-    (bundles[IDS[0]] / "textures" / "link").symlink_to("/etc/passwd")
-    with pytest.raises(ValueError, match=r"textures/link is neither"):
-        write_export_zip(bundles, tmp_path / "export.zip")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bundle0", "bundle1"]
+@pytest.fixture
+def bundle(bundles: dict[str, Path], tmp_path: Path) -> Path:
+    """A bundle that a test may spoil."""
+    shutil.copytree(next(iter(bundles.values())), tmp_path / "bundle")
+    return tmp_path / "bundle"
+
+
+def test_a_link_in_a_bundle_is_refused_and_nothing_is_left(bundle: Path, tmp_path: Path) -> None:
+    (bundle / "more").mkdir()
+    (bundle / "more" / "link").symlink_to("/etc/passwd")
+    with pytest.raises(ValueError, match=r"more/link is neither"):
+        write_export_zip({"world": bundle}, tmp_path / "export.zip")
+    assert [path.name for path in tmp_path.iterdir()] == ["bundle"]
+
+
+@pytest.mark.parametrize("file", ["world.json", "world.xml"])
+def test_a_bundle_without_its_world_is_refused(bundle: Path, tmp_path: Path, file: str) -> None:
+    (bundle / file).unlink()
+    with pytest.raises(FileNotFoundError, match=file):
+        write_export_zip({"world": bundle}, tmp_path / "export.zip")
+    assert [path.name for path in tmp_path.iterdir()] == ["bundle"]
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("<body name='a'><freejoint/><geom size='.1'/><body name='b'><geom size='.1'/></body></body>", "'b'.*bodies"),
+        ("<body name='a'><joint type='ball'/><geom size='.1'/></body>", "'a'.*one free, hinge or slide joint"),
+    ],
+)
+def test_what_exports_cannot_hold_is_named(bundle: Path, tmp_path: Path, body: str, words: str) -> None:
+    (bundle / "world.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    with pytest.raises(ValueError, match=words):
+        write_export_zip({"world": bundle}, tmp_path / "export.zip")
 
 
 @pytest.mark.parametrize("name", ["../up", "", "a/b", "a b"])
 def test_names_that_are_no_folder_names_are_refused(bundles: dict[str, Path], tmp_path: Path, name: str):
     with pytest.raises(ValueError, match="world"):
-        write_export_zip({name: bundles[IDS[0]]}, tmp_path / "export.zip")
+        write_export_zip({name: next(iter(bundles.values()))}, tmp_path / "export.zip")
 
 
 def test_an_export_of_nothing_is_refused(tmp_path: Path):
@@ -103,7 +161,7 @@ def test_an_export_of_nothing_is_refused(tmp_path: Path):
 
 def test_a_missing_bundle_is_an_error(tmp_path: Path):
     with pytest.raises(FileNotFoundError):
-        write_export_zip({IDS[0]: tmp_path / "missing"}, tmp_path / "export.zip")
+        write_export_zip({"world": tmp_path / "missing"}, tmp_path / "export.zip")
     assert list(tmp_path.iterdir()) == []
 
 
