@@ -23,7 +23,7 @@ exit codes:
 
 The answer goes to standard output, everything else to standard error. NO_COLOR switches colors
 off, CI=true animation. Settings are environment variables: ROBOMAKER_HOME, ROBOMAKER_OBJECT_STORE,
-ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL (see `robomaker doctor`).
+ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL and more (see the README).
 
 first steps:
   robomaker doctor                                     what works on this machine
@@ -180,11 +180,26 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
     doctor = _command(commands, shared, "doctor", "say what works on this machine and what is missing", "")
     _add_output(doctor, ("text", "json"))
 
+    _add_world(commands, shared)
     _add_serve(commands, shared)
     server = _command(
         commands, shared, "server", "start, stop or look at the local Prefect server", "start prints its API's URL."
     )
     server.add_argument("action", choices=("start", "stop", "status"))
+
+
+def _add_world(commands: "_Commands[Parser]", shared: Parser) -> None:
+    world = _command(commands, shared, "world", "look at generated worlds: show, view, sheet", "")
+    actions = world.add_subparsers(dest="action", metavar="ACTION", title="actions", parser_class=Parser, required=True)
+
+    show = _command(
+        actions, shared, "show", "print a world's plan, what was proven of it, and which wishes it misses", ""
+    )
+    show.add_argument("world", metavar="WORLD", help="ARN of a world, or the folder of its bundle")
+    show.add_argument(
+        "--pictures", metavar="FOLDER", help="put the plan, a view from above and one from inside each room there"
+    )
+    _add_output(show, ("text", "json"))
 
 
 def _operations_by_group() -> str:
