@@ -178,7 +178,7 @@ USUAL_FLOORS: dict[RoomType, tuple[str, ...]] = {
 }
 USUAL_WALLS: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("WallPaint", "Wallpaper", "WoodPanels"),
-    "Bathroom": ("Tiles", "Tiles", "Stone"),
+    "Bathroom": ("Tiles", "Tiles", "WallPaint"),
     "Living": ("WallPaint", "Wallpaper", "Brick", "Stone"),
     "Dining": ("WallPaint", "Wallpaper", "WoodPanels"),
     "Kitchen": ("WallPaint", "Tiles", "Brick"),
