@@ -1,0 +1,177 @@
+"""The facts of a world as text for a terminal."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, TextIO
+
+Cell = tuple[str, str]
+"""Text and style."""
+
+Line = list[Cell]
+
+_MARKS: dict[str, Cell] = {
+    "holds": ("✓", "green"),
+    "broken": ("✗", "bold red"),
+    "not measured": ("?", "yellow"),
+    "": ("·", "dim"),
+}
+
+
+def print_facts(facts: dict[str, Any], stream: TextIO) -> None:
+    """Prints what `world_facts` found, with `pictures`, the paths of those that were drawn."""
+    from rich.console import Console
+    from rich.text import Text
+
+    # Paths and ARNs stay in one piece, however narrow the window: people copy them.
+    console = Console(file=stream, highlight=False, soft_wrap=True)
+    for line in fact_lines(facts):
+        console.print(Text.assemble(*((_printable(text), style) for text, style in line)) if line else "")
+
+
+def fact_lines(facts: dict[str, Any]) -> list[Line]:
+    """The text as lines of styled cells."""
+    return [
+        *_head(facts),
+        [],
+        [("rooms", "bold")],
+        *_table(
+            [("name", "type", "area", "wished", "aspect", "wished", "floor", "walls", "pieces", "loose")], _rooms(facts)
+        ),
+        *_ways(facts),
+        [],
+        [("proofs", "bold")],
+        *_proofs(facts),
+        [],
+        *_wishes(facts["wishes"]),
+        *_pictures(facts.get("pictures", [])),
+    ]
+
+
+def _printable(text: str) -> str:
+    """Untrusted names must not steer the terminal."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
+
+
+def _head(facts: dict[str, Any]) -> Iterator[Line]:
+    verdict = {
+        True: ("all guarantees hold", "green"),
+        False: ("guarantees are broken", "bold red"),
+        None: ("never checked", "yellow"),
+    }[facts["proven"]]
+    yield [(facts["name"], "bold"), (": ", ""), verdict]
+    yield []
+    for what, where in _places(facts):
+        yield [(f"  {what:<9} ", "dim"), (where, "")]
+
+
+def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    template, job, bundle, building = facts["template"], facts["job"], facts["bundle"], facts["building"]
+    if facts["arn"]:
+        yield "world", facts["arn"]
+    if template["arn"]:
+        yield "template", f"{template['name'] or 'deleted'}, {template['arn']}"
+    if job["arn"]:
+        yield "job", job["arn"] + ("" if job["seed"] is None else f", seed {job['seed']}")
+    attempts = facts["interior_attempt"] + 1
+    tries = f" (attempt {attempts})" if attempts > 1 else ""
+    yield "seeds", f"floor plan {facts['floorplan_seed']}, interior {facts['interior_seed']}{tries}"
+    yield "generator", f"{facts['generator_version']}, template version {template['version']}"
+    state = {True: ", as it was stored", False: ", NOT what was stored", None: ""}[bundle["as_stored"]]
+    yield "content", f"sha256 {facts['content_sha256']}{state}"
+    if bundle["stored_at"]:
+        yield "stored", bundle["stored_at"]
+    yield "copy" if bundle["stored_at"] else "bundle", bundle["local"]
+    size = f"{building['width_m']:.2f} x {building['depth_m']:.2f} m, {building['ceiling_height_m']:.2f} m high"
+    yield "building", f"{size}, {len(facts['rooms'])} rooms of {building['area_m2']:.1f} m² together"
+
+
+def _rooms(facts: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    for room in facts["rooms"]:
+        aspect = room["aspect_ratio"]
+        yield (
+            room["name"],
+            room["type"],
+            f"{room['area_m2']:.1f} m²",
+            f"{room['desired_area_m2']:.1f} m²",
+            "" if aspect is None else f"{aspect:.2f}",
+            f"{room['desired_aspect_ratio']:.2f}",
+            room["floor"],
+            room["walls"],
+            str(sum(room["pieces"].values())),
+            str(room["loose_objects"]),
+        )
+
+
+def _ways(facts: dict[str, Any]) -> Iterator[Line]:
+    if not facts["passages"]:
+        return
+    yield []
+    yield [("ways between rooms", "bold")]
+    yield from _table([("between", "kind", "clear", "door", "")], (_way(passage) for passage in facts["passages"]))
+
+
+def _way(passage: dict[str, Any]) -> tuple[str, ...]:
+    clear = passage["clear_width_m"]
+    return (
+        " - ".join(passage["rooms"]),
+        passage["kind"],
+        f"{passage['width_m'] if clear is None else clear:.2f} m",
+        _door(passage["door"]),
+        "wished" if passage["requested"] else "added, so that all rooms are joined",
+    )
+
+
+def _door(door: dict[str, Any] | None) -> str:
+    if door is None:
+        return "none"
+    style = f"{door['id']} {door['style']}".rstrip()
+    return f"{style}, {door['open_percent']:g} % open into {door['opens_into']}"
+
+
+def _proofs(facts: dict[str, Any]) -> Iterator[Line]:
+    width = max(len(proof["name"]) for proof in facts["proofs"])
+    for proof in facts["proofs"]:
+        mark, style = _MARKS[proof["verdict"]]
+        value_style = style if proof["verdict"] == "broken" else ""
+        yield [("  ", ""), (mark, style), (f" {proof['name'].ljust(width)}  ", ""), (proof["value"], value_style)]
+    for sentence in facts["broken"]:
+        yield [("    ", ""), (sentence, "red")]
+
+
+def _wishes(wishes: dict[str, Any]) -> Iterator[Line]:
+    counts = ", ".join(
+        f"{wishes[key]} {word}"
+        for key, word in (("satisfied", "granted"), ("missed", "missed"), ("contradictory", "contradictory"))
+        if wishes[key] or key == "satisfied"
+    )
+    yield [("wishes of the template: ", "bold"), (counts, "")]
+    for wish in wishes["not_granted"]:
+        yield [
+            ("  ✗ ", "yellow"),
+            (wish["wish"], ""),
+            ("" if wish["outcome"] == "missed" else " (contradictory)", "yellow"),
+        ]
+        yield [("    ", ""), (wish["reason"], "")]
+        yield [("    ", ""), (wish["path"], "dim")]
+
+
+def _pictures(paths: Sequence[str]) -> Iterator[Line]:
+    if paths:
+        yield []
+        yield [("pictures", "bold")]
+        yield from ([("  ", ""), (path, "")] for path in paths)
+
+
+def _table(head: list[tuple[str, ...]], rows: Iterator[tuple[str, ...]]) -> Iterator[Line]:
+    """Columns, left-aligned but for numbers."""
+    cells = [*head, *rows]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(cells[0]))]
+    numeric = [
+        all(row[column][:1].isdigit() or not row[column] for row in cells[1:]) and len(cells) > 1
+        for column in range(len(widths))
+    ]
+    for number, row in enumerate(cells):
+        padded = [
+            text.rjust(width) if right else text.ljust(width)
+            for text, width, right in zip(row, widths, numeric, strict=True)
+        ]
+        yield [("  " + "  ".join(padded).rstrip(), "dim" if number == 0 else "")]
