@@ -79,6 +79,8 @@ def _plan_lines(checks: WorldChecks) -> Iterator[ProofLine]:
     share = f"{checks.reachable_share:.1%} of where a disc of {checks.robot_radius_m:g} m radius fits"
     reached = all(cells >= MIN_CELLS for cells in checks.reachable_cells.values()) and not checks.unreachable_goals
     yield ProofLine("Reachable from the origin", share, _verdict(reached))
+    if checks.closed_off_rooms:
+        yield ProofLine("Behind doors not open enough", ", ".join(checks.closed_off_rooms), "")
     clear = "clear" if checks.origin_clear else "not clear"
     yield ProofLine(f"Cylinder of {2 * ORIGIN_RADIUS_M:g} m at the origin", clear, _verdict(checks.origin_clear))
 

@@ -5,7 +5,7 @@ import pytest
 from prefect_robomaker.schemas.world import Furniture, Room, World, WorldChecks
 from prefect_robomaker.tasks.worldforge.checks import check_world
 from prefect_robomaker.tasks.worldforge.furniture import styles_of
-from prefect_robomaker.tasks.worldforge.guarantees import SETTLE_S, violations
+from prefect_robomaker.tasks.worldforge.guarantees import SETTLE_S, proof_lines, violations
 from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
 from prefect_robomaker.tasks.worldforge.occupancy import occupancy_grid
 
@@ -60,7 +60,7 @@ def test_a_goal_inside_furniture_is_found(flat: World) -> None:
 
 
 def test_a_floating_object_is_found_although_it_sleeps(flat: World) -> None:
-    world = with_piece(flat, "Carton", 0.9, 0.9, base_m=1.0, movable=True)
+    world = with_piece(flat, "Carton", 0.0, 0.0, base_m=1.0, movable=True)
     checks = checked(world)
     assert checks.settled_share is not None
     assert checks.settled_share < 1
@@ -69,7 +69,7 @@ def test_a_floating_object_is_found_although_it_sleeps(flat: World) -> None:
 
 
 def test_bodies_that_overlap_are_found(flat: World) -> None:
-    world = with_piece(flat, "Carton", 0.9, 0.9, base_m=-0.02, movable=True)
+    world = with_piece(flat, "Carton", 0.0, 0.0, base_m=-0.02, movable=True)
     assert checked(world).max_penetration_m == pytest.approx(0.02, abs=0.002)
     assert any("overlap by 0.02" in problem for problem in violations(checked(world)))
 
@@ -80,3 +80,103 @@ def test_a_passage_narrower_than_the_robot_is_found(flat: World) -> None:
     assert checks.narrowest_passage_m == min(passage.width_m for passage in flat.floorplan.passages)
     narrow = checks.model_copy(update={"narrowest_passage_m": 0.35})
     assert violations(narrow) == ["a passage is 0.35 m wide, not 0.8 m"]
+
+
+def test_the_room_graph_is_measured_on_the_walls(flat: World) -> None:
+    checks = flat.checks
+    assert checks is not None
+    passages = flat.floorplan.passages
+    assert [(way.rooms, way.kind) for way in checks.room_graph] == [(each.rooms, each.kind) for each in passages]
+    assert [way.clear_width_m for way in checks.room_graph] == [each.width_m for each in passages]
+
+
+def test_a_wall_that_reaches_into_a_passage_makes_it_narrower(flat: World) -> None:
+    door = next(each for each in flat.floorplan.passages if each.kind == "Doorway")
+    walls = []
+    for wall in flat.floorplan.walls:
+        if wall.end == door.start and not wall.lintel:
+            longer = tuple(a + 0.25 * (b - a) for a, b in zip(door.start, door.end, strict=True))
+            wall = wall.model_copy(update={"end": longer})
+        walls.append(wall)
+    world = flat.model_copy(update={"floorplan": flat.floorplan.model_copy(update={"walls": walls})})
+    narrow = round(0.75 * door.width_m, 4)
+    assert checked(world, settle_s=None).narrowest_passage_m == narrow
+    assert f"a passage is {narrow} m wide, not 0.8 m" in violations(checked(world, settle_s=None))
+
+
+def test_errors_of_area_and_aspect_ratio_are_told_as_numbers(flat: World) -> None:
+    checks = flat.checks
+    assert checks is not None
+    for room, measures in zip(flat.floorplan.rooms, checks.rooms, strict=True):
+        assert measures.name == room.name
+        assert room.desired_area_m2 * (1 + measures.area_error) == pytest.approx(room.area_m2, rel=1e-3)
+        assert room.desired_aspect_ratio * (1 + measures.aspect_error) == pytest.approx(measures.aspect_ratio, rel=1e-3)
+        assert measures.reachable_share == pytest.approx(
+            checks.reachable_cells[room.name] / measures.fitting_cells, abs=1e-4
+        )
+    wishes = [*flat.floorplan.wishes, *flat.wishes]
+    assert checks.wishes is not None
+    assert checks.wishes.satisfied == sum(wish.outcome == "satisfied" for wish in wishes)
+    assert sum(checks.wishes.model_dump().values()) == len(wishes)
+
+
+def test_a_room_without_a_way_is_found(flat: World) -> None:
+    checks = flat.checks
+    assert checks is not None
+    alone = checks.model_copy(update={"room_graph": [way for way in checks.room_graph if "Bath" not in way.rooms]})
+    assert violations(alone) == ["no way between rooms leads to Bath"]
+
+
+def test_a_door_that_swings_by_itself_is_found(flat: World) -> None:
+    leaf = (
+        '<body pos="0.9 0.9 1"><joint axis="1 0 0"/><geom size=".3 .02 .3" pos="0 0.3 0.3" type="box" mass="9"/></body>'
+    )
+    mjcf = world_mjcf(flat).replace("</worldbody>", f"{leaf}</worldbody>")
+    checks = check_world(flat, mjcf, occupancy_grid(flat.floorplan, flat.furniture), settle_s=SETTLE_S)
+    assert checks.max_drift_m is not None
+    assert checks.max_drift_m > 0.1
+    assert any("free bodies stay within" in problem for problem in violations(checks))
+
+
+def test_proofs_are_told_line_by_line(flat: World) -> None:
+    lines = {line.name: line for line in proof_lines(flat)}
+    rooms = [room.name for room in flat.floorplan.rooms]
+    assert {*rooms, "Rooms joined", "Reachable from the origin", "Penetrations at time 0", "Generator"} <= {*lines}
+    assert lines["Rooms joined"].value == f"4 rooms, {len(flat.floorplan.passages)} ways"
+    assert "area" in lines["Bath"].value
+    assert "aspect ratio" in lines["Bath"].value
+    assert lines["Seeds"] == ("Seeds", "floor plan 1, interior 2", "")
+    assert {line.verdict for line in lines.values()} == {"holds", ""}
+
+
+def test_broken_and_missing_proofs_are_told_as_such(flat: World) -> None:
+    checks = flat.checks
+    assert checks is not None
+    worse = checks.model_copy(
+        update={"max_penetration_m": 0.02, "penetrations": 3, "settled_share": None, "unreachable_goals": ["Bath"]}
+    )
+    lines = {line.name: line for line in proof_lines(flat.model_copy(update={"checks": worse}))}
+    assert lines["Penetrations at time 0"] == (
+        "Penetrations at time 0",
+        "3 deeper than 5 mm, the deepest 20 mm",
+        "broken",
+    )
+    assert lines["Free bodies that move less than 10 mm"].verdict == "not measured"
+    assert lines["Bath"].verdict == "broken"
+    assert [line.name for line in proof_lines(flat.model_copy(update={"checks": None}))] == ["Seeds", "Generator"]
+
+
+def test_checks_of_older_worlds_are_still_read(flat: World) -> None:
+    old = {
+        "robot_radius_m": 0.2,
+        "reachable_share": 1.0,
+        "reachable_cells": {"Bath": 900},
+        "origin_clear": True,
+        "max_penetration_m": 0.0,
+        "geoms": 200,
+        "narrowest_passage_m": 0.9,
+        "settled_share": 1.0,
+    }
+    checks = WorldChecks.model_validate(old)
+    assert violations(checks) == []
+    assert "900 cells reached" in {line.value for line in proof_lines(flat.model_copy(update={"checks": checks}))}

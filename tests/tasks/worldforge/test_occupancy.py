@@ -17,6 +17,7 @@ from prefect_robomaker.tasks.worldforge.occupancy import (
     OccupancyGrid,
     cells_by_room,
     clearance,
+    fitting,
     occupancy_grid,
     reachable,
     read_map,
@@ -202,3 +203,9 @@ def test_a_turned_desk_lies_where_its_yaw_says() -> None:
     grid = occupancy_grid(EMPTY, [piece(yaw=pi / 2, width_m=2.0, depth_m=0.2)])
     assert grid.occupied[grid.cell((0.9, 0.0))]
     assert not grid.occupied[grid.cell((0.0, 0.9))]
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.1, 0.2, 0.23, 0.35, 0.6])
+def test_where_a_disc_fits_is_where_the_clearance_is_its_radius(radius: float) -> None:
+    grid = occupancy_grid(EMPTY, [piece(0.3, 0.2, 0.7), piece(-1.0, 0.8, 0.0)])
+    assert (fitting(grid, radius) == (grid.free & (clearance(grid) >= radius - 5e-4))).all()
