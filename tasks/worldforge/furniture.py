@@ -32,7 +32,9 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
     "Beds": (
         soft.bed,
         styles("king", (1.8, 2.08, 1.05), "walnut", "sage")
+        + styles("king padded", (1.84, 2.1, 1.15), "navy", "grey")
         + styles("double", (1.5, 2.05, 1.0), "oak", "navy")
+        + styles("double padded", (1.52, 2.08, 1.1), "sage", "terracotta")
         + styles("single", (0.98, 2.02, 0.9), "white", "terracotta"),
     ),
     "Bookcases": (
@@ -41,23 +43,41 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
     ),
     "CoffeeTables": (
         tables.coffee_table,
-        styles("long", (1.1, 0.6, 0.42), "oak", "walnut") + styles("round", (0.8, 0.8, 0.4), "walnut", "white"),
+        styles("long", (1.1, 0.6, 0.42), "oak", "walnut") + styles("round", (0.8, 0.8, 0.4), "walnut", "white")
+        + styles("chest", (1.0, 0.6, 0.42), "oak", "white"),
     ),
-    "ConsoleTables": (tables.console_table, styles("plain", (1.1, 0.34, 0.8), "oak", "black", "white")),
-    "CornerCabinets": (cabinets.corner_cabinet, styles("tall", (0.6, 0.6, 1.8), "white", "walnut", "oak")),
-    "DeskChairs": (soft.desk_chair, styles("swivel", (0.6, 0.6, 1.0), "black", "grey", "terracotta")),
+    "ConsoleTables": (
+        tables.console_table,
+        styles("plain", (1.1, 0.34, 0.8), "oak", "black", "white")
+        + styles("drawers", (1.2, 0.38, 0.82), "walnut", "sage"),
+    ),
+    "CornerCabinets": (
+        cabinets.corner_cabinet,
+        styles("tall", (0.6, 0.6, 1.8), "white", "walnut", "oak") + styles("low", (0.6, 0.6, 0.85), "sage", "oak"),
+    ),
+    "DeskChairs": (
+        soft.desk_chair,
+        styles("swivel", (0.6, 0.6, 1.0), "black", "grey", "terracotta")
+        + styles("task", (0.54, 0.56, 0.92), "navy", "sage"),
+    ),
     "Desks": (
         tables.desk,
-        styles("wide", (1.4, 0.7, 0.74), "oak", "walnut") + styles("narrow", (1.1, 0.6, 0.74), "white"),
+        styles("wide", (1.4, 0.7, 0.74), "oak", "walnut") + styles("narrow", (1.1, 0.6, 0.74), "white")
+        + styles("legs", (1.2, 0.6, 0.74), "oak", "white"),
     ),
-    "DiningChairs": (soft.dining_chair, styles("upright", (0.44, 0.47, 0.88), "oak", "walnut", "white", "mustard")),
+    "DiningChairs": (
+        soft.dining_chair,
+        styles("upright", (0.44, 0.47, 0.88), "oak", "walnut", "white", "mustard")
+        + styles("ladder", (0.43, 0.46, 0.94), "oak", "walnut", "white")
+        + styles("shell", (0.46, 0.48, 0.82), "sage", "navy", "mustard"),
+    ),
     "DiningTables": (
         tables.dining_table,
         styles("six", (1.7, 0.9, 0.75), "oak", "walnut")
         + styles("four", (1.25, 0.8, 0.75), "oak", "white")
         + styles("round", (1.1, 1.1, 0.75), "walnut", "white"),
     ),
-    "DishWashers": (fixtures.dishwasher, styles("built-in", (0.6, 0.62, 0.88), "steel", "white")),
+    "DishWashers": (fixtures.dishwasher, styles("built-in", (0.6, 0.62, 0.88), "steel", "white", "black")),
     "Dressers": (
         cabinets.dresser,
         styles("wide", (1.3, 0.48, 0.82), "oak", "white", "walnut") + styles("tall", (0.8, 0.46, 1.1), "white", "sage"),
@@ -66,14 +86,20 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
         tables.side_table,
         styles("square", (0.48, 0.48, 0.52), "oak", "walnut") + styles("round", (0.45, 0.45, 0.54), "black", "oak"),
     ),
-    "FloorLamps": (cabinets.floor_lamp, styles("shade", (0.38, 0.38, 1.6), "black", "steel")),
+    "FloorLamps": (
+        cabinets.floor_lamp,
+        styles("shade", (0.38, 0.38, 1.6), "black", "steel") + styles("globe", (0.38, 0.38, 1.55), "black", "mustard"),
+    ),
     "Fridges": (
         fixtures.fridge,
-        styles("tall", (0.6, 0.66, 1.85), "steel", "white") + styles("wide", (0.75, 0.7, 1.8), "steel"),
+        styles("tall", (0.6, 0.66, 1.85), "steel", "white") + styles("wide", (0.75, 0.7, 1.8), "steel")
+        + styles("side-by-side", (0.9, 0.7, 1.78), "steel", "black"),
     ),
     "LivingRoomChairs": (
-        soft.seat,
-        styles("armchair", (0.86, 0.85, 0.84), "grey", "sage", "navy", "mustard", "terracotta"),
+        soft.armchair,
+        styles("armchair", (0.86, 0.85, 0.84), "grey", "sage", "navy", "mustard", "terracotta")
+        + styles("scandi", (0.74, 0.8, 0.82), "grey", "sage", "mustard")
+        + styles("tub", (0.76, 0.76, 0.78), "navy", "terracotta", "sage"),
     ),
     "KitchenIslandsAndCarts": (
         tables.kitchen_island,
@@ -83,13 +109,20 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
         cabinets.media_storage,
         styles("wide", (1.7, 0.42, 1.22), "oak", "walnut", "white") + styles("narrow", (1.2, 0.42, 1.05), "oak"),
     ),
-    "Nightstands": (tables.nightstand, styles("drawers", (0.46, 0.42, 0.52), "oak", "walnut", "white")),
+    "Nightstands": (
+        tables.nightstand,
+        styles("drawers", (0.46, 0.42, 0.52), "oak", "walnut", "white")
+        + styles("open", (0.44, 0.4, 0.54), "oak", "walnut", "sage"),
+    ),
     "Ottomans": (
         soft.ottoman,
         styles("square", (0.62, 0.52, 0.42), "sage", "terracotta")
         + styles("round", (0.55, 0.55, 0.42), "mustard", "navy"),
     ),
-    "Ovens": (fixtures.oven, styles("cooker", (0.6, 0.62, 0.9), "steel", "white", "black")),
+    "Ovens": (
+        fixtures.oven,
+        styles("cooker", (0.6, 0.62, 0.9), "steel", "white", "black") + styles("range", (0.9, 0.62, 0.9), "steel"),
+    ),
     "ServingCarts": (tables.serving_cart, styles("trolley", (0.72, 0.42, 0.86), "mustard", "oak", "black")),
     "Showers": (
         fixtures.shower,
@@ -102,7 +135,9 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
     "Sofas": (
         soft.seat,
         styles("three-seat", (2.2, 0.92, 0.82), "grey", "sage", "navy", "mustard")
-        + styles("two-seat", (1.65, 0.9, 0.82), "grey", "sage", "navy", "mustard"),
+        + styles("two-seat", (1.65, 0.9, 0.82), "grey", "sage", "navy", "mustard")
+        + styles("scandi three-seat", (2.06, 0.86, 0.8), "grey", "terracotta", "sage")
+        + styles("scandi two-seat", (1.5, 0.84, 0.8), "grey", "navy", "mustard"),
     ),
     "Storage": (
         cabinets.storage,
@@ -113,14 +148,17 @@ _CATALOGUE: dict[str, tuple[Builder, tuple[Style, ...]]] = {
         + styles("counter", (0.8, 0.62, 0.9), "white", "sage", "navy"),
     ),
     "StorageBenches": (soft.storage_bench, styles("bench", (1.1, 0.42, 0.48), "oak", "white", "walnut")),
-    "Toilets": (fixtures.toilet, styles("close-coupled", (0.38, 0.68, 0.8), "ceramic")),
+    "Toilets": (
+        fixtures.toilet,
+        styles("close-coupled", (0.38, 0.68, 0.8), "ceramic") + styles("wall-hung", (0.4, 0.66, 1.1), "ceramic"),
+    ),
     "VanityCounters": (
         fixtures.vanity,
         styles("single", (0.85, 0.52, 1.75), "oak", "white", "navy") + styles("double", (1.3, 0.52, 1.75), "walnut"),
     ),
     "WashingMachinesAndDryers": (
         fixtures.washing_machine,
-        styles("single", (0.6, 0.6, 0.86), "white") + styles("stacked", (0.6, 0.6, 1.7), "white"),
+        styles("single", (0.6, 0.6, 0.86), "white", "steel") + styles("stacked", (0.6, 0.6, 1.7), "white", "steel"),
     ),
     "Ball": (loose.ball, styles("ball", (0.18, 0.18, 0.18), "terracotta", "navy", "mustard")),
     "Book": (loose.book, styles("book", (0.16, 0.23, 0.035), "terracotta", "navy", "sage", "mustard")),

@@ -40,31 +40,67 @@ def bath(style: Style) -> list[Part]:
 
 
 def shower(style: Style) -> list[Part]:
-    """A tray with two glass walls; open at the front."""
+    """A tray with two glass walls, open at the front; a walk-in shower has one of them only."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
+    panes = ["right"] if style.form == "walk-in" else ["left", "right"]
+    glass: list[Part] = []
+    for name in panes:
+        side = y - 0.02 if name == "left" else -y + 0.02
+        glass += [
+            box(
+                f"glass-{name}",
+                (-x + 0.02, x - 0.02),
+                (side - 0.008, side + 0.008),
+                (0.1, top - 0.01),
+                GLASS,
+                solid=True,
+            ),
+            box(f"rail-{name}", (-x + 0.012, x - 0.012), (side - 0.014, side + 0.014), (top - 0.02, top), CHROME),
+            upright(f"post-{name}", (x - 0.03, side), 0.028, (0.1, top - 0.015), CHROME),
+        ]
     return [
+        *glass,
+        box("valve", (-x + 0.03, -x + 0.075), (-0.14, 0.14), (1.05, 1.1), CHROME),
+        rounded("soap", (-x + 0.08, 0.25 * style.width_m, 1.06), (0.07, 0.1, 0.03), rgb("cfe3d2")),
+        box(
+            "shelf",
+            (-x + 0.03, -x + 0.13),
+            (0.25 * style.width_m - 0.1, 0.25 * style.width_m + 0.1),
+            (1.02, 1.045),
+            CHROME,
+        ),
         slab("tray", style, (0, 0.1), style.main, solid=True),
         slab("floor", style, (0.09, 0.107), style.soft, inset=0.06),
         upright("drain", (0, 0), 0.1, (0.1, 0.112), CHROME),
-        box("glass-left", (-x + 0.02, x - 0.02), (y - 0.03, y - 0.01), (0.1, top), GLASS, solid=True),
-        box("glass-right", (-x + 0.02, x - 0.02), (-y + 0.01, -y + 0.03), (0.1, top), GLASS, solid=True),
-        box("back", (-x, -x + 0.03), (-y + 0.03, y - 0.03), (0.1, top), style.accent, solid=True),
+        box("back", (-x, -x + 0.03), (-y + 0.036, y - 0.036), (0.1, top - 0.004), style.accent, solid=True),
         upright("pipe", (-x + 0.06, 0), 0.03, (0.9, top - 0.05), CHROME),
         upright("head", (-x + 0.2, 0), 0.22, (top - 0.09, top - 0.06), CHROME),
     ]
 
 
 def toilet(style: Style) -> list[Part]:
-    """Tank at the back, bowl and lid in front."""
+    """Tank at the back, bowl and lid in front; or hung from a box in the wall."""
     x, y = style.half_depth_m, style.half_width_m
     middle = 0.1 * style.depth_m
+    bowl = [
+        rounded("bowl", (middle, 0, 0.3), (0.54, style.width_m - 0.02, 0.28), style.main, solid=True),
+        Part("seat", "ellipsoid", (middle, 0, 0.42), (0.53, style.width_m - 0.03, 0.07), CERAMIC, False),
+        Part("opening", "ellipsoid", (middle + 0.03, 0, 0.44), (0.32, 0.21, 0.045), style.soft, False),
+    ]
+    if style.form == "wall-hung":
+        top = style.height_m
+        return [
+            box("box", (-x, -x + 0.16), (-y, y), (0, top - 0.025), style.accent, solid=True),
+            box("ledge", (-x, -x + 0.17), (-y, y), (top - 0.025, top), rgb("b9a58a"), solid=True),
+            box("neck", (-x + 0.15, middle), (-0.13, 0.13), (0.2, 0.38), style.main, solid=True),
+            *bowl,
+            box("plate", (-x + 0.155, -x + 0.17), (-0.11, 0.11), (0.86, 1.0), CHROME),
+        ]
     return [
+        *bowl,
         box("tank", (-x, -x + 0.19), (-y, y), (0.36, style.height_m - 0.03), style.main, solid=True),
         box("tank-lid", (-x, -x + 0.2), (-y - 0.005, y + 0.005), (style.height_m - 0.03, style.height_m), style.accent),
         box("foot", (-x + 0.02, x - 0.16), (-0.11, 0.11), (0, 0.37), style.main, solid=True),
-        rounded("bowl", (middle, 0, 0.3), (0.54, style.width_m, 0.28), style.main, solid=True),
-        Part("seat", "ellipsoid", (middle, 0, 0.42), (0.53, style.width_m - 0.01, 0.07), CERAMIC, False),
-        Part("opening", "ellipsoid", (middle + 0.03, 0, 0.44), (0.32, 0.21, 0.045), style.soft, False),
         upright("button", (-x + 0.1, 0), 0.05, (style.height_m, style.height_m + 0.01), CHROME),
     ]
 
@@ -96,8 +132,23 @@ def vanity(style: Style) -> list[Part]:
 
 
 def fridge(style: Style) -> list[Part]:
-    """Freezer below, fridge above."""
+    """Freezer below, fridge above; or two tall doors side by side."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
+    if style.form == "side-by-side":
+        doors = ((-y + 0.004, -0.005), (0.005, y - 0.004))
+        return [
+            box("body", (-x, x - 0.06), (-y, y), (0.03, top), style.main, solid=True),
+            box("plinth", (-x + 0.03, x - 0.08), (-y + 0.02, y - 0.02), (0, 0.03), BLACK),
+            *[
+                box(f"door-{i}", (x - 0.06, x - 0.015), span, (0.05, top - 0.005), style.accent)
+                for i, span in enumerate(doors)
+            ],
+            *[
+                upright(f"handle-{i}", (x - 0.008, side), 0.02, (0.6, 1.4), CHROME)
+                for i, side in enumerate((-0.05, 0.05))
+            ],
+            box("dispenser", (x - 0.03, x - 0.01), (-y + 0.1, -0.12), (1.0, 1.3), BLACK),
+        ]
     split = 0.38 * top
     return [
         box("body", (-x, x - 0.06), (-y, y), (0.03, top), style.main, solid=True),
@@ -110,13 +161,38 @@ def fridge(style: Style) -> list[Part]:
 
 
 def oven(style: Style) -> list[Part]:
-    """A cooker: oven door, knobs, four plates."""
+    """A cooker: oven door, knobs, four plates; a wide one has gas burners and a splashback."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
+    is_range = style.form == "range"
+    knobs = [
+        lying(
+            f"knob-{index + 1}",
+            (x - 0.006, (index - 2) * 0.2 * style.width_m * 0.8, top - 0.12),
+            0.04,
+            0.03,
+            "x",
+            STEEL,
+        )
+        for index in range(5)
+    ]
     plates = [
         upright(f"plate-{index + 1}", (i * 0.13, j * 0.13), d, (top - 0.02, top + 0.006), rgb("6a6f75"))
         for index, (i, j, d) in enumerate([(1, 1, 0.18), (1, -1, 0.15), (-1, 1, 0.15), (-1, -1, 0.2)])
     ]
+    if is_range:
+        plates = [
+            part
+            for index, (at, side) in enumerate([(0.13, 0.26), (0.13, -0.26), (-0.13, 0.26), (-0.13, -0.26), (0.0, 0.0)])
+            for part in (
+                upright(f"burner-{index + 1}", (at, side), 0.12, (top - 0.02, top + 0.012), rgb("6a6f75")),
+                upright(f"cap-{index + 1}", (at, side), 0.07, (top - 0.02, top + 0.022), BLACK),
+            )
+        ]
+        plates.append(
+            box("splashback", (-x + 0.003, -x + 0.03), (-y + 0.005, y - 0.005), (top - 0.01, top + 0.12), STEEL)
+        )
     return [
+        *knobs,
         carcass(style, (0.05, top - 0.03), style.main),
         slab("plinth", style, (0, 0.05), BLACK, inset=0.03),
         slab("hob", style, (top - 0.03, top), BLACK),

@@ -79,7 +79,7 @@ def world_mjcf(world: World, *, textured: bool = False) -> str:
         lines += _window(index, window, world)
     lines += door_lines(plan, _geom)
     for item in world.furniture:
-        lines += _loose(item) if item.movable else [_geom(solid) for solid in solids_of(item)]
+        lines += _loose(item) if item.movable else piece_geoms(item)
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
@@ -214,6 +214,11 @@ def _window(index: int, window: Window, world: World) -> Iterator[str]:
         pos = _numbers((x0 + x1) / 2, (y0 + y1) / 2, z)
         shape = f'type="box" pos="{pos}" size="{_numbers(*size)}"'
         yield f'    <geom name="window_{index}_{name}" {shape} rgba="{rgba}" {_VISUAL}/>'
+
+
+def piece_geoms(item: Furniture) -> Iterator[str]:
+    """A piece of furniture as geoms of the body that it stands in."""
+    return (_geom(solid) for solid in solids_of(item))
 
 
 def _loose(item: Furniture) -> Iterator[str]:

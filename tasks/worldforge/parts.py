@@ -142,10 +142,18 @@ def legs(style: Style, z: Span, thickness: float, color: Color, *, inset: float 
     ]
 
 
+_KNOBS = frozenset({"white", "sage", "navy"})
+_KNOB: Vector = (0.026, 0.034, 0.034)
+
+
 def fronts(
     style: Style, columns: int, rows: int, z: Span, color: Color, handle: Color, *, gap: float = 0.015
 ) -> list[Part]:
-    """Doors or drawers with handles, in columns and rows on the front; they fill the last 2 cm of the depth."""
+    """Doors or drawers with handles, in columns and rows on the front; they fill the last 2 cm of the depth.
+
+    Drawers have a bar or, in painted furniture, a knob in the middle; doors have an upright bar on the
+    side where they open.
+    """
     parts: list[Part] = []
     width = (style.width_m - gap) / columns
     height = (z[1] - z[0]) / rows
@@ -157,8 +165,18 @@ def fronts(
             name = f"{column + 1}-{row + 1}"
             span, up = (left, left + width - gap), (bottom, bottom + height - gap)
             parts.append(box(f"front-{name}", (front - 0.03, front - 0.012), span, up, color))
-            center = ((front - 0.006), (span[0] + span[1]) / 2, bottom + (0.5 if rows > 1 else 0.62) * height)
-            parts.append(lying(f"handle-{name}", center, 0.012, min(0.14, width / 2), "y", handle))
+            middle = (span[0] + span[1]) / 2
+            if height > 0.45:
+                # Doors open in pairs; an odd one at the end opens towards the others.
+                opens_left = column % 2 == 0 and (columns == 1 or column < columns - 1)
+                side = span[1] - 0.04 if opens_left else span[0] + 0.04
+                low = bottom + (0.5 * height if height > 1.2 else 0.68 * height)
+                parts.append(upright(f"handle-{name}", (front - 0.006, side), 0.012, (low - 0.09, low + 0.09), handle))
+            elif style.colors in _KNOBS:
+                parts.append(rounded(f"handle-{name}", (front - 0.006, middle, bottom + 0.5 * height), _KNOB, handle))
+            else:
+                center = (front - 0.006, middle, bottom + (0.5 if rows > 1 else 0.62) * height)
+                parts.append(lying(f"handle-{name}", center, 0.012, min(0.14, width / 2), "y", handle))
     return parts
 
 
