@@ -58,7 +58,8 @@ def box_of(item: Furniture) -> Box:
 
 
 def footprint(pose: Pose, width_m: float, depth_m: float) -> Box:
-    """What a piece at a pose would cover."""
+    """What a piece at a pose would cover, once the pose is written down in whole millimetres."""
+    pose = Pose(round(pose.x, 3), round(pose.y, 3), pose.quarter)
     return pose.box(-depth_m / 2, depth_m / 2, -width_m / 2, width_m / 2)
 
 

@@ -1,10 +1,13 @@
 """Small things that lie about: free bodies at rest on the floor, on tables, desks and nightstands."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from math import cos, hypot, pi, sin
 
 from ...schemas.world import Furniture, RoomType
 from .arrangement import Density
 from .boxes import Box, box_of, pose_of
+from .candidates import against_walls
 from .furniture import parts_of, styles_of
 from .parts import Style
 from .placement import contains
@@ -38,12 +41,16 @@ _ANCHORS: dict[str, tuple[str, ...]] = {
 }
 """What things on the floor lie near."""
 
+_BY_A_WALL = ("Carton", "Shoe")
+
 _ON_FLOOR_COUNTS: dict[Density, int] = {"Sparse": 0, "Moderate": 1, "Dense": 3}
 _ON_TOP_CHANCES: dict[Density, float] = {"Sparse": 0.25, "Moderate": 0.5, "Dense": 0.8}
 _PLACES_LAID: dict[Density, int] = {"Sparse": 0, "Moderate": 2, "Dense": 4}
 _TRIES = 12
 _ANCHOR_REACH_M = 0.9
 _SHOE_GAP_M = 0.02
+_APART_M = 0.02
+"""Between things on one table."""
 
 
 def scatter(furnished: RoomFurnishing, room_for: int) -> list[Furniture]:
@@ -88,7 +95,9 @@ def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
             local = _in_frame(table, spot.x, spot.y)
             half = style.width_m / 2
             base = height_at(parts, (local[0] - half, local[1] - half, local[0] + half, local[1] + half))
-            if base is not None:
+            if base is not None and not any(
+                hypot(spot.x - other.x, spot.y - other.y) < half + other.width_m / 2 + _APART_M for other in laid
+            ):
                 laid.append(_thing(kind, style, furnished, (spot.x, spot.y, chair.yaw), table.base_m + base))
     return laid
 
@@ -134,11 +143,9 @@ def _on_floor(furnished: RoomFurnishing) -> list[Furniture]:
     across = 2 * style.width_m + _SHOE_GAP_M if kind == "Shoe" else style.width_m
     half = hypot(across, style.depth_m) / 2 + 0.03
     owners = [item.id for item in furnished.items] if kind in _ANCHORS else []
-    for _ in range(_TRIES):
-        x, y = _floor_spot(kind, furnished)
+    for x, y, yaw in _floor_spots(kind, replace(style, width_m=across), furnished):
         box = (x - half, y - half, x + half, y + half)
         if contains(furnished.room, (x, y)) and space.admits(box, partners=owners) and space.stays_open(box):
-            yaw = dice.uniform(-pi, pi)
             things = [
                 _thing(kind, style, furnished, (x - side * sin(yaw), y + side * cos(yaw), yaw), 0.0)
                 for side in ((across - style.width_m) / 2, (style.width_m - across) / 2)[: 2 if kind == "Shoe" else 1]
@@ -148,7 +155,23 @@ def _on_floor(furnished: RoomFurnishing) -> list[Furniture]:
     return []
 
 
-def _floor_spot(kind: str, furnished: RoomFurnishing) -> tuple[float, float]:
+def _floor_spots(kind: str, style: Style, furnished: RoomFurnishing) -> Iterator[tuple[float, float, float]]:
+    """Spots worth trying: what was put down stands by a wall, what was dropped lies anywhere."""
+    dice = furnished.dice
+    if kind in _BY_A_WALL:
+        reach = hypot(style.width_m, style.depth_m) / 2 + 0.05 - style.depth_m / 2
+        wide = replace(style, width_m=style.width_m + 2 * reach)
+        poses = against_walls(furnished.space, wide, 0.0, "corner", dice)
+        for pose in sorted(poses, key=lambda pose: -pose.score)[:_TRIES]:
+            spot = pose.moved(reach, 0.0)
+            yield spot.x, spot.y, spot.quarter * pi / 2 + dice.uniform(-0.25, 0.25)
+        return
+    for _ in range(_TRIES):
+        x, y = _dropped(kind, furnished)
+        yield x, y, dice.uniform(-pi, pi)
+
+
+def _dropped(kind: str, furnished: RoomFurnishing) -> tuple[float, float]:
     dice = furnished.dice
     anchors = [item for near in _ANCHORS.get(kind, ()) for item in furnished.placed(near)]
     area: Box = furnished.space.bounds

@@ -101,6 +101,8 @@ class RoomFurnishing:
         listed = [kind for kind in RULES if kind in set(kinds)]
         for kind in listed:
             self._place_first(kind)
+            if kind in _ATTENDANTS and _ATTENDANTS[kind] in listed and self.placed(kind):
+                self._place_first(_ATTENDANTS[kind])
         self._fill([kind for kind in listed if kind not in self.missed])
 
     def placed(self, kind: str) -> list[Furniture]:
@@ -138,6 +140,9 @@ class RoomFurnishing:
 
     def _place(self, kind: str) -> str:
         """Places one piece; returns why not, or an empty string."""
+        lost = [near for near in RULES[kind].near if near in self.missed]
+        if RULES[kind].bound and lost and not any(self.placed(near) for near in RULES[kind].near):
+            return f"{' and '.join(lost)} found no place in {self.room.name}"
         reason = ""
         for style in self.styles(kind):
             reason = self._place_style(kind, style)

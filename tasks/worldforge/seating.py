@@ -7,6 +7,9 @@ from .parts import Style
 from .room_furnishing import RoomFurnishing
 
 _MOST_TRIES = 12
+_BEST_WALLS = 10
+"""Spots for the screen that seats are looked for opposite of."""
+
 _HALF_SIGHT_M = 0.4
 
 
@@ -23,9 +26,10 @@ def arrange_seating(work: RoomFurnishing) -> None:
 
 def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:
     rule = RULES["MediaStorage"]
+    walls = against_walls(work.space, screen, rule.front_m, rule.prefer, work.dice, tall=True)
     pairs = [
         (wall.score + seat.score, wall, seat)
-        for wall in against_walls(work.space, screen, rule.front_m, rule.prefer, work.dice, tall=True)
+        for wall in sorted(walls, key=lambda wall: -wall.score)[:_BEST_WALLS]
         for seat in facing(work.space, wall, screen.depth_m, sofa)
     ]
     tries = 0
