@@ -58,26 +58,27 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
 def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> Point:
     """The middle of the place for a box of this size that covers least, nearest to the room's middle."""
     free_x, free_y = max(0.0, room[2] - room[0] - width), max(0.0, room[3] - room[1] - height)
-    places = [
-        (
-            room[0] + (room[2] - room[0] - free_x) / 2 + free_x * x,
-            room[1] + (room[3] - room[1] - free_y) / 2 + free_y * y,
-        )
-        for x, y in sorted(product(_STEPS, _STEPS), key=lambda step: abs(step[0] - 0.5) + abs(step[1] - 0.5))
+    near = [
+        box
+        for box in obstacles
+        if _common(box[0], box[2], room[0], room[2]) * _common(box[1], box[3], room[1], room[3])
     ]
+    columns = {x: room[0] + (room[2] - room[0] - free_x) / 2 + free_x * x for x in _STEPS}
+    rows = {y: room[1] + (room[3] - room[1] - free_y) / 2 + free_y * y for y in _STEPS}
+    across = {x: [_common(at - width / 2, at + width / 2, box[0], box[2]) for box in near] for x, at in columns.items()}
+    up = {y: [_common(at - height / 2, at + height / 2, box[1], box[3]) for box in near] for y, at in rows.items()}
 
-    def covered(place: Point) -> float:
-        box = (place[0] - width / 2, place[1] - height / 2, place[0] + width / 2, place[1] + height / 2)
-        return round(sum(_overlap(box, obstacle) for obstacle in obstacles), 3)
+    def covered(step: tuple[float, float]) -> float:
+        return round(sum(u * v for u, v in zip(across[step[0]], up[step[1]], strict=True)), 3)
 
-    return min(places, key=covered)
+    steps = sorted(product(_STEPS, _STEPS), key=lambda step: abs(step[0] - 0.5) + abs(step[1] - 0.5))
+    x, y = min(steps, key=covered)
+    return columns[x], rows[y]
 
 
-def _overlap(one: Box, other: Box) -> float:
-    """The common area of two boxes."""
-    across = min(one[2], other[2]) - max(one[0], other[0])
-    up = min(one[3], other[3]) - max(one[1], other[1])
-    return max(0.0, across) * max(0.0, up)
+def _common(low: float, high: float, other_low: float, other_high: float) -> float:
+    """Length that two spans have in common."""
+    return max(0.0, min(high, other_high) - max(low, other_low))
 
 
 def _bounds(item: Furniture) -> Box:
