@@ -201,6 +201,18 @@ def _add_world(commands: "_Commands[Parser]", shared: Parser) -> None:
     )
     _add_output(show, ("text", "json"))
 
+    view = _command(
+        actions,
+        shared,
+        "view",
+        "show a world in 3D",
+        "In MuJoCo's viewer where there is a display; otherwise as an HTML page of one file that any\n"
+        "browser shows without a network, whose path is printed.",
+    )
+    view.add_argument("world", metavar="WORLD", help="ARN of a world, or the folder of its bundle")
+    view.add_argument("--html", metavar="FILE", help="write the page there, whether there is a display or not")
+    _add_open(view, "show the page in a browser, or do not (either makes a page)")
+
 
 def _operations_by_group() -> str:
     from ...schemas.operation_groups import OPERATION_GROUPS

@@ -1,0 +1,237 @@
+// The page: a camera that circles what it looks at, buttons, keys, and the rooms' names.
+"use strict";
+
+const FOV = 0.75;
+const $ = (id) => document.getElementById(id);
+
+class Viewer {
+  constructor(world) {
+    const bytes = Uint8Array.from(atob($("glb").textContent.trim()), (letter) => letter.charCodeAt(0));
+    this.world = world;
+    this.canvas = $("view");
+    this.painter = new Painter(this.canvas, readGlb(bytes));
+    this.top = this.painter.bounds.high[1] + 0.01;
+    this.state = { ceiling: true, labels: true, cut: this.top };
+    this.pointers = new Map();
+    this.home();
+    this.addLabels();
+    this.listen();
+    this.addControls();
+    this.painter.ready().then(() => {
+      this.complete = true;
+      this.redraw();
+    }, fail);
+  }
+
+  home() {
+    this.camera = { target: [...this.painter.bounds.middle], yaw: -0.42, pitch: 0.95, distance: 1 };
+    this.camera.target[1] = 0.4;
+    this.fit(this.painter.bounds.low, this.painter.bounds.high);
+  }
+
+  /** Share of the canvas, at its lower edge, that the buttons cover. */
+  covered() {
+    return Math.min(0.4, (this.canvas.clientHeight - $("bar").offsetTop) / this.canvas.clientHeight);
+  }
+
+  /** Goes so far away that a box is seen whole. */
+  fit(low, high) {
+    const { camera } = this, aspect = this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
+    const free = 1 - this.covered();
+    let distance = 1;
+    for (let corner = 0; corner < 8; corner++) {
+      const place = [0, 1, 2].map((axis) => ((corner >> axis) & 1 ? high : low)[axis]);
+      const m = lookAt(this.eye({ ...camera, distance: 1 }), camera.target);
+      const [x, y, z] = [0, 1, 2].map((row) => m[row] * place[0] + m[4 + row] * place[1] + m[8 + row] * place[2] + m[12 + row]);
+      const half = Math.tan(FOV / 2);
+      distance = Math.max(distance, 1 + z + Math.max(Math.abs(y) / (half * free), Math.abs(x) / (half * aspect)));
+    }
+    camera.distance = distance * 1.06;
+    this.fitted = [low, high];
+    this.redraw();
+  }
+
+  eye({ target, yaw, pitch, distance }) {
+    const flat = Math.cos(pitch) * distance;
+    return [target[0] + flat * Math.sin(yaw), target[1] + Math.sin(pitch) * distance, target[2] + flat * Math.cos(yaw)];
+  }
+
+  turn(yaw, pitch) {
+    this.fitted = null;
+    this.camera.yaw += yaw;
+    this.camera.pitch = Math.min(Math.PI / 2 - 0.001, Math.max(-0.15, this.camera.pitch + pitch));
+    this.redraw();
+  }
+
+  zoom(factor) {
+    this.fitted = null;
+    this.camera.distance = Math.min(20 * this.painter.bounds.radius, Math.max(0.4, this.camera.distance * factor));
+    this.redraw();
+  }
+
+  /** Moves over the floor by pixels. */
+  pan(dx, dy) {
+    this.fitted = null;
+    const { camera } = this, size = (2 * Math.tan(FOV / 2) * camera.distance) / this.canvas.clientHeight;
+    const [s, c] = [Math.sin(camera.yaw), Math.cos(camera.yaw)], up = dy / Math.max(0.35, Math.sin(Math.abs(camera.pitch)));
+    camera.target[0] -= size * (dx * c + up * s);
+    camera.target[2] -= size * (up * c - dx * s);
+    this.redraw();
+  }
+
+  toRoom(room) {
+    const low = [room.west, 0, -room.north], high = [room.east, 1.2, -room.south];
+    Object.assign(this.camera, { target: low.map((value, axis) => (value + high[axis]) / 2), pitch: 1.05 });
+    this.fit(low, high);
+  }
+
+  redraw() {
+    if (!this.waiting) this.waiting = requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    this.waiting = 0;
+    const { canvas, camera, state } = this, ratio = Math.min(2, window.devicePixelRatio || 1);
+    canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+    canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    const far = camera.distance + 3 * this.painter.bounds.radius;
+    const lens = perspective(FOV, canvas.width / canvas.height, Math.max(0.05, far / 4000), far);
+    lens[9] = -this.covered();
+    const view = product(lens, lookAt(this.eye(camera), camera.target));
+    const cutting = state.cut < this.top;
+    this.painter.draw({ view, cutting, cut: cutting ? state.cut : this.top, ceiling: state.ceiling, ground: shade("--ground"), section: shade("--section") });
+    this.placeLabels(view);
+    document.body.dataset.state = this.complete ? "drawn" : "loading";
+  }
+
+  addLabels() {
+    this.labels = this.world.rooms.map((room) => {
+      const label = document.createElement("div");
+      label.className = "label";
+      label.append(room.name);
+      const area = document.createElement("small");
+      area.textContent = `${room.area_m2.toFixed(1)} m²`;
+      label.append(area);
+      $("labels").append(label);
+      return [label, [room.x, 0.1, -room.y]];
+    });
+  }
+
+  placeLabels(view) {
+    $("labels").hidden = !this.state.labels;
+    for (const [label, [x, y, z]] of this.labels) {
+      const [u, v, , w] = [0, 1, 2, 3].map((row) => view[row] * x + view[4 + row] * y + view[8 + row] * z + view[12 + row]);
+      label.hidden = w <= 0.1;
+      label.style.transform = `translate(-50%,-50%) translate(${((u / w + 1) / 2) * this.canvas.clientWidth}px,${((1 - v / w) / 2) * this.canvas.clientHeight}px)`;
+    }
+  }
+
+  listen() {
+    const { canvas } = this;
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      this.pointers.set(event.pointerId, event);
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => this.pointers.delete(event.pointerId));
+    canvas.addEventListener("pointermove", (event) => this.drag(event));
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.05 : 0.0015)));
+    }, { passive: false });
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      fail(new Error("the graphics system took WebGL away; reload the page"));
+    });
+    document.addEventListener("keydown", (event) => this.key(event));
+    // Whatever was seen whole stays so in a window of another shape.
+    new ResizeObserver(() => (this.fitted ? this.fit(...this.fitted) : this.redraw())).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
+  }
+
+  drag(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const dx = event.clientX - before.clientX, dy = event.clientY - before.clientY;
+    const others = [...this.pointers.values()].filter((other) => other.pointerId !== event.pointerId);
+    if (others.length) {
+      const apart = (pointer) => Math.hypot(pointer.clientX - others[0].clientX, pointer.clientY - others[0].clientY) || 1;
+      this.zoom(apart(before) / apart(event));
+      this.pan(dx / 2, dy / 2);
+    } else if (before.button === 0 && !event.shiftKey) this.turn(-dx * 0.006, dy * 0.006);
+    else this.pan(dx, dy);
+    this.pointers.set(event.pointerId, Object.defineProperty(event, "button", { value: before.button }));
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "INPUT") return;
+    const move = event.shiftKey, arrows = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    if (event.key in arrows) {
+      const [x, y] = arrows[event.key];
+      if (move) this.pan(x * 40, y * 40);
+      else this.turn(-x * 0.12, y * 0.08);
+    } else if (event.key === "+" || event.key === "=") this.zoom(0.88);
+    else if (event.key === "-") this.zoom(1 / 0.88);
+    else {
+      const button = document.querySelector(`button[data-key="${CSS.escape(event.key.toLowerCase())}"]`);
+      if (!button) return;
+      button.click();
+    }
+    event.preventDefault();
+  }
+
+  addControls() {
+    const toggle = (id, member) => $(id).addEventListener("click", () => {
+      this.state[member] = !this.state[member];
+      $(id).setAttribute("aria-pressed", this.state[member]);
+      this.redraw();
+    });
+    toggle("ceiling", "ceiling");
+    toggle("names", "labels");
+    $("home").addEventListener("click", () => this.home());
+    $("above").addEventListener("click", () => {
+      Object.assign(this.camera, { yaw: 0, pitch: Math.PI / 2 - 0.001, target: [...this.painter.bounds.middle] });
+      this.fit(this.painter.bounds.low, this.painter.bounds.high);
+    });
+    $("theme").addEventListener("click", () => {
+      const root = document.documentElement;
+      root.dataset.theme = isDark() ? "light" : "dark";
+      this.redraw();
+    });
+    const cut = $("cut");
+    cut.max = Math.ceil(this.top * 20) / 20;
+    cut.value = cut.max;
+    cut.addEventListener("input", () => {
+      this.state.cut = +cut.value >= +cut.max ? this.top : +cut.value;
+      $("cut-text").textContent = +cut.value >= +cut.max ? "none" : `${(+cut.value).toFixed(2)} m`;
+      this.redraw();
+    });
+    for (const room of this.world.rooms) {
+      const button = document.createElement("button");
+      button.textContent = room.name;
+      button.addEventListener("click", () => this.toRoom(room));
+      $("rooms").append(button);
+    }
+  }
+}
+
+function isDark() {
+  return (document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+}
+
+/** A colour of the style sheet, `r g b` from 0 to 255, as WebGL wants it. */
+function shade(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim().split(/\s+/).map((value) => value / 255);
+}
+
+function fail(error) {
+  document.body.dataset.state = "failed";
+  $("problem").hidden = false;
+  $("problem-text").textContent = error.message;
+}
+
+try {
+  new Viewer(JSON.parse($("world").textContent));
+} catch (error) {
+  fail(error);
+}
