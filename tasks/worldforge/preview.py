@@ -13,7 +13,7 @@ from PIL import Image as PilImage
 
 from ...schemas.world import Wall, Window, World
 from .door_model import cut_door_solids
-from .materials import OUTSIDE, surface_name
+from .materials import surface_name
 from .mjcf import wall_faces
 from .parts import Color, Vector, rgb
 from .placement import room_rects
@@ -21,7 +21,7 @@ from .preview_light import Block, LightMap
 from .preview_palette import Palette
 from .preview_raster import Raster, View
 from .solids import Solid, solids_of, turn
-from .textures import mean_color, sample
+from .textures import sample
 
 WIDTH, HEIGHT = 960, 720
 """Size of the picture in pixels."""
@@ -31,6 +31,7 @@ _AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0
 _CUT_M, _NEAR_CUT_M = 1.0, 0.4
 _MARGIN = 0.045
 _CUT_COLOR = rgb("fbfaf7")
+_OUTSIDE = "wall_outside"
 _GLASS = rgb("a8d0e0")
 _EDGE_M = 0.06
 _BEFORE_M = 0.08
@@ -56,13 +57,13 @@ def render_preview(world: World) -> bytes:
     for solid in cut_door_solids(world.floorplan, _CUT_M):
         _draw_solid(solid, raster, palette)
     colors = np.take(palette.table(), raster.ids, axis=0)
-    _lay_floors(raster, palette, colors)
+    _lay_patterns(raster, palette, colors)
     _draw_outlines(raster, colors)
     reduced = np.asarray(PilImage.fromarray(colors).reduce(_SUPERSAMPLING))
     light = _light(raster, palette, LightMap.of(blocks, _extent(world)))
     picture = PilImage.fromarray((reduced * light[..., None]).astype(np.uint8))
     buffer = io.BytesIO()
-    picture.save(buffer, format="PNG", compress_level=3)
+    picture.save(buffer, format="PNG", compress_level=2)
     return buffer.getvalue()
 
 
@@ -106,17 +107,17 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
 
 
 def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: Palette) -> Block:
-    right, left = ((*mean_color(name), 1.0) for name in wall_faces(wall, world))
+    right, left = wall_faces(wall, world)
     (x0, y0), (x1, y1) = wall.start, wall.end
     half = wall.thickness_m / 2
     if abs(x1 - x0) >= abs(y1 - y0):
         low, high = (min(x0, x1), y0 - half), (max(x0, x1), y0 + half)
         south, north = (right, left) if x1 > x0 else (left, right)
-        sides = {"south": south, "north": north, "east": OUTSIDE.color, "west": OUTSIDE.color}
+        sides = {"south": south, "north": north, "east": _OUTSIDE, "west": _OUTSIDE}
     else:
         low, high = (x0 - half, min(y0, y1)), (x0 + half, max(y0, y1))
         east, west = (right, left) if y1 > y0 else (left, right)
-        sides = {"south": OUTSIDE.color, "north": OUTSIDE.color, "east": east, "west": west}
+        sides = {"south": _OUTSIDE, "north": _OUTSIDE, "east": east, "west": west}
     _draw_box(raster, palette, (*low, 0.0), (*high, top_m), _CUT_COLOR, sides)
     return (*low, *high, top_m)
 
@@ -152,20 +153,19 @@ def _draw_solid(solid: Solid, raster: Raster, palette: Palette) -> None:
         _draw_turned_box(solid, raster, palette)
 
 
-def _draw_box(
-    raster: Raster, palette: Palette, low: Vector, high: Vector, color: Color, sides: dict[str, Color]
-) -> None:
-    """Draws the top and the two sides that the camera sees."""
+def _draw_box(raster: Raster, palette: Palette, low: Vector, high: Vector, color: Color, sides: dict[str, str]) -> None:
+    """Draws the top and the two sides that the camera sees; `sides` names the surfaces of walls."""
+
+    def side(name: str, normal: tuple[float, float]) -> int:
+        return palette.add_wall(sides[name], normal) if name in sides else palette.add_side(color, normal)
+
     dx, dy, dz = high[0] - low[0], high[1] - low[1], high[2] - low[2]
     raster.parallelogram((low[0], low[1], high[2]), (dx, 0, 0), (0, dy, 0), palette.add(color))
-    south = palette.add_side(sides.get("south", color), (0, -1))
-    raster.parallelogram(low, (dx, 0, 0), (0, 0, dz), south)
+    raster.parallelogram(low, (dx, 0, 0), (0, 0, dz), side("south", (0, -1)))
     if _AZIMUTH_DEG > 0:
-        east = palette.add_side(sides.get("east", color), (1, 0))
-        raster.parallelogram((high[0], low[1], low[2]), (0, dy, 0), (0, 0, dz), east)
+        raster.parallelogram((high[0], low[1], low[2]), (0, dy, 0), (0, 0, dz), side("east", (1, 0)))
     else:
-        west = palette.add_side(sides.get("west", color), (-1, 0))
-        raster.parallelogram(low, (0, dy, 0), (0, 0, dz), west)
+        raster.parallelogram(low, (0, dy, 0), (0, 0, dz), side("west", (-1, 0)))
 
 
 def _draw_turned_box(solid: Solid, raster: Raster, palette: Palette) -> None:
@@ -215,15 +215,26 @@ def _block(solid: Solid) -> Block:
     return x - sx / 2, y - sy / 2, x + sx / 2, y + sy / 2, z + sz / 2
 
 
-def _lay_floors(raster: Raster, palette: Palette, colors: Colors) -> None:
-    """Puts the floors' patterns where floors are seen."""
+def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
+    """Puts the floors' and walls' patterns where these are seen."""
     view = raster.view
-    right, away, up, _ = view.axes
-    for name, numbers in palette.floors.items():
-        rows, columns = np.nonzero(np.isin(raster.ids, numbers))
-        u = ((columns + 0.5 - view.offset[0]) / view.scale).astype(np.float32)
-        w = ((view.offset[1] - rows - 0.5) / (view.scale * up)).astype(np.float32)
-        colors[rows, columns] = sample(name, u * right[0] + w * away[0], u * right[1] + w * away[1])
+    right, away, up, flat = view.axes
+    kinds = np.take(palette.patterns(), raster.ids).ravel()
+    depth, flat_colors, width = raster.depth.ravel(), colors.reshape(-1, 3), raster.ids.shape[1]
+    scale = np.float32(view.scale)
+    for number, (name, axis, share) in enumerate(palette.patterned, 1):
+        cells = np.flatnonzero(kinds == number)
+        row = cells // width
+        u = ((cells - row * width).astype(np.float32) + np.float32(0.5 - view.offset[0])) / scale
+        v = (np.float32(view.offset[1] - 0.5) - row.astype(np.float32)) / scale
+        if axis == "z":
+            w = v / np.float32(up)
+            flat_colors[cells] = sample(name, u * right[0] + w * away[0], u * right[1] + w * away[1])
+            continue
+        near = depth[cells] / scale
+        w, z = v * up - near * flat, v * flat + near * up
+        along = u * right[0] + w * away[0] if axis == "x" else u * right[1] + w * away[1]
+        flat_colors[cells] = (sample(name, along, z) * np.float32(share)).astype(np.uint8)
 
 
 def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:

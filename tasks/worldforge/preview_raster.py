@@ -5,6 +5,7 @@ every processor, so that equal scenes give equal pictures everywhere.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, cos, floor, radians, sin
 from typing import Any
 
@@ -18,8 +19,18 @@ LEVELS = 16
 
 _STRIP_ROWS = 48
 _LARGE = 12_000
+_SMALLEST = 1.5
+"""Faces of fewer square pixels are left out."""
 
 Image = NDArray[np.floating[Any]]
+
+
+@lru_cache(maxsize=8)
+def _axes(azimuth_deg: float, elevation_deg: float) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+    turn, tilt = radians(azimuth_deg), radians(elevation_deg)
+    # Nine digits: the last bits of cos and sin differ between C libraries.
+    c, s, up, flat = (round(value, 9) for value in (cos(turn), sin(turn), sin(tilt), cos(tilt)))
+    return (c, s), (-s, c), up, flat
 
 
 @dataclass(frozen=True)
@@ -40,10 +51,7 @@ class View:
     @property
     def axes(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
         """Right and away on the ground, sine and cosine of the elevation."""
-        turn, tilt = radians(self.azimuth_deg), radians(self.elevation_deg)
-        # Nine digits: the last bits of cos and sin differ between C libraries.
-        c, s, up, flat = (round(value, 9) for value in (cos(turn), sin(turn), sin(tilt), cos(tilt)))
-        return (c, s), (-s, c), up, flat
+        return _axes(self.azimuth_deg, self.elevation_deg)
 
     def vector(self, direction: Vector) -> Vector:
         """A direction in pixels to the right, pixels down, and pixels towards the camera."""
@@ -89,7 +97,7 @@ class Raster:
         x0, y0, z0 = corner
         (ax, ay, az), (bx, by, bz) = along, across
         determinant = ax * by - ay * bx
-        if abs(determinant) < 0.1:
+        if abs(determinant) < _SMALLEST:
             return
         # Shares along both edges, from -0.5 to 0.5, and depth, are linear in the pixel's place.
         sx, sy = by / determinant, -bx / determinant
@@ -102,7 +110,7 @@ class Raster:
             xs, ys = self._xs[columns], self._ys[rows]
             s = (xs * sx + s0) + ys * sy
             t = (xs * tx + t0) + ys * ty
-            seen = s * s + t * t <= 0.25 if is_round else (np.abs(s) <= 0.5) & (np.abs(t) <= 0.5)
+            seen = s * s + t * t <= 0.25 if is_round else np.maximum(np.abs(s, out=s), np.abs(t, out=t)) <= 0.5
             self._draw(rows, columns, seen, (xs * dx + d0) + ys * dy, color)
 
     def post(self, center: Vector, radius: float, height: float, colors: int) -> None:

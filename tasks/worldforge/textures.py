@@ -120,9 +120,14 @@ def sample(name: str, right_m: NDArray[np.floating[Any]], up_m: NDArray[np.float
     if size_m is None:
         return np.broadcast_to(pixels[0, 0], (*right_m.shape, 3))
     height, width, _ = pixels.shape
-    column = np.floor(right_m * (width / size_m[0])).astype(np.int32) % width
-    row = height - 1 - np.floor(up_m * (height / size_m[1])).astype(np.int32) % height
+    column = _wrapped(np.floor(right_m * (width / size_m[0])).astype(np.int32), width)
+    row = height - 1 - _wrapped(np.floor(up_m * (height / size_m[1])).astype(np.int32), height)
     return np.take(pixels.reshape(-1, 3), row * width + column, axis=0)
+
+
+def _wrapped(numbers: NDArray[np.int32], size: int) -> NDArray[np.int32]:
+    # Of powers of two, remainders cost next to nothing.
+    return numbers & (size - 1) if size & (size - 1) == 0 else numbers % size
 
 
 def _bytes(colors: NDArray[np.floating[Any]]) -> Pixels:
