@@ -1,6 +1,9 @@
 """What a client is told when a request fails: everything about its own mistakes, nothing about this machine."""
 
 import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
 
 from ...schemas.errors import (
     InternalServerException,
@@ -25,7 +28,7 @@ class Failures:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._hidden = ((settings.object_store, "the object store"), (str(settings.home), "$ROBOMAKER_HOME"))
+        self._hidden = tuple(_hidden(settings))
 
     def answer(
         self, error: Exception, operation: OperationShape | None, request_id: str, headers: Headers = ()
@@ -44,8 +47,23 @@ class Failures:
             return _broken(error, operation, request_id)
         message = str(error)
         for place, name in self._hidden:
-            message = message.replace(place, name)
+            message = place.sub(name, message)
         return error_answer(error.code, error.status, message, headers=headers)
+
+
+def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:
+    """Places on this machine as messages say them, and what clients read instead."""
+    store = settings.object_store
+    if "://" in store:
+        yield re.compile(re.escape(store.rstrip("/"))), "the object store"
+    elif store != "aws":
+        yield _folder(Path(store).expanduser().absolute()), "the object store"
+    yield _folder(settings.home), "$ROBOMAKER_HOME"
+
+
+def _folder(path: Path) -> re.Pattern[str]:
+    """Finds a folder, but not its name within another path: `/data` is not in `s3://bucket/data`."""
+    return re.compile(rf"(?:(?<=file://)|(?<![\w./-])){re.escape(str(path))}(?![\w-])")
 
 
 def _broken(error: Exception, operation: OperationShape | None, request_id: str) -> HttpAnswer:

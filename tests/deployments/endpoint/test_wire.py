@@ -7,6 +7,7 @@ import re
 import sqlite3
 import uuid
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
@@ -14,8 +15,11 @@ import pytest
 from asgi import JSON, Client
 
 from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, make_application
+from prefect_robomaker.deployments.endpoint.failures import Failures
 from prefect_robomaker.deployments.endpoint.wire import MAX_BODY_BYTES
 from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.schemas.errors import ResourceNotFoundException
+from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service import Service
 
 LISTS = [name for name, entry in registry().items() if entry.shape.result_key]
@@ -276,6 +280,32 @@ class TestFailures:
         assert (answer.status, answer.error) == (400, "InvalidParameterException")
         assert "nowhere" in answer.json["message"]
         assert str(service.settings.home) not in answer.json["message"]
+
+    @pytest.mark.parametrize("store", ["aws", "http://127.0.0.1:9000", "/data/objects", "objects"])
+    def test_only_places_on_this_machine_are_left_out_of_messages(self, store: str) -> None:
+        settings = Settings.from_environment({"ROBOMAKER_HOME": "/data", "ROBOMAKER_OBJECT_STORE": store})
+        words = "arn:aws:robomaker:us-east-1:1:world/objects at s3://bucket/data/objects and s3://b/x/data-1/"
+
+        answer = Failures(settings).answer(ResourceNotFoundException(words), None, "id")
+
+        assert json.loads(answer.body)["message"] == words
+
+    @pytest.mark.parametrize(
+        ("store", "place", "shown"),
+        [
+            ("/data/objects", "no bucket b in /data/objects", "no bucket b in the object store"),
+            ("/data/objects/", "read file:///data/objects/b/c", "read file://the object store/b/c"),
+            ("objects", f"no bucket b in {Path.cwd()}/objects.", "no bucket b in the object store."),
+            ("http://127.0.0.1:9000/", "http://127.0.0.1:9000/b/k fails", "the object store/b/k fails"),
+            ("aws", "the file '/data/jobs/x' is gone", "the file '$ROBOMAKER_HOME/jobs/x' is gone"),
+        ],
+    )
+    def test_places_on_this_machine_have_names(self, store: str, place: str, shown: str) -> None:
+        settings = Settings.from_environment({"ROBOMAKER_HOME": "/data", "ROBOMAKER_OBJECT_STORE": store})
+
+        answer = Failures(settings).answer(ResourceNotFoundException(place), None, "id")
+
+        assert json.loads(answer.body)["message"] == shown
 
     def test_defects_are_told_to_the_log_only(self, service: Service, caplog: pytest.LogCaptureFixture) -> None:
         def broken() -> dict[str, object]:
