@@ -60,7 +60,7 @@ EVERYWHERE = (
         "Patterns",
         "",
         known="The model's are not anchored.",
-        here="They have to match the whole value.",
+        here="They have to match the whole value. No text may hold the character U+0000.",
     ),
     decided(
         "Times",

@@ -4,7 +4,7 @@
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -27,7 +27,7 @@ from .base import Shape, choices
 from .common import MAX_SEED
 from .errors import InvalidParameterException
 from .operation_shape import ErrorClass, OperationShape
-from .request_problems import RequestProblem, nearest, problems_of
+from .request_problems import RequestProblem, nearest, null_characters, problems_of
 from .simulation_jobs import SimulationJobOrder
 from .simulation_run import VideoPolicy
 from .world_generation_jobs import CreateWorldGenerationJobRequest
@@ -91,7 +91,7 @@ def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestP
         model.model_validate(dict(data))
     except ValidationError as error:
         return problems_of(error, model)
-    return []
+    return null_characters(data)
 
 
 def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
@@ -107,10 +107,16 @@ def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
     """
     model = operation_shape(operation_name).request
     try:
-        return model.model_validate(dict(data))
+        request = model.model_validate(dict(data))
     except ValidationError as error:
-        lines = [f"{operation_name}: {problem}" for problem in problems_of(error, model)]
-        raise InvalidParameterException("\n".join(lines)) from error
+        raise _refused(operation_name, problems_of(error, model)) from error
+    if problems := null_characters(data):
+        raise _refused(operation_name, problems)
+    return request
+
+
+def _refused(operation_name: str, problems: Sequence[RequestProblem]) -> InvalidParameterException:
+    return InvalidParameterException("\n".join(f"{operation_name}: {problem}" for problem in problems))
 
 
 def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> int | None:

@@ -3,7 +3,7 @@
 import difflib
 import re
 import types
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -55,6 +55,20 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     return [
         _problem(details, model) for details in found if details["type"] != "missing" or details["loc"] not in misspelt
     ]
+
+
+def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]:
+    """Where plain data has text, or a mapping's key, with the character U+0000: not all databases can store it."""
+    if isinstance(value, str):
+        return [RequestProblem(location, f"is {_shown(value)}; it may not hold the character U+0000")] * ("\0" in value)
+    if isinstance(value, list):
+        return [found for index, each in enumerate(value) for found in null_characters(each, (*location, index))]
+    if isinstance(value, Mapping):
+        keys = "".join(str(key) for key in value)
+        problem = RequestProblem(location, "a key holds the character U+0000, which no text may", about_key=True)
+        inner = [found for key, each in value.items() for found in null_characters(each, (*location, str(key)))]
+        return [problem] * ("\0" in keys) + inner
+    return []
 
 
 def misspelt_members(found: Iterable[ErrorDetails]) -> set[Location]:

@@ -222,6 +222,9 @@ def test_commands_may_have_several_lines() -> None:
         ),
         ("ListWorlds", {"filters": [{"name": "status"}]}, r"filters\[0\]: a filter needs both name and values"),
         ("ListWorlds", {"maxResults": 101}, "maxResults: is 101; it may be at most 100"),
+        ("DescribeWorld", {"world": "arn:a\0"}, r"world: is 'arn:a\\x00'; it may not hold the character U\+0000"),
+        ("BatchDeleteWorlds", {"worlds": ["arn:a", "arn:b\0"]}, r"worlds\[1\]: is 'arn:b\\x00'; it may not hold"),
+        ("CreateWorldTemplate", {"templateBody": {"a\0": 1}}, "templateBody: a key holds the character U"),
     ],
 )
 def test_what_is_wrong_is_said_with_place_value_and_remedy(operation: str, data: dict[str, Any], expected: str) -> None:
@@ -243,6 +246,7 @@ def test_problems_carry_the_place_they_are_at() -> None:
 
     assert problem.location == ("simulationApplications", 0, "launchConfig", "streamUI")
     assert check_request("CreateSimulationJob", job()) == []
+    assert [problem.path for problem in check_request("DescribeWorld", {"world": "arn:\0"})] == ["world"]
 
 
 def test_an_unknown_operation_is_answered_with_the_nearest() -> None:
