@@ -11,9 +11,11 @@ from collections.abc import Sequence
 from math import atan2, cos, hypot, pi, sin
 from typing import NamedTuple
 
+import numpy as np
+
 from ...schemas.world import Door, Floorplan, Passage, Point, Room, RoomType
-from .leaves import HANDLE_M, Box, box_between
-from .occupancy import wall_corners
+from .leaves import HANDLE_M, Box, box_between, leaf_outlines, open_box
+from .occupancy import occupancy_grid, reachable, room_cells, wall_corners
 from .placement import contains
 
 THICKNESS_M = 0.04
@@ -26,6 +28,9 @@ _ORIGIN_M = 0.58
 """Radius around the origin that no door sweeps: the guaranteed cylinder's, and a cell of the map."""
 _APPROACH_M = 0.6
 """Depth before every way that no open leaf stands in: a robot and some ease."""
+_ROBOT_M = 0.25
+"""Radius of the robot that has to reach every room of the empty plan: some more than the worlds are checked for."""
+_MIN_CELLS = 20
 _ARC_STEPS = 6
 _TOUCHING_M = 1e-6
 
@@ -113,7 +118,44 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
             del reasons[index]
         else:
             reasons[index] = reasons[index] or "it would meet other doors wherever its hinges are"
-    return plan.model_copy(update={"passages": passages}), reasons
+    hung = plan.model_copy(update={"passages": passages})
+    return _without_cages(hung, reasons), reasons
+
+
+def _without_cages(plan: Floorplan, reasons: dict[int, str]) -> Floorplan:
+    """Takes off doors whose open leaves would together keep a robot out of a room; hardly ever any."""
+    doors = [index for index, passage in enumerate(plan.passages) if passage.door]
+    walls = [_corners_box(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
+    leaves = [passage.door for passage in plan.passages if passage.door]
+    if not any(_overlap(_before_tip(door), wall) for door in leaves for wall in walls):
+        return plan
+    while doors and not _all_reached(plan):
+        index = doors.pop()
+        reasons[index] = "its open leaf would keep a robot out of a room"
+        passages = list(plan.passages)
+        passages[index] = passages[index].model_copy(update={"door": None})
+        plan = plan.model_copy(update={"passages": passages})
+    return plan
+
+
+def _all_reached(plan: Floorplan) -> bool:
+    """Whether a robot reaches every room of the empty plan with all doors fully open."""
+    grid = occupancy_grid(plan, (), leaf_outlines(plan, fully_open=True))
+    reached = reachable(grid, (0.0, 0.0), _ROBOT_M)
+    return all(np.count_nonzero(reached & room_cells(grid, room)) >= _MIN_CELLS for room in plan.rooms)
+
+
+def _before_tip(door: Door) -> Box:
+    """The place between the open leaf's free edge and a wall across the room, if that is too near to pass."""
+    box = open_box(door)
+    x, y = (round(axis) for axis in (cos(door.yaw_at(door.max_angle_rad)), sin(door.yaw_at(door.max_angle_rad))))
+    reach = 2 * _ROBOT_M
+    return (
+        box[2] if x > 0 else box[0] - reach * (x < 0),
+        box[3] if y > 0 else box[1] - reach * (y < 0),
+        box[2] + reach * (x > 0) if x >= 0 else box[0],
+        box[3] + reach * (y > 0) if y >= 0 else box[1],
+    )
 
 
 def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Hanging], str]:
@@ -188,7 +230,9 @@ def _choose(options: dict[int, list[Hanging]]) -> dict[int, Hanging]:
         for index in order:
             for hanging in options[index]:
                 if not any(
-                    _meet(outline(hanging), outline(other)) for other in chosen.values() if _near(hanging, other)
+                    _cage(hanging, other) or _meet(outline(hanging), outline(other))
+                    for other in chosen.values()
+                    if _near(hanging, other)
                 ):
                     chosen[index] = hanging
                     break
@@ -253,10 +297,19 @@ def _overlap(one: Box, other: Box) -> bool:
     return across > _TOUCHING_M and min(one[3], other[3]) - max(one[1], other[1]) > _TOUCHING_M
 
 
+def _cage(one: Hanging, other: Hanging) -> bool:
+    """Whether no robot passes between two open leaves."""
+    return _overlap(_grown(one.open_leaf, _APPROACH_M / 2), _grown(other.open_leaf, _APPROACH_M / 2))
+
+
+def _grown(box: Box, margin: float) -> Box:
+    return box[0] - margin, box[1] - margin, box[2] + margin, box[3] + margin
+
+
 def _near(one: Hanging, other: Hanging) -> bool:
     """Whether two doors can meet at all."""
     apart = max(abs(one.hinge[0] - other.hinge[0]), abs(one.hinge[1] - other.hinge[1]))
-    return apart < one.leaf_m + other.leaf_m + 2 * HANDLE_M
+    return apart < one.leaf_m + other.leaf_m + 2 * HANDLE_M + _APPROACH_M
 
 
 def _meet(one: Sequence[Point], other: Sequence[Point]) -> bool:
