@@ -213,6 +213,18 @@ def _add_world(commands: "_Commands[Parser]", shared: Parser) -> None:
     view.add_argument("--html", metavar="FILE", help="write the page there, whether there is a display or not")
     _add_open(view, "show the page in a browser, or do not (either makes a page)")
 
+    sheet = _command(
+        actions,
+        shared,
+        "sheet",
+        "show all worlds of a generation job at a glance",
+        "As a picture, sheet.png, and as a page, sheet.html; worlds with problems come first.",
+    )
+    sheet.add_argument("job", metavar="JOB", help="ARN of a world generation job")
+    sheet.add_argument("--to", metavar="FOLDER", help="put both there (default: a folder in the data home)")
+    _add_output(sheet, ("text", "json"))
+    _add_open(sheet, "show the page in a browser (by default only on a desktop's terminal)")
+
 
 def _operations_by_group() -> str:
     from ...schemas.operation_groups import OPERATION_GROUPS
