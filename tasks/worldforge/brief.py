@@ -34,6 +34,12 @@ MIN_SIDES_M: dict[RoomType, float] = {
 HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Living"})
 """Types of rooms that want daylight."""
 
+PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
+"""Types of rooms that others may be reached through."""
+
+LIT_WALL = 44
+"""Length of outer wall that a window needs, in units."""
+
 THROUGHNESS: dict[RoomType, float] = {
     "Bathroom": 0.1,
     "Bedroom": 0.4,

@@ -1,150 +1,30 @@
-"""The search for a good partition: random slicing trees, improved step by step, one of the best chosen."""
+"""The choice of a partition: one of the best plans for a brief, bent a little, another one for other dice."""
 
-from collections.abc import Sequence
-from math import exp, inf, log, sqrt
+from math import exp, sqrt
 from random import Random
 
-from ...schemas.errors import WorldGenerationError
-from ...schemas.world import RoomType
-from .brief import HABITABLE, OPENING_WIDTH, Brief, affinity, doors_in, shared_spans
-from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, extent, partition, slenderness
+import numpy as np
 
-MAX_CLIMBS = 40
-"""Hill climbs before giving up; the first few nearly always succeed."""
+from .brief import Brief
+from .partition import UNITS_PER_M, Corners, Partition
+from .partition_batch import as_partition
+from .partition_climb import climb_to_partition
+from .partition_shortlist import AREA_MARGIN, Shortlist, Variants, shortlist
 
-_CLIMBS = 5
-_PATIENT_CLIMBS = 12
-"""Climbs as long as no partition has a place for every requested connection."""
+_CHOICE_TEMPERATURE = 0.2
+_CHOICE_MARGIN = 4.0
+_MOST_CHOICES = 60
+_ODD_ONES = 0.006
+"""Weight of every choice, however costly: one world in ten or so is unlike the others."""
 
-_STEPS_PER_SQUARE = 3
-"""Steps of a climb over the square of the number of rooms."""
+_POOR = 3.0
+"""Cost of the best plan of rectangles above which L-shaped rooms are tried as well."""
 
-_LEAST_STEPS = 20
-_TOLERANCE = log(1.15)
-"""Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
-
-_MISSED_WISH = 0.3
-_OUTLIER = 1.5
-_MISSED_CONNECTION = 2.5
-_NOT_CONNECTED = 9.0
-_TOO_NARROW = 9.0
-_DARK = 0.6
-_STRANGE_NEIGHBOURS = 0.8
-_FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""By number of rooms, the last from there on: with one room, the room's own wish wins."""
-
-_BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
-"""Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
-
-_BENT_OTHERWISE = 1.5
-_CHOICE_TEMPERATURE = 0.4
-_CHOICE_MARGIN = 0.8
-_TEMPERATURE = 1.0
-_RATIO_SHARE = 0.1
-
-_PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
-
-
-class Judge:
-    """Says what a partition costs under a brief; 0 is perfect."""
-
-    def __init__(self, brief: Brief) -> None:
-        self.brief = brief
-        self.min_sides = brief.min_sides
-        self.possible_ratios = [
-            # A little off the limit, because sides are rounded to units.
-            min(ratio, 0.97 * square_metres * UNITS_PER_M**2 / least**2)
-            for ratio, square_metres, least in zip(brief.ratios, brief.areas_m2, self.min_sides, strict=True)
-        ]
-        self.log_ratios = [log(ratio) for ratio in brief.ratios]
-        self.log_footprint = log(brief.footprint_ratio)
-        self.affinities = [[affinity(one, other) for other in brief.types] for one in brief.types]
-
-    def cost(self, plan: Partition, limit: float = inf) -> float:
-        """The whole cost, or some part of it that is above the limit already."""
-        cost = self._shapes(plan)
-        return cost if cost > limit else cost + self._neighbours(plan)
-
-    def is_valid(self, plan: Partition) -> bool:
-        """Whether every room is wide enough and a way leads to each."""
-        wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
-        return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
-
-    def missed_connections(self, plan: Partition) -> int:
-        """How many of the requested connections the partition has no place for."""
-        return self._ways(plan)[1]
-
-    def _shapes(self, plan: Partition) -> float:
-        off = abs(log(plan.width / plan.height) - self.log_footprint)
-        cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_WISH if off > _TOLERANCE else 0.0))
-        for room, corners in enumerate(plan.rooms):
-            kind = self.brief.types[room]
-            if plan.arms[room] < self.min_sides[room]:
-                cost += _TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
-                if plan.arms[room] <= 0:
-                    continue
-            off = log(slenderness(plan, room)) - self.log_ratios[room]
-            if kind == "Hallway" and off > 0:
-                off /= 2  # a hallway that is longer than wished is still a good hallway
-            off = abs(off)
-            cost += off + _OUTLIER * off * off + (_MISSED_WISH if off > _TOLERANCE else 0.0)
-            if len(corners) > 4:
-                cost += _BENT.get(kind, _BENT_OTHERWISE)
-            if kind in HABITABLE:
-                box = extent(corners)
-                if box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
-                    cost += _DARK
-        return cost
-
-    def _neighbours(self, plan: Partition) -> float:
-        if len(plan.rooms) == 1:
-            return 0.0
-        ways, missed = self._ways(plan)
-        cost = _MISSED_CONNECTION * missed
-        reached = _reached_from_first(ways)
-        for room, row in enumerate(self.affinities):
-            if not reached >> room & 1:
-                cost += _NOT_CONNECTED
-            best = max((row[other] for other in range(len(row)) if ways[room] >> other & 1), default=0.0)
-            cost += _STRANGE_NEIGHBOURS * (1 - best)
-        return cost
-
-    def _ways(self, plan: Partition) -> tuple[list[int], int]:
-        """For every room a bit set of the rooms it can be joined to, and how many requested ways do not fit."""
-        ways = [0] * len(plan.rooms)
-        doors: dict[tuple[int, int], int] = {}
-        openings: set[tuple[int, int]] = set()
-        for pair, span in shared_spans(plan):
-            fitting = doors_in(span)
-            if span >= OPENING_WIDTH:
-                openings.add(pair)
-            if fitting > 0:
-                doors[pair] = doors.get(pair, 0) + fitting
-                ways[pair[0]] |= 1 << pair[1]
-                ways[pair[1]] |= 1 << pair[0]
-        missed = 0
-        for pair, (kind, count) in self.brief.requests.items():
-            if kind == "Doorway":
-                missed += max(0, count - doors.get(pair, 0))
-            elif pair in openings:
-                ways[pair[0]] |= 1 << pair[1]
-                ways[pair[1]] |= 1 << pair[0]
-            else:
-                missed += 1
-        return ways, missed
-
-
-def _reached_from_first(ways: Sequence[int]) -> int:
-    """Bit set of the rooms that can be reached from room 0."""
-    reached, fresh = 1, 1
-    while fresh:
-        found = 0
-        for room, others in enumerate(ways):
-            if fresh >> room & 1:
-                found |= others
-        fresh = found & ~reached
-        reached |= fresh
-    return reached
+_DRAWS = 4
+_BENT_AREA = 0.02
+_BENT_FOOTPRINT = 0.03
+_WORSE = 0.2
+"""By how much bending may add to the cost of a plan."""
 
 
 def find_partition(brief: Brief, dice: Random) -> Partition:
@@ -155,144 +35,64 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
       dice: the source of chance.
 
     Raises:
-      WorldGenerationError: no valid partition in `MAX_CLIMBS` hill climbs.
+      WorldGenerationError: there is no valid partition of rectangles, and none with L-shaped rooms was found.
     """
-    judge = Judge(brief)
-    visited: dict[Partition, float] = {}
-    least, complete = inf, False
-    for climb in range(MAX_CLIMBS):
-        if least < inf and climb >= (_CLIMBS if complete else _PATIENT_CLIMBS):
-            break
-        steps = _climb(judge, dice, any_footprint=climb >= _CLIMBS and least == inf)
-        visited.update(steps)
-        top = min(steps, key=lambda plan: steps[plan])
-        if judge.is_valid(top):
-            least = min(least, steps[top])
-            complete = complete or not judge.missed_connections(top)
-    if least == inf:
-        raise WorldGenerationError(
-            f"no partition of {sum(brief.areas_m2):g} m2 into {len(brief.areas_m2)} rooms where every room is wide "
-            f"enough and connected was found in {MAX_CLIMBS} attempts"
-        )
-    good = {plan: cost for plan, cost in visited.items() if cost <= least + _CHOICE_MARGIN}
-    return _mirrored(_choice(judge, good, dice), dice)
+    if len(brief.areas_m2) == 1:
+        return _only_room(brief, dice)
+    best = shortlist(brief)
+    if best.cost.size and best.cost[0] <= _POOR:
+        return _mirrored(_bent(best, _choice(best, dice), dice), dice)
+    least = float(best.cost[0]) if best.cost.size else None
+    plan = climb_to_partition(brief, dice, below=least)
+    return _mirrored(plan or _bent(best, _choice(best, dice), dice), dice)
 
 
-def _choice(judge: Judge, good: dict[Partition, float], dice: Random) -> Partition:
-    """One of the good partitions, the better the likelier, each kind of solution counting once."""
-    kinds: dict[float, list[Partition]] = {}
-    for plan, cost in good.items():
-        # Mirrored and renumbered twins cost the same.
-        kinds.setdefault(round(cost, 2), []).append(plan)
-    least = min(kinds)
-    while True:
-        weights = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in kinds]
-        kind = dice.choices([*kinds], weights)[0]
-        plan = kinds[kind].pop(dice.randrange(len(kinds[kind])))
-        if judge.is_valid(plan):
-            return plan
-        # Rarely, among very costly ones: an invalid partition that costs no more than a valid one.
-        if not kinds[kind]:
-            del kinds[kind]
+def _only_room(brief: Brief, dice: Random) -> Partition:
+    """The one room is the footprint, turned as the footprint is wished or, if that is square, either way."""
+    least = brief.min_sides[0]
+    square_units = brief.areas_m2[0] * UNITS_PER_M**2
+    ratio = min(brief.ratios[0], square_units / least**2)
+    lying = dice.random() < 0.5 if brief.footprint_ratio == 1 else brief.footprint_ratio > 1
+    short = max(least, round(sqrt(square_units / ratio)))
+    long = max(least, round(square_units / short))
+    width, height = (long, short) if lying else (short, long)
+    return Partition(width, height, (((0, 0), (width, 0), (width, height), (0, height)),), (min(width, height),))
 
 
-def _climb(judge: Judge, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
-    """Improves one random slicing tree by small changes; steps back are taken less and less.
+def _choice(best: Shortlist, dice: Random) -> int:
+    """The number of one of the good plans, the better the likelier.
 
-    Args:
-      judge: says what is better.
-      dice: the source of chance.
-      any_footprint: begin with any outline, where the desired one has led nowhere.
-
-    Returns:
-      The partitions on the way, with their costs.
+    None of them misses the footprint or a requested connection that the best one grants.
     """
-    brief = judge.brief
-    count = len(brief.areas_m2)
-    ratios = _footprint_ratios(judge)
-    expression = _random_tree(dice.sample(range(count), count), dice)
-    ratio = dice.choice(ratios) if any_footprint else brief.footprint_ratio
-    plan = _cut(judge, expression, ratio)
-    cost = judge.cost(plan)
-    taken = {plan: cost}
-    steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * count**2)
-    for step in range(steps):
-        changed, changed_ratio = expression, ratio
-        if count == 1 or dice.random() < _RATIO_SHARE:
-            changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
-        else:
-            changed = _changed(expression, dice)
-        plan = _cut(judge, changed, changed_ratio)
-        limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
-        changed_cost = judge.cost(plan, limit)
-        if changed_cost <= limit:
-            expression, ratio, cost = changed, changed_ratio, changed_cost
-            taken[plan] = cost
-    return taken
+    rooms = len(best.judge.areas)
+    kept = np.delete(best.misses, range(1, rooms + 1), axis=0)
+    fine = ~(kept & ~kept[:, :1]).any(axis=0) & (best.cost <= best.cost[0] + _CHOICE_MARGIN)
+    choices = np.flatnonzero(fine)[:_MOST_CHOICES]
+    costs = best.cost[choices].tolist()
+    weights = [_ODD_ONES + exp((costs[0] - cost) / _CHOICE_TEMPERATURE) for cost in costs]
+    return dice.choices(choices.tolist(), weights)[0]
 
 
-def _footprint_ratios(judge: Judge) -> list[float]:
-    """Outlines to try when the desired one does not suit the rooms."""
-    desired = judge.brief.footprint_ratio
-    if len(judge.possible_ratios) == 1:
-        ratio = judge.possible_ratios[0]
-        return [desired, ratio, 1 / ratio]
-    return [desired, *_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS)]
-
-
-def _cut(judge: Judge, expression: Sequence[int], ratio: float) -> Partition:
-    brief = judge.brief
-    square_units = sum(brief.areas_m2) * UNITS_PER_M**2
-    width = round(sqrt(square_units * ratio))
-    return partition(expression, brief.areas_m2, judge.possible_ratios, width, round(square_units / width))
-
-
-def _random_tree(rooms: list[int], dice: Random) -> list[int]:
-    if len(rooms) == 1:
-        return rooms
-    split = dice.randrange(1, len(rooms))
-    return [*_random_tree(rooms[:split], dice), *_random_tree(rooms[split:], dice), _random_operator(dice)]
-
-
-def _random_operator(dice: Random) -> int:
-    if dice.random() < 0.15:
-        return dice.choice(POCKETS)
-    return SIDE_BY_SIDE if dice.random() < 0.5 else STACKED
-
-
-def _changed(expression: list[int], dice: Random) -> list[int]:
-    """A copy with two rooms swapped, an operator replaced, or a part rebuilt."""
-    changed = expression.copy()
-    chance = dice.random()
-    if chance < 0.5:
-        one, other = dice.sample([index for index, token in enumerate(changed) if token >= 0], 2)
-        changed[one], changed[other] = changed[other], changed[one]
-        return changed
-    index = dice.choice([index for index, token in enumerate(changed) if token < 0])
-    if chance < 0.8:
-        changed[index] = _random_operator(dice)
-        return changed
-    first = _first_token(changed, index)
-    rooms = [token for token in changed[first:index] if token >= 0]
-    dice.shuffle(rooms)
-    return [*changed[:first], *_random_tree(rooms, dice), *changed[index + 1 :]]
-
-
-def _first_token(expression: Sequence[int], root: int) -> int:
-    """Where the tree that ends at `root` begins."""
-    open_trees, index = 1, root
-    while True:
-        open_trees += -1 if expression[index] >= 0 else 1
-        if not open_trees:
-            return index
-        index -= 1
+def _bent(best: Shortlist, number: int, dice: Random) -> Partition:
+    """A plan with its sides a little longer and shorter, as long as that breaks no wish that it grants."""
+    rooms = len(best.judge.areas)
+    columns = np.full(_DRAWS + 1, number)
+    plain = best.variants.take(columns)
+    shifts = np.array([[dice.gauss(0, 1) for _ in range(rooms + 1)] for _ in range(_DRAWS)] + [[0.0] * (rooms + 1)]).T
+    areas = np.clip(plain.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
+    variants = Variants(plain.trees, areas, plain.footprint + _BENT_FOOTPRINT * shifts[rooms])
+    cuts = variants.cut(best.judge, exact=True)
+    nature = best.judge.judge(cuts, variants.footprint, variants.areas)
+    granted = ~(nature.misses & ~best.misses[:, columns]).any(axis=0)
+    fine = nature.valid & granted & (nature.cost <= best.cost[number] + _WORSE)
+    return as_partition(cuts, int(fine.argmax()))
 
 
 def _mirrored(plan: Partition, dice: Random) -> Partition:
     """The plan turned over at one, both or none of its axes: all equally good."""
     flip_x, flip_y = dice.random() < 0.5, dice.random() < 0.5
 
-    def turn(corners: tuple[tuple[int, int], ...]) -> tuple[tuple[int, int], ...]:
+    def turn(corners: Corners) -> Corners:
         turned = [(plan.width - x if flip_x else x, plan.height - y if flip_y else y) for x, y in corners]
         return tuple(reversed(turned)) if flip_x != flip_y else tuple(turned)
 

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.errors import WorldGenerationError
 from prefect_robomaker.schemas.world import ROOM_TYPES, Floorplan, Point
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody, parse_template_body
-from prefect_robomaker.tasks.worldforge import partition_search
+from prefect_robomaker.tasks.worldforge import partition_climb
 from prefect_robomaker.tasks.worldforge.brief import MIN_SIDES_M
 from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.partition_batch import BatchJudge, Cuts, Floats, Nature
 
 UNIT = 0.05
 
@@ -365,6 +366,12 @@ def test_the_ceiling_is_as_wished() -> None:
 
 
 def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(partition_search, "MAX_CLIMBS", 0)
-    with pytest.raises(WorldGenerationError, match="no partition of 64 m2 into 4 rooms"):
-        generate(FLAT)
+    monkeypatch.setattr(BatchJudge, "judge", nothing_is_valid)
+    monkeypatch.setattr(partition_climb, "MAX_CLIMBS", 0)
+    with pytest.raises(WorldGenerationError, match="no partition of 65 m2 into 4 rooms"):
+        generate(template([room(name, "Living", 16.25) for name in "ABCD"]))
+
+
+def nothing_is_valid(judge: BatchJudge, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
+    plans = len(footprint)
+    return Nature(np.zeros(plans), np.zeros(plans, bool), np.zeros((5, plans), bool))

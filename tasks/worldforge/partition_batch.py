@@ -1,0 +1,229 @@
+"""Many plans at a time: cutting slicing trees, and what the plans are like, in arrays.
+
+Arrays of plans have one column per plan. Costs are sums of deviations; 0 is perfect.
+"""
+
+from itertools import combinations
+from math import log
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .brief import (
+    DOOR_CLEARANCE,
+    DOOR_WIDTH,
+    EXTERIOR_WALL,
+    HABITABLE,
+    INTERIOR_WALL,
+    LIT_WALL,
+    OPENING_WIDTH,
+    PUBLIC,
+    Brief,
+    affinity,
+)
+from .partition import UNITS_PER_M, Partition
+from .partition_trees import Trees
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+TOLERANCE = log(1.15)
+"""Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
+
+_MISSED_WISH = 0.3
+_OUTLIER = 1.5
+_AREA_WEIGHT = 0.25
+_FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
+"""By number of rooms, the last from there on: with one room, the room's own wish wins."""
+
+_TOO_NARROW = 9.0
+_NOT_CONNECTED = 9.0
+_MISSED_CONNECTION = 2.5
+_DARK = 1.0
+_STRANGE_NEIGHBOURS = 0.8
+_AWAY_FROM_HALLWAY = 0.35
+_BEHIND_PRIVATE = 0.7
+"""Cost of a room that is reached only through a bedroom, a bath or a closet."""
+
+
+class Cuts(NamedTuple):
+    """Rectangles of rooms."""
+
+    low: Floats
+    """Left and lower side: (axis, room, plan), in units."""
+    high: Floats
+    """Right and upper side."""
+
+
+class Nature(NamedTuple):
+    """What plans are like."""
+
+    cost: Floats
+    """One number per plan."""
+    valid: Flags
+    """Whether every room is wide enough and a way leads to each."""
+    misses: Flags
+    """Which wishes are not granted: (wish, plan); the footprint, each room's ratio, each requested pair."""
+
+
+def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> Cuts:
+    """Cuts every tree's rectangle so that each room gets its area.
+
+    Args:
+      trees: the cuts.
+      areas: square units: (room, plan).
+      ratios: extent along x over extent along y of each plan.
+      exact: round the cuts to whole units.
+    """
+    rooms, plans = areas.shape
+    columns = np.arange(plans)
+    first, second = trees.first * plans + columns, trees.second * plans + columns
+    sizes = np.empty((2 * rooms - 1, plans))
+    sizes[:rooms] = areas
+    flat = sizes.ravel()
+    for step in range(rooms - 2, -1, -1):
+        np.add(flat[first[step]], flat[second[step]], out=sizes[rooms + step])
+    sides = np.empty((2, 2, 2 * rooms - 1, plans))
+    sides[0, :, rooms] = 0
+    sides[1, 0, rooms] = np.sqrt(sizes[rooms] * ratios)
+    sides[1, 1, rooms] = sizes[rooms] / sides[1, 0, rooms]
+    if exact:
+        np.rint(sides[1, :, rooms], out=sides[1, :, rooms])
+    along = sides.reshape(2, 2, -1)
+    for step in range(rooms - 1):
+        low, high = sides[0, :, rooms + step], sides[1, :, rooms + step]
+        middle = low + (high - low) * (flat[first[step]] / sizes[rooms + step])
+        if exact:
+            middle = np.rint(middle)
+        across = np.array([trees.sideways[step], ~trees.sideways[step]])
+        along[0][:, first[step]], along[1][:, first[step]] = low, np.where(across, middle, high)
+        along[0][:, second[step]], along[1][:, second[step]] = np.where(across, middle, low), high
+    return Cuts(sides[0, :, :rooms], sides[1, :, :rooms])
+
+
+def as_partition(cuts: Cuts, plan: int) -> Partition:
+    """One of the plans that were cut exactly."""
+    low, high = cuts.low[:, :, plan].astype(int).T.tolist(), cuts.high[:, :, plan].astype(int).T.tolist()
+    boxes = [(*start, *end) for start, end in zip(low, high, strict=True)]
+    return Partition(
+        max(box[2] for box in boxes),
+        max(box[3] for box in boxes),
+        tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for x0, y0, x1, y1 in boxes),
+        tuple(min(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes),
+    )
+
+
+class BatchJudge:
+    """Says what plans of rectangular rooms cost under a brief."""
+
+    def __init__(self, brief: Brief) -> None:
+        types = brief.types
+        self.pairs = np.array([*combinations(range(len(types)), 2)], dtype=np.intp).reshape(-1, 2).T
+        self.areas = np.array(brief.areas_m2)[:, None] * UNITS_PER_M**2
+        self.footprint = log(brief.footprint_ratio)
+        self.footprint_weight = _FOOTPRINT_WEIGHTS[min(len(types), 3)]
+        self.least = np.array(brief.min_sides, dtype=float)[:, None]
+        self.wished = np.log(np.array(brief.ratios))[:, None]
+        # A little off the limit, because sides are rounded to units.
+        possible = np.log(np.maximum(0.97 * self.areas / self.least**2, 1.0))
+        self.ratios = np.minimum(self.wished, possible)
+        self.longer = np.array([0.5 if kind == "Hallway" else 1.0 for kind in types])[:, None]
+        self.habitable = np.array([kind in HABITABLE for kind in types])[:, None]
+        self.public = np.array([kind in PUBLIC for kind in types])
+        self.affinities = np.array([[affinity(one, other) for other in types] for one in types])
+        self.hallways = np.array([kind == "Hallway" for kind in types])
+        self.served = np.array([kind in ("Bedroom", "Bathroom", "Living") for kind in types]) & self.hallways.any()
+        self.requests = [(self._number_of(pair), kind, count) for pair, (kind, count) in brief.requests.items()]
+
+    def _number_of(self, pair: tuple[int, int]) -> int:
+        return next(number for number, known in enumerate(self.pairs.T) if tuple(known) == pair)
+
+    def shapes(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Floats:
+        """What the rooms' shapes cost.
+
+        Args:
+          cuts: the plans.
+          footprint: logarithm of the extent along x over that along y.
+          areas: logarithm of each room's area over its wish.
+        """
+        off, narrow = self._off(cuts)
+        off_footprint = np.abs(footprint - self.footprint)
+        cost = self.footprint_weight * (off_footprint + _MISSED_WISH * (off_footprint > TOLERANCE))
+        cost += (off + _OUTLIER * off * off + _MISSED_WISH * (off > TOLERANCE)).sum(axis=0)
+        cost += _AREA_WEIGHT * np.abs(areas).sum(axis=0)
+        return cost + (_TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
+
+    def _off(self, cuts: Cuts) -> tuple[Floats, Floats]:
+        """How far rooms are off their ratios, and by how many units they are too narrow."""
+        sides = np.maximum(cuts.high - cuts.low, 0.1)
+        off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
+        # A hallway that is longer than wished is still a good hallway.
+        return np.where(off > 0, off * self.longer, -off), np.maximum(0.0, self.least - sides.min(axis=0))
+
+    def judge(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
+        """Everything about plans that were cut exactly; the arguments are those of `shapes`."""
+        spans = self._spans(cuts)
+        doors = (spans - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
+        fits = doors > 0
+        missed = np.zeros(len(footprint))
+        misses = [np.abs(footprint - self.footprint) > 0.2]
+        for number, kind, count in self.requests:
+            if kind == "Opening":
+                fits[number] = spans[number] >= OPENING_WIDTH
+            lacking = ~fits[number] if kind == "Opening" else np.maximum(0, count - np.maximum(0, doors[number]))
+            missed += lacking
+            misses.append(lacking > 0)
+        rooms, plans = cuts.low.shape[1:]
+        ways = np.zeros((plans, rooms, rooms), bool)
+        ways[:, self.pairs[0], self.pairs[1]] = ways[:, self.pairs[1], self.pairs[0]] = fits.T
+        sides = cuts.high - cuts.low
+        ratios = np.abs(np.log(sides[0] / np.maximum(sides[1], 0.1)))
+        misses[1:1] = [*(np.abs(ratios - self.wished) > 0.2)]
+        reached = np.all(_closure(ways)[:, 0], axis=1)
+        cost = self.shapes(cuts, footprint, areas) + _MISSED_CONNECTION * missed + _NOT_CONNECTED * ~reached
+        cost += _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)
+        wide = np.all(self._off(cuts)[1] <= 0, axis=0)
+        # Rounded: another machine's last digit has to make no difference.
+        return Nature(np.round(cost, 6), np.logical_and(reached, wide), np.array(misses))
+
+    def _spans(self, cuts: Cuts) -> Floats:
+        """For every pair of rooms the clear length of the wall they share, 0 without one: (pair, plan)."""
+        one, other = self.pairs
+        start = np.maximum(cuts.low[:, one], cuts.low[:, other])
+        end = np.minimum(cuts.high[:, one], cuts.high[:, other])
+        limits = cuts.high.max(axis=1)[:, None]
+        overlap = end - start
+        # Walls end at the faces of those they meet.
+        outer = (start == 0).astype(float) + (end == limits)
+        clear = overlap - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2)
+        touching = (overlap[::-1] == 0) & (overlap > 0)
+        return np.where(touching, clear, 0.0).max(axis=0)
+
+    def _outer(self, cuts: Cuts) -> Floats:
+        """Length of each room's longest side on the outline."""
+        sides = (cuts.high - cuts.low)[::-1]
+        limits = cuts.high.max(axis=1)[:, None]
+        return np.where((cuts.low == 0) | (cuts.high == limits), sides, 0.0).max(axis=0)
+
+    def _neighbours(self, ways: Flags) -> Floats:
+        """What it costs that rooms are joined to others than they should be."""
+        best = (ways * self.affinities).max(axis=2)
+        cost = _STRANGE_NEIGHBOURS * (1 - best).sum(axis=1)
+        if self.hallways.any():
+            cost += _AWAY_FROM_HALLWAY * (self.served & ~ways[:, :, self.hallways].any(axis=2)).sum(axis=1)
+        if not self.public.any():
+            return cost
+        through = _closure(ways & self.public[None, :, None] & self.public[None, None, :])
+        beside_public = (ways & self.public[None, :, None]).any(axis=1)
+        together = through[:, int(self.public.argmax())] | (beside_public & ~self.public)
+        return cost + _BEHIND_PRIVATE * (~together).sum(axis=1)
+
+
+def _closure(ways: Flags) -> Flags:
+    """Which rooms can be reached from which."""
+    rooms = ways.shape[1]
+    reached = (ways | np.eye(rooms, dtype=bool)).astype(np.float32)
+    for _ in range(max(1, (rooms - 1).bit_length())):
+        reached = np.minimum(reached @ reached, 1)
+    return reached > 0
