@@ -1,0 +1,74 @@
+"""Worlds of version 2: what DescribeWorld tells of them, and templates that become version 2."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from small_flat import BODY
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import InternalServerException, InvalidParameterException
+from prefect_robomaker.schemas.world import World
+from prefect_robomaker.schemas.world_description import WorldDescription
+from prefect_robomaker.tasks.service import Service
+
+Generate = Callable[..., dict[str, Any]]
+
+
+def version_2(percent: Any = 40) -> dict[str, Any]:
+    body = json.loads(json.dumps(BODY)) | {"Version": "2"}
+    door = {"InitialState": {"OpenPosition": {"Percent": percent}}}
+    sets = [{"Name": "every door", "TargetSet": "Target.All", "Door": door}]
+    body["Buildings"][0]["Floors"][0]["Interior"] = {"Doorways": {"DoorwaySets": sets}}
+    body["Buildings"][0]["Floors"][0]["Floorplan"]["Rooms"][1]["OriginalName"] = "Schlafzimmer"
+    body["Buildings"][0]["Floors"][0]["Floorplan"]["DesiredConnections"] = [
+        {"Location": ["living room", "bedroom"], "ConnectionType": "Doorway"}
+    ]
+    return body
+
+
+def stored_description(service: Service) -> bytes:
+    (key,) = (info.key for info in service.store.list("robomaker", "worlds/") if info.key.endswith("description.json"))
+    return service.store.get_bytes("robomaker", key)
+
+
+def test_a_world_of_version_2_is_described_with_its_doors(service: Service, template: str, generate: Generate) -> None:
+    assert call("DescribeWorldTemplate", {"template": template}, service)["version"] == "1"
+    call("UpdateWorldTemplate", {"template": template, "templateBody": json.dumps(version_2())}, service)
+    assert call("DescribeWorldTemplate", {"template": template}, service)["version"] == "2"
+
+    (arn,) = generate()["finishedWorldsSummary"]["succeededWorlds"]
+    body = call("DescribeWorld", {"world": arn}, service)["worldDescriptionBody"]
+
+    assert body.encode() == stored_description(service)
+    description = WorldDescription.model_validate_json(body)
+    (door,) = description.doors
+    assert set(door.rooms) == {"living room", "bedroom"}
+    assert door.initialOpening.percent == 40
+    assert door.opensInto in door.rooms
+    assert door.clearWidth >= 0.8
+    assert [room.originalName for room in description.rooms] == [None, "Schlafzimmer"]
+    (key,) = (info.key for info in service.store.list("robomaker", "worlds/") if info.key.endswith("world.json"))
+    world = World.model_validate_json(service.store.get_bytes("robomaker", key))
+    assert [item.name for item in description.furniture] == [item.id for item in world.furniture]
+
+
+def test_a_world_of_version_1_has_no_description(service: Service, generate: Generate) -> None:
+    (arn,) = generate()["finishedWorldsSummary"]["succeededWorlds"]
+    assert "worldDescriptionBody" not in call("DescribeWorld", {"world": arn}, service)
+
+
+def test_a_lost_description_is_told(service: Service, template: str, generate: Generate) -> None:
+    call("UpdateWorldTemplate", {"template": template, "templateBody": json.dumps(version_2())}, service)
+    (arn,) = generate()["finishedWorldsSummary"]["succeededWorlds"]
+    for info in list(service.store.list("robomaker", "worlds/")):
+        service.store.delete("robomaker", info.key)
+    with pytest.raises(InternalServerException, match=r"the description of .* cannot be read"):
+        call("DescribeWorld", {"world": arn}, service)
+
+
+def test_a_wrong_door_is_refused_before_anything_is_stored(service: Service, template: str) -> None:
+    with pytest.raises(InvalidParameterException, match=r'OpenPosition\.Percent: 140: a number from 0 to 100, or "Ran'):
+        call("UpdateWorldTemplate", {"template": template, "templateBody": json.dumps(version_2(140))}, service)
+    assert call("DescribeWorldTemplate", {"template": template}, service)["version"] == "1"
