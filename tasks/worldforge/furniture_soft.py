@@ -13,7 +13,6 @@ def bed(style: Style) -> list[Part]:
         box("frame", (-x + 0.06, x), (-y, y), (0.1, 0.27), style.main, solid=True),
         box("mattress", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.46), WHITE, solid=True),
         box("duvet", (-x + 0.62, x - 0.012), (-y + 0.012, y - 0.012), (0.3, 0.51), style.soft),
-        rounded("duvet-puff", (0.25, 0, 0.51), (1.5 * x, 1.7 * y, 0.05), style.soft),
         box("fold", (-x + 0.56, -x + 0.78), (-y + 0.008, y - 0.008), (0.32, 0.53), WHITE),
         box("throw", (x - 0.5, x - 0.2), (-y + 0.006, y - 0.006), (0.31, 0.54), style.accent),
     ]
@@ -61,11 +60,7 @@ def seat(style: Style) -> list[Part]:
         left = -y + arm + index * place
         span = (left + 0.008, left + place - 0.008)
         parts.append(box(f"cushion-{index + 1}", (-x + back + 0.1, x - 0.005), span, (0.3, 0.44), light))
-        puff = ((-x + back + 0.3 + x - 0.03) / 2, left + place / 2, 0.44)
-        parts.append(rounded(f"puff-{index + 1}", puff, (2 * x - back - 0.36, place - 0.05, 0.07), light))
         parts.append(box(f"back-cushion-{index + 1}", (-x + back - 0.01, -x + back + 0.12), span, (0.4, 0.74), light))
-        bulge = (-x + back + 0.12, left + place / 2, 0.58)
-        parts.append(rounded(f"bulge-{index + 1}", bulge, (0.08, place - 0.06, 0.3), light))
     if places > 1:
         parts.append(rounded("pillow", (-x + 0.44, y - arm - 0.22, 0.62), (0.17, 0.4, 0.36), style.accent))
         parts.append(rounded("pillow-2", (-x + 0.43, -y + arm + 0.2, 0.6), (0.16, 0.36, 0.33), style.main))
@@ -87,7 +82,6 @@ def tub_chair(style: Style) -> list[Part]:
         upright("arm-left-end", (x - 0.2, y - 0.065), 0.13, (0.2, 0.56), style.soft),
         upright("arm-right-end", (x - 0.2, -y + 0.065), 0.13, (0.2, 0.56), style.soft),
         upright("cushion", (0.03, 0), style.width_m - 0.24, (0.35, 0.45), light),
-        rounded("puff", (0.03, 0, 0.45), (style.width_m - 0.26, style.width_m - 0.26, 0.06), light),
     ]
 
 
@@ -119,9 +113,7 @@ def dining_chair(style: Style) -> list[Part]:
         return [
             *legs(style, (0, 0.43), 0.028, rgb("b88a5a"), inset=0.04),
             box("seat", (-x + 0.02, x), (-y, y), (0.43, 0.455), style.soft, solid=True),
-            rounded("dip", (0.03, 0, 0.455), (1.7 * x, 1.75 * y, 0.03), _lighter(style.soft)),
             box("back", (-x, -x + 0.025), (-y + 0.03, y - 0.03), (0.44, top), style.soft, solid=True),
-            rounded("lumbar", (-x + 0.03, 0, 0.66), (0.04, 1.6 * y, 0.28), _lighter(style.soft)),
         ]
     seat_and_pad = [
         slab("seat", style, (0.42, 0.46), style.main, solid=True),

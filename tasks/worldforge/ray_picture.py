@@ -22,6 +22,8 @@ Ids = NDArray[np.int32]
 _GAMMA = 2.2
 _SLOTS = 4
 """Neighbouring pixels look at different lamps in squares of this side."""
+_STEP = 3
+"""Light is found for one pixel in so many, each way."""
 _CUTOFF_M = 60.0
 _GLASS_GROUP = 5
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
@@ -201,7 +203,7 @@ class RayPicture:
 
 @dataclass(frozen=True, slots=True)
 class _Light:
-    """Light at every second pixel of every second row."""
+    """Light at a grid of pixels."""
 
     hits: Hits
     light: Array
@@ -210,7 +212,7 @@ class _Light:
 
     @classmethod
     def cast(cls, picture: RayPicture, hits: Hits, lamps: Sequence[Sequence[Lamp]], shape: tuple[int, int]) -> "_Light":
-        index = np.arange(shape[0] * shape[1]).reshape(shape)[::2, ::2]
+        index = np.arange(shape[0] * shape[1]).reshape(shape)[::_STEP, ::_STEP]
         few = hits[index.ravel()]
         rows, columns = (axis.ravel() for axis in np.indices(index.shape))
         slots = (rows % _SLOTS) * _SLOTS + columns % _SLOTS
@@ -224,13 +226,14 @@ class _Light:
     def at(self, hits: Hits, rows: Array, columns: Array) -> Array:
         """Light at places that pixels see, from the pixels around that see the same surface."""
         total, weight = np.zeros((len(hits.geoms), 3)), np.full(len(hits.geoms), 1e-6)
-        row, column = (rows / 2).astype(np.int64), (columns / 2).astype(np.int64)
+        row, column = np.floor(rows / _STEP).astype(np.int64), np.floor(columns / _STEP).astype(np.int64)
         height, width = self.shape
         light = self.light.reshape(-1, 3)
         for down in (0, 1):
             for right in (0, 1):
                 other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
-                near = _alike(hits, self.hits, other) + 1e-4
+                share = np.abs(1 - down - (rows / _STEP - row)) * np.abs(1 - right - (columns / _STEP - column))
+                near = (_alike(hits, self.hits, other) + 1e-4) * (share + 1e-3)
                 total += light[other] * near[:, None]
                 weight += near
         return total / weight[:, None]

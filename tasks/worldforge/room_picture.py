@@ -53,7 +53,7 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
     picture = RayPicture(model, _Looks(model, world).colors)
     sun = _Sun(model, found, world)
     pixels = picture.draw(
-        best_camera(picture, found), _lamps(world, found), width_px, height_px, ambient=0.2, extra=sun.light
+        best_camera(picture, found), _lamps(world, found), width_px, height_px, ambient=0.24, extra=sun.light
     )
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, format="PNG", compress_level=6)
@@ -111,7 +111,7 @@ def _lamps(world: World, room: Room) -> list[list[Lamp]]:
     spots = [(x + a, y + b) for a, b in rng.uniform(-0.35, 0.35, (16, 2))]
     warm = (1.0, 0.93, 0.82)
     windows = [window for window in world.floorplan.windows if window.room == room.name]
-    power = 1.15 if windows else 1.7
+    power = 1.35 if windows else 1.9
     sets = [[Lamp((a, b, top - 0.35), 1.5 * power * _size(room), warm, (0.0, 0.0, -1.0)) for a, b in spots]]
     sets += [
         [_window_lamp(window, room, share, z) for share in (0.2, 0.4, 0.6, 0.8) for z in (1.1, 1.4, 1.7, 2.0)]
@@ -123,7 +123,7 @@ def _lamps(world: World, room: Room) -> list[list[Lamp]]:
         x0, y0, x1, y1 = rects[index % len(rects)]
         a, b, c = rng.random(3)
         spot = (x0 + 0.25 + a * (x1 - x0 - 0.5), y0 + 0.25 + b * (y1 - y0 - 0.5), 1.5 + c * (top - 1.7))
-        bounce.append(Lamp(spot, 0.5 * _size(room), (1.0, 0.98, 0.95)))
+        bounce.append(Lamp(spot, 0.62 * _size(room), (1.0, 0.98, 0.95)))
     ways = [passage.rooms for passage in world.floorplan.passages if room.name in passage.rooms]
     others = [
         other for other in world.floorplan.rooms if other.name != room.name and any(other.name in way for way in ways)
