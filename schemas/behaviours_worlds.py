@@ -76,13 +76,13 @@ WORLDS = (
         "Form of worlds",
         "CreateWorldGenerationJob CreateWorldExportJob",
         known="Gazebo worlds (SDF) in two ROS packages.",
-        here="MJCF for MuJoCo, a Nav2 map, a plan, a picture and a description.",
+        here="MJCF for MuJoCo, a Nav2 map, a plan, a picture and a description; exports add SDF in the two packages.",
     ),
-    not_yet(
-        "SDF exports",
+    decided(
+        "What an export holds",
         "CreateWorldExportJob",
-        known="An archive held packages for colcon and Gazebo.",
-        here="An archive holds the worlds' bundles and an `index.json`; its key is the service's.",
+        known="Two packages for ROS, with worlds as SDF that share models; no such archive was kept.",
+        here="The same layout, with each world's bundle, a GLB and an `index.json`; see `worlds-export.md`.",
     ),
     decided(
         "Summary of a running job",
