@@ -276,6 +276,8 @@ class Catalog(CatalogLeases):
                     raise StateConflictError(f"{arn}: {owner!r} does not hold the lease; {row['lease_owner']!r} does")
                 values = {"updated_at": self._now(), **compute(row), "revision": row["revision"] + 1}
                 unchanged = and_(resources.c.arn == arn, resources.c.revision == row["revision"])
+                if owner is not None:  # who may have lost the lease since the row was read
+                    unchanged = and_(unchanged, resources.c.lease_owner == owner)
                 if changed_one(connection.execute(update(resources).where(unchanged).values(values))):
                     if "labels" in values:
                         replace_labels(connection, arn, values["labels"])

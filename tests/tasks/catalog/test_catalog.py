@@ -293,6 +293,24 @@ def test_a_change_meanwhile_is_not_overwritten(database: str, catalog: Catalog, 
     assert seen == [0, 10]
 
 
+def test_who_loses_the_lease_meanwhile_changes_nothing(
+    database: str, catalog: Catalog, make_resource: MakeResource, clock: Any
+) -> None:
+    if database == "sqlite":
+        pytest.skip("SQLite lets nobody write in between")
+    arn = catalog.create(make_resource(1), token=None).arn
+    catalog.claim(arn, "slow", 10)
+
+    def slow(document: dict[str, Any]) -> dict[str, Any]:
+        clock.advance(20)
+        assert catalog.claim(arn, "quick", 10)
+        return {**document, "slow": True}
+
+    with pytest.raises(StateConflictError, match="'slow' does not hold the lease; 'quick' does"):
+        catalog.update(arn, slow, owner="slow")
+    assert catalog.get(arn).document == {}
+
+
 # Cancelling
 
 
