@@ -19,7 +19,7 @@ class Viewer {
     this.addControls();
     this.painter.ready().then(() => {
       this.complete = true;
-      this.redraw();
+      this.draw();
     }, fail);
   }
 
