@@ -37,6 +37,9 @@ HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Liv
 PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
 """Types of rooms that others may be reached through."""
 
+RATIO_TOLERANCE = 0.2
+"""Logarithmic deviation of an aspect ratio that still grants the wish: a factor of 1.22."""
+
 LIT_WALL = 44
 """Length of outer wall that a window needs, in units."""
 

@@ -21,6 +21,12 @@ _OPEN_PLAN: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Li
 _OPEN_PLAN_SHARE = 0.35
 """How often a way that nobody asked for, between rooms of these types, is an opening."""
 
+_LONGEST_HALLWAY_OPENING = 52
+"""A hallway is open towards a room at its end, not along its side, unless that is wished; in units."""
+
+_NEAR_CORNER_SHARE = 0.75
+_NEAR_CORNER = 6
+
 Pair = tuple[int, int]
 
 
@@ -64,11 +70,18 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
     main = _grown({_most_public(plan, brief)}, ways)
     while len(main) < len(plan.rooms):
         pair = _next_pair(plan, brief, walls, ways, main, dice)
-        open_plan = _OPEN_PLAN.issuperset(brief.types[room] for room in pair) and dice.random() < _OPEN_PLAN_SHARE
+        open_plan = _may_be_open(brief, pair, walls[pair]) and dice.random() < _OPEN_PLAN_SHARE
         added = _opening(plan, pair, walls[pair], requested=False) if open_plan else []
         ways += added or _doorways(plan, pair, walls[pair], 1, dice, requested=False)
         main = _grown(main | set(pair), ways)
     return ways
+
+
+def _may_be_open(brief: Brief, pair: Pair, shared: list[Contact]) -> bool:
+    """Whether no wall between two rooms is a good idea."""
+    types = {brief.types[room] for room in pair}
+    along = shared[0].end - shared[0].start
+    return types <= _OPEN_PLAN and ("Hallway" not in types or along <= _LONGEST_HALLWAY_OPENING)
 
 
 def _most_public(plan: Partition, brief: Brief) -> int:
@@ -127,8 +140,19 @@ def _doorways(
         number = chosen.count(contact)
         start, end = clear_span(contact, plan)
         free = end - start - number * DOOR_WIDTH - (number + 1) * DOOR_CLEARANCE
-        shifts = sorted(dice.randint(0, free) for _ in range(number))
+        shifts = _shifts(number, free, dice)
         for index, shift in enumerate(shifts):
             jamb = start + DOOR_CLEARANCE + index * (DOOR_WIDTH + DOOR_CLEARANCE) + shift
             ways.append(Way(pair, contact, "Doorway", jamb, jamb + DOOR_WIDTH, requested))
     return ways
+
+
+def _shifts(number: int, free: int, dice: Random) -> list[int]:
+    """By how much the jambs of the doorways in a wall are moved along it, of `free` units in all.
+
+    A single doorway mostly stands near one end, which leaves the rest of the wall to furniture.
+    """
+    if number == 1 and dice.random() < _NEAR_CORNER_SHARE:
+        shift = dice.randint(0, min(free, _NEAR_CORNER))
+        return [shift if dice.random() < 0.5 else free - shift]
+    return sorted(dice.randint(0, free) for _ in range(number))

@@ -11,25 +11,24 @@ from .brief import (
     INTERIOR_WALL,
     MIN_SIDES_M,
     OPENING_WIDTH,
+    RATIO_TOLERANCE,
     Brief,
     deviation,
     length_over_width,
 )
 from .connections import Pair, Way, shared_walls
+from .floorplan_rivals import rival_wishes
 from .partition import UNIT_M, Partition, area, slenderness
 
 AREA_TOLERANCE = 0.1
 """Share of the desired area by which a room may be off."""
-
-RATIO_TOLERANCE = 0.2
-"""Logarithmic deviation of an aspect ratio that still grants the wish: a factor of 1.22."""
 
 
 def judge_wishes(wishes: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]) -> list[Wish]:
     """One `Wish` for the footprint, the ceiling, every area, every aspect ratio and every connection."""
     report = [_footprint(wishes, brief, plan), _ceiling(wishes)]
     for number in range(len(wishes.Rooms)):
-        report += [_area(wishes, plan, number), _ratio(wishes, plan, number)]
+        report += [_area(wishes, plan, number), _ratio(wishes, brief, plan, number)]
     left = Counter(way.pair for way in ways if way.requested)
     for index, connection in enumerate(wishes.DesiredConnections):
         low, high = sorted(brief.names.index(name) for name in connection.Location)
@@ -79,7 +78,7 @@ def _area(wishes: TemplateFloorplan, plan: Partition, number: int) -> Wish:
     return wish.model_copy(update={"outcome": "missed", "reason": reason})
 
 
-def _ratio(wishes: TemplateFloorplan, plan: Partition, number: int) -> Wish:
+def _ratio(wishes: TemplateFloorplan, brief: Brief, plan: Partition, number: int) -> Wish:
     room = wishes.Rooms[number]
     desired = length_over_width(room.DesiredShape.AspectRatio)
     wish = Wish(
@@ -96,10 +95,8 @@ def _ratio(wishes: TemplateFloorplan, plan: Partition, number: int) -> Wish:
             f"at {room.DesiredShape.Area:g} m2 it would be {width:.2f} m wide, and this type is at least {least:g} m"
         )
         return wish.model_copy(update={"outcome": "contradictory", "reason": cause})
-    cause = "the footprint and the other rooms left no better shape"
-    return wish.model_copy(
-        update={"outcome": "missed", "reason": f"it became {actual:.2f} instead of {desired:.2f}; {cause}"}
-    )
+    reason = f"it became {actual:.2f} instead of {desired:.2f}; {rival_wishes(brief, plan, number)}"
+    return wish.model_copy(update={"outcome": "missed", "reason": reason})
 
 
 def _connection(

@@ -19,6 +19,7 @@ from .brief import (
     LIT_WALL,
     OPENING_WIDTH,
     PUBLIC,
+    RATIO_TOLERANCE,
     Brief,
     affinity,
 )
@@ -167,7 +168,7 @@ class BatchJudge:
         doors = (spans - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
         fits = doors > 0
         missed = np.zeros(len(footprint))
-        misses = [np.abs(footprint - self.footprint) > 0.2]
+        misses = [np.abs(footprint - self.footprint) > RATIO_TOLERANCE]
         for number, kind, count in self.requests:
             if kind == "Opening":
                 fits[number] = spans[number] >= OPENING_WIDTH
@@ -179,7 +180,7 @@ class BatchJudge:
         ways[:, self.pairs[0], self.pairs[1]] = ways[:, self.pairs[1], self.pairs[0]] = fits.T
         sides = cuts.high - cuts.low
         ratios = np.abs(np.log(sides[0] / np.maximum(sides[1], 0.1)))
-        misses[1:1] = [*(np.abs(ratios - self.wished) > 0.2)]
+        misses[1:1] = [*(np.abs(ratios - self.wished) > RATIO_TOLERANCE)]
         reached = np.all(_closure(ways)[:, 0], axis=1)
         cost = self.shapes(cuts, footprint, areas) + _MISSED_CONNECTION * missed + _NOT_CONNECTED * ~reached
         cost += _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)

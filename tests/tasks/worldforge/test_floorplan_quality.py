@@ -1,0 +1,153 @@
+"""How good floor plans are over many templates: wishes granted where they can be, sensible neighbours, variety."""
+
+from itertools import combinations
+from random import Random
+
+import numpy as np
+import pytest
+
+from prefect_robomaker.schemas.world import Floorplan, Room, RoomType
+from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.partition import SIDE_BY_SIDE, STACKED, partition, slenderness
+
+AREAS: dict[RoomType, tuple[float, float]] = {
+    "Living": (18, 40),
+    "Kitchen": (10, 18),
+    "Bedroom": (11, 20),
+    "Bathroom": (10, 12),
+    "Hallway": (10, 14),
+    "Dining": (10, 20),
+}
+FLATS: tuple[tuple[RoomType, ...], ...] = (
+    ("Living", "Kitchen", "Bedroom"),
+    ("Living", "Kitchen", "Bedroom", "Bathroom"),
+    ("Living", "Kitchen", "Hallway", "Bedroom", "Bathroom"),
+    ("Living", "Dining", "Kitchen", "Hallway", "Bedroom", "Bathroom"),
+)
+
+Wish = tuple[RoomType, float, float]
+"""Type, area and length over width of a room."""
+
+
+def template(rooms: list[Wish], footprint: tuple[float, float]) -> WorldTemplateBody:
+    wishes = [
+        {
+            "Name": f"{kind} {number}",
+            "Type": kind,
+            "DesiredShape": {"Area": square_metres, "AspectRatio": {"x": ratio, "y": 1}},
+        }
+        for number, (kind, square_metres, ratio) in enumerate(rooms)
+    ]
+    outline = {"DesiredAspectRatio": {"x": footprint[0], "y": footprint[1]}}
+    floorplan = {"Footprint": outline, "Rooms": wishes}
+    return WorldTemplateBody.model_validate({"Buildings": [{"Floors": [{"Floorplan": floorplan}]}]})
+
+
+def compatible(seed: int) -> WorldTemplateBody:
+    """Wishes read off a plan drawn at random: there is a plan that grants them all."""
+    dice = Random(seed)
+    types = FLATS[seed % len(FLATS)]
+    while True:
+        trees = [[number] for number in dice.sample(range(len(types)), len(types))]
+        while len(trees) > 1:
+            index = dice.randrange(len(trees) - 1)
+            trees[index : index + 2] = [[*trees[index], *trees[index + 1], dice.choice((SIDE_BY_SIDE, STACKED))]]
+        areas = [round(dice.uniform(*AREAS[kind]), 1) for kind in types]
+        footprint = dice.choice([(1.0, 1.0), (4.0, 3.0), (3.0, 2.0), (2.0, 1.0)])
+        width = round((sum(areas) * 400 * footprint[0] / footprint[1]) ** 0.5)
+        plan = partition(trees[0], areas, [1.0] * len(types), width, round(sum(areas) * 400 / width))
+        ratios = [round(slenderness(plan, number), 2) for number in range(len(types))]
+        if min(plan.arms) >= 46 and all(
+            ratio <= (4 if kind == "Hallway" else 2.2) for kind, ratio in zip(types, ratios, strict=True)
+        ):
+            return template(list(zip(types, areas, ratios, strict=True)), footprint)
+
+
+def generate(body: WorldTemplateBody, seed: int) -> Floorplan:
+    return generate_floorplan(body, np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def plans() -> list[Floorplan]:
+    """Sixty plans of sixty templates whose wishes are compatible."""
+    return [generate(compatible(seed), seed) for seed in range(60)]
+
+
+def test_compatible_wishes_are_mostly_granted(plans: list[Floorplan]) -> None:
+    rooms = [room for plan in plans for room in plan.rooms]
+    areas = [abs(room.area_m2 / room.desired_area_m2 - 1) for room in rooms]
+    assert max(areas) <= 0.1
+    ratios = [abs(np.log((room.aspect_ratio or 0) / room.desired_aspect_ratio)) for room in rooms]
+    assert np.median(ratios) < 0.06
+    assert np.percentile(ratios, 90) < 0.2
+    footprints = [wish for plan in plans for wish in plan.wishes if "footprint" in wish.wish]
+    assert np.mean([wish.outcome == "satisfied" for wish in footprints]) > 0.95
+
+
+def test_bedrooms_and_baths_are_reached_from_the_hallway_or_the_living_room(plans: list[Floorplan]) -> None:
+    types = {(number, room.name): room.type for number, plan in enumerate(plans) for room in plan.rooms}
+    reached: list[bool] = []
+    for number, plan in enumerate(plans):
+        for room in plan.rooms:
+            if room.type in ("Bedroom", "Bathroom"):
+                joined = {types[number, name] for way in plan.passages if room.name in way.rooms for name in way.rooms}
+                reached.append(bool(joined & {"Hallway", "Living"}))
+    assert np.mean(reached) > 0.8
+
+
+def test_nobody_walks_through_a_bedroom_to_the_kitchen(plans: list[Floorplan]) -> None:
+    apart = 0
+    for plan in plans:
+        public = {room.name for room in plan.rooms if room.type in ("Living", "Dining", "Kitchen", "Hallway")}
+        reached = {next(iter(sorted(public)))}
+        for _ in public:
+            reached |= {name for way in plan.passages if reached & {*way.rooms} for name in {*way.rooms} & public}
+        apart += reached != public
+    assert apart <= 6
+
+
+def test_rooms_that_want_light_have_windows(plans: list[Floorplan]) -> None:
+    wanting = [
+        any(window.room == room.name for window in plan.windows)
+        for plan in plans
+        for room in plan.rooms
+        if room.type in ("Bedroom", "Dining", "Kitchen", "Living")
+    ]
+    assert np.mean(wanting) > 0.97
+
+
+def test_a_missed_ratio_says_what_it_got_and_what_stood_in_the_way() -> None:
+    body = template([("Living", 20, 3.0), ("Bedroom", 20, 1.0)], (1, 1))
+    (wish,) = (wish for wish in generate(body, 1).wishes if wish.wish.startswith("Living 0 with aspect"))
+    assert wish.outcome == "missed"
+    assert wish.reason.startswith("it became 2.")
+    assert " instead of 3.00; " in wish.reason
+    assert wish.reason.endswith("misses the footprint's 1.00") or "the aspect ratio 1.00 of Bedroom 1" in wish.reason
+
+
+def test_many_layouts_of_four_rooms_come_from_one_template() -> None:
+    body = template(
+        [("Living", 26, 4 / 3), ("Kitchen", 14, 4 / 3), ("Bedroom", 16, 4 / 3), ("Bathroom", 10, 4 / 3)], (1, 1)
+    )
+    drawn = [generate(body, seed) for seed in range(1000)]
+    assert len({plan.model_dump_json() for plan in drawn}) == 1000
+    assert len({layout(plan) for plan in drawn}) >= 50
+
+
+def layout(plan: Floorplan) -> frozenset[tuple[str, str, str]]:
+    """Which room touches which, and on which side."""
+    sides: set[tuple[str, str, str]] = set()
+    for one, other in combinations(plan.rooms, 2):
+        (u0, v0, u1, v1), (x0, y0, x1, y1) = box(one), box(other)
+        along_x, along_y = min(u1, x1) - max(u0, x0), min(v1, y1) - max(v0, y0)
+        if abs(along_x) < 1e-6 < along_y:
+            sides.add((one.name, "west of" if u0 < x0 else "east of", other.name))
+        elif abs(along_y) < 1e-6 < along_x:
+            sides.add((one.name, "south of" if v0 < y0 else "north of", other.name))
+    return frozenset(sides)
+
+
+def box(room: Room) -> tuple[float, float, float, float]:
+    xs, ys = zip(*room.polygon, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
