@@ -140,7 +140,7 @@ def _wanted(details: ErrorDetails) -> str:
 
 
 _PATTERNS = {
-    r"arn:.*": "an ARN, such as arn:aws:robomaker:us-east-1:000000000000:world/my-world",
+    r"arn:.*": "an ARN: arn:aws:robomaker:<region>:<account>:<kind>/<id>",
     r"arn:.*|[a-zA-Z0-9_\-]+": "an ARN, or a name of letters, digits, - and _",
     r"arn:aws:iam::\w+:role/.*": "the ARN of a role, such as arn:aws:iam::000000000000:role/name",
     r"(\$LATEST)|[0-9]*": "$LATEST or a number",

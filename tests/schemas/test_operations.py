@@ -222,6 +222,7 @@ def test_commands_may_have_several_lines() -> None:
         ),
         ("ListWorlds", {"filters": [{"name": "status"}]}, r"filters\[0\]: a filter needs both name and values"),
         ("ListWorlds", {"maxResults": 101}, "maxResults: is 101; it may be at most 100"),
+        ("DescribeFleet", {"fleet": "f"}, "it has to be an ARN: arn:aws:robomaker:<region>:<account>:<kind>/<id>$"),
         ("DescribeWorld", {"world": "arn:a\0"}, r"world: is 'arn:a\\x00'; it may not hold the character U\+0000"),
         ("BatchDeleteWorlds", {"worlds": ["arn:a", "arn:b\0"]}, r"worlds\[1\]: is 'arn:b\\x00'; it may not hold"),
         ("CreateWorldTemplate", {"templateBody": {"a\0": 1}}, "templateBody: a key holds the character U"),
