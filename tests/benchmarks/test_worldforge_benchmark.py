@@ -148,7 +148,7 @@ def steps_per_second(world: World) -> float:
 
 
 def layout(plan: Floorplan) -> frozenset[tuple[str, str, bool]]:
-    """Which rooms share a wall, and which of the two lies west or south of it. (Four rooms have only 38 room graphs.)"""
+    """Which rooms share a wall, and which of the two lies west or south of it; the graph alone has 38 forms at most."""
     middles = {room.name: np.mean(room.polygon, axis=0) for room in plan.rooms}
     found = set()
     for wall in plan.walls:
@@ -176,7 +176,8 @@ def test_how_much_worlds_of_one_template_differ(capsys: pytest.CaptureFixture[st
     with capsys.disabled():
         print(
             f"\n{SEEDS} seeds: {len(hashes)} different models, {len(graphs)} different room graphs, "
-            f"{len(layouts)} different layouts; {failed} needed another interior; {each_ms:.1f} ms each (calibration {calibration_ms():.1f} ms)"
+            f"{len(layouts)} different layouts; {failed} needed another interior; "
+            f"{each_ms:.1f} ms each (calibration {calibration_ms():.1f} ms)"
         )
     assert len(hashes) == SEEDS
     assert len(layouts) >= 50
