@@ -129,7 +129,8 @@ def test_a_room_without_a_way_is_found(flat: World) -> None:
 
 def test_a_door_that_swings_by_itself_is_found(flat: World) -> None:
     leaf = (
-        '<body pos="0 0 1"><joint axis="1 0 0" damping="9"/><geom size=".3 .02 .3" pos="0 0.3 0.3" type="box" mass="9"/></body>'
+        '<body pos="0 0 1"><joint axis="1 0 0" damping="9"/>'
+        '<geom size=".3 .02 .3" pos="0 0.3 0.3" type="box" mass="9"/></body>'
     )
     mjcf = world_mjcf(flat).replace("</worldbody>", f"{leaf}</worldbody>")
     checks = check_world(flat, mjcf, occupancy_grid(flat.floorplan, flat.furniture), settle_s=SETTLE_S)
