@@ -16,7 +16,7 @@ from .access_log import log_access
 from .authentication import Authenticator
 from .failures import Failures
 from .health import HealthPages
-from .limits import ClientGone, read_body
+from .limits import Arrivals, ClientGone, read_body
 from .messages import ASGIApplication, ASGIReceive, ASGIScope, ASGISend, HttpAnswer, HttpRequest
 from .origins import check_origin
 from .routes import Route, Router
@@ -25,7 +25,7 @@ from .wire import MAX_BODY_BYTES, answer_of, request_members
 # SQLite reads in parallel, but Python runs one thread at a time: more threads only wait for each other.
 WORKERS = 8
 MAX_IN_PROGRESS = 128
-"""Requests at once; whoever comes then is asked to come again."""
+"""Whole requests at once; whoever comes then is asked to come again."""
 
 RETRY_AFTER_S = 1
 
@@ -80,6 +80,7 @@ class Endpoint:
         self._health = HealthPages(service, performer_status, is_open=access_keys is None)
         self._failures = Failures(settings)
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="endpoint")
+        self._arrivals = Arrivals()
         self._in_progress = 0
 
     async def __call__(self, scope: ASGIScope, receive: ASGIReceive, send: ASGISend) -> None:
@@ -99,33 +100,40 @@ class Endpoint:
         began = time.perf_counter()
         request_id = _new_request_id()
         request = _request_of(scope)
-        self._in_progress += 1
         try:
             answer = await self._answer(request, receive, request_id)
         except ClientGone:
             return
-        finally:
-            self._in_progress -= 1
         await _send(send, answer, request_id, head_only=request.method == "HEAD")
         log_access(request, answer, time.perf_counter() - began, request_id)
 
     async def _answer(self, request: HttpRequest, receive: ASGIReceive, request_id: str) -> HttpAnswer:
+        # Without either header there is no body.
+        declared = request.header("content-length") or (None if request.header("transfer-encoding") else "0")
         try:
-            if self._in_progress > MAX_IN_PROGRESS:
-                return self._overloaded(request_id)
-            body = await read_body(receive, request.header("content-length"), MAX_BODY_BYTES)
+            # Bodies on their way are not counted with the requests: slow senders keep nobody else out.
+            with self._arrivals.admitted(declared) as timeout_s:
+                body = await read_body(receive, declared, MAX_BODY_BYTES, timeout_s)
+            if self._in_progress >= MAX_IN_PROGRESS:
+                raise ThrottlingException(f"{MAX_IN_PROGRESS} requests are in progress")
         except ClientGone:
             raise
+        except ThrottlingException as error:
+            return self._overloaded(error, request_id)
         except Exception as error:
             return self._failures.answer(error, None, request_id)
-        return await asyncio.get_running_loop().run_in_executor(
-            self._workers, self._perform, request.with_body(body), request_id
-        )
+        self._in_progress += 1
+        try:
+            return await asyncio.get_running_loop().run_in_executor(
+                self._workers, self._perform, request.with_body(body), request_id
+            )
+        finally:
+            self._in_progress -= 1
 
-    def _overloaded(self, request_id: str) -> HttpAnswer:
-        error = ThrottlingException(f"{MAX_IN_PROGRESS} requests are in progress; try again in {RETRY_AFTER_S} s")
+    def _overloaded(self, error: ThrottlingException, request_id: str) -> HttpAnswer:
+        patient = ThrottlingException(f"{error}; try again in {RETRY_AFTER_S} s")
         headers = ((b"retry-after", str(RETRY_AFTER_S).encode()),)
-        return self._failures.answer(error, None, request_id, headers)
+        return self._failures.answer(patient, None, request_id, headers)
 
     def _perform(self, request: HttpRequest, request_id: str) -> HttpAnswer:
         """Answers a request; in a thread of its own, since operations wait for the database."""

@@ -1,23 +1,64 @@
 """Bounds on what one client can take from the others: the length of bodies, and how long they may take."""
 
 import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+from ...schemas.errors import ThrottlingException
 from .messages import ASGIReceive, RequestEntityTooLargeException, RequestTimeoutException
 
-BODY_TIMEOUT_S = 60.0
+SMALL_BODY_BYTES = 64 * 1024
+"""What nearly all requests stay below; they and the others are counted apart."""
+
+SMALL_BODIES = 512
+LARGE_BODIES = 24
+"""How many bodies may be on their way at once; together they fit into memory."""
+
+SMALL_BODY_TIMEOUT_S = 15.0
+LARGE_BODY_TIMEOUT_S = 60.0
+
+
+class Arrivals:
+    """Counts the bodies that are on their way."""
+
+    def __init__(self) -> None:
+        self._arriving = {True: 0, False: 0}
+
+    @contextmanager
+    def admitted(self, declared: str | None) -> Iterator[float]:
+        """Lets one body arrive.
+
+        Args:
+          declared: the header `Content-Length`; `None` if nobody says, which counts as large.
+
+        Yields:
+          How many seconds it may take.
+
+        Raises:
+          ThrottlingException: too many are on their way already.
+        """
+        is_small = declared is not None and declared.isdecimal() and int(declared[:18]) <= SMALL_BODY_BYTES
+        if self._arriving[is_small] >= (SMALL_BODIES if is_small else LARGE_BODIES):
+            raise ThrottlingException(f"{self._arriving[is_small]} requests are being received")
+        self._arriving[is_small] += 1
+        try:
+            yield SMALL_BODY_TIMEOUT_S if is_small else LARGE_BODY_TIMEOUT_S
+        finally:
+            self._arriving[is_small] -= 1
 
 
 class ClientGone(Exception):
     """The client hung up before it had sent everything."""
 
 
-async def read_body(receive: ASGIReceive, declared: str | None, max_bytes: int) -> bytes:
+async def read_body(receive: ASGIReceive, declared: str | None, max_bytes: int, timeout_s: float) -> bytes:
     """Reads a request's body.
 
     Args:
       receive: gives the next part.
       declared: the header `Content-Length`.
       max_bytes: how much is taken at most.
+      timeout_s: how long it may take.
 
     Raises:
       RequestEntityTooLargeException: the body is longer; the rest is left unread.
@@ -27,10 +68,10 @@ async def read_body(receive: ASGIReceive, declared: str | None, max_bytes: int) 
     if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):
         raise _too_large(max_bytes)
     try:
-        async with asyncio.timeout(BODY_TIMEOUT_S):
+        async with asyncio.timeout(timeout_s):
             return await _read(receive, max_bytes)
     except TimeoutError:
-        raise RequestTimeoutException(f"the body did not arrive within {BODY_TIMEOUT_S:g} seconds") from None
+        raise RequestTimeoutException(f"the body did not arrive within {timeout_s:g} seconds") from None
 
 
 async def _read(receive: ASGIReceive, max_bytes: int) -> bytes:

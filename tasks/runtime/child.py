@@ -162,7 +162,10 @@ def _read_world(world_dir: Path | None) -> World | None:
 def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
     """Writes the traceback to the error log and the short form to the supervisor."""
     trace = _without_runtime(error.__traceback__)
-    traceback.print_exception(type(error), error, trace)
+    if isinstance(error, LoadError | LaunchError) and error.__cause__ is None:
+        sys.stderr.write(f"{error}\n")  # it says all; where this program found out is of no use to anybody
+    else:
+        traceback.print_exception(type(error), error, trace)
     runtime_fault = isinstance(error, RecordingError)
     phase = Phase.FINISHING if runtime_fault else progress.phase
     report: dict[str, Any] = {"error": _describe(error, trace)[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}

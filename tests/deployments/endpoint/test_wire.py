@@ -5,6 +5,7 @@ import json
 import logging
 import re
 import sqlite3
+import threading
 import uuid
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,6 +17,7 @@ from asgi import JSON, Client
 
 from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, make_application
 from prefect_robomaker.deployments.endpoint.failures import Failures
+from prefect_robomaker.deployments.endpoint.limits import LARGE_BODIES, SMALL_BODIES
 from prefect_robomaker.deployments.endpoint.wire import MAX_BODY_BYTES
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.errors import ResourceNotFoundException
@@ -322,43 +324,97 @@ class TestFailures:
         assert answer.headers["x-amzn-requestid"] in caplog.text
 
 
-def test_too_many_requests_at_once_are_asked_to_come_again(client: Client) -> None:
-    scope = {
-        "type": "http",
-        "method": "POST",
-        "raw_path": b"/listWorlds",
-        "query_string": b"",
-        "headers": [(b"host", b"localhost")],
-    }
+class Crowd:
+    """Requests that are all under way at once."""
 
-    async def crowd() -> list[list[dict[str, Any]]]:
-        gone = asyncio.Event()
+    def __init__(self, client: Client) -> None:
+        self._application = client.application
+        self._gone = asyncio.Event()
+        self.waiting: list[asyncio.Task[list[dict[str, Any]]]] = []
 
-        async def slow() -> dict[str, Any]:
-            await gone.wait()
-            return {"type": "http.disconnect"}
-
-        async def quick() -> dict[str, Any]:
-            return {"type": "http.request", "body": b""}
-
-        async def ask(receive: Any) -> list[dict[str, Any]]:
-            sent: list[dict[str, Any]] = []
-
-            async def send(message: dict[str, Any]) -> None:
-                sent.append(message)
-
-            await client.application(scope, receive, send)
-            return sent
-
-        waiting = [asyncio.create_task(ask(slow)) for _ in range(MAX_IN_PROGRESS)]
+    async def come(self, number: int, **headers: str) -> None:
+        """Sends the beginning of some requests, whose bodies do not come."""
+        self.waiting += [asyncio.create_task(self.ask(self._slow, "/listWorlds", headers)) for _ in range(number)]
         await asyncio.sleep(0)
-        refused = await ask(quick)
-        gone.set()
-        assert await asyncio.gather(*waiting) == [[]] * MAX_IN_PROGRESS
-        return [refused, await ask(quick)]
 
-    refused, served = asyncio.run(crowd())
-    headers = dict(refused[0]["headers"])
-    assert (refused[0]["status"], headers[b"x-amzn-errortype"]) == (400, b"ThrottlingException")
-    assert int(headers[b"retry-after"]) >= 1
-    assert served[0]["status"] == 200
+    async def leave(self) -> list[list[dict[str, Any]]]:
+        """Hangs up; returns what each was sent."""
+        self._gone.set()
+        return await asyncio.gather(*self.waiting)
+
+    async def _slow(self) -> dict[str, Any]:
+        await self._gone.wait()
+        return {"type": "http.disconnect"}
+
+    async def quick(self) -> dict[str, Any]:
+        return {"type": "http.request", "body": b""}
+
+    async def ask(self, receive: Any, path: str, headers: dict[str, str]) -> list[dict[str, Any]]:
+        sent: list[dict[str, Any]] = []
+        given = {"host": "localhost", **{name.replace("_", "-"): value for name, value in headers.items()}}
+        scope = {
+            "type": "http",
+            "method": "POST" if path == "/listWorlds" else "GET",
+            "raw_path": path.encode(),
+            "query_string": b"",
+            "headers": [(name.encode(), value.encode()) for name, value in given.items()],
+        }
+
+        async def send(message: dict[str, Any]) -> None:
+            sent.append(message)
+
+        await self._application(scope, receive, send)
+        return sent
+
+    async def status(self, path: str = "/listWorlds", **headers: str) -> tuple[int, bytes]:
+        """How a quick request fares: status and kind of error."""
+        [start, *_] = await self.ask(self.quick, path, headers)
+        answered = dict(start["headers"])
+        assert (b"retry-after" in answered) == (answered.get(b"x-amzn-errortype") == b"ThrottlingException")
+        return start["status"], answered.get(b"x-amzn-errortype", b"")
+
+
+@pytest.mark.parametrize(
+    ("number", "headers", "others"),
+    [
+        (SMALL_BODIES, {"content_length": "2"}, (400, b"ThrottlingException")),
+        (SMALL_BODIES - 1, {"content_length": "2"}, (200, b"")),
+        (LARGE_BODIES, {"content_length": "9000000"}, (200, b"")),
+        (LARGE_BODIES, {"transfer_encoding": "chunked"}, (200, b"")),
+    ],
+)
+def test_slow_senders_of_large_bodies_keep_nobody_out(
+    client: Client, number: int, headers: dict[str, str], others: tuple[int, bytes]
+) -> None:
+    async def meet() -> tuple[tuple[int, bytes], tuple[int, bytes], tuple[int, bytes]]:
+        crowd = Crowd(client)
+        await crowd.come(number, **headers)
+        of_others, of_same = await crowd.status(), await crowd.status(**headers)
+        assert await crowd.leave() == [[]] * number
+        return of_others, of_same, await crowd.status(**headers)
+
+    of_others, of_same, afterwards = asyncio.run(meet())
+
+    assert of_others == others
+    assert of_same == ((200, b"") if number == SMALL_BODIES - 1 else (400, b"ThrottlingException"))
+    assert afterwards == (200, b"")
+
+
+def test_too_many_whole_requests_at_once_are_asked_to_come_again(service: Service) -> None:
+    free = threading.Event()
+    application = make_application(service, performer_status=lambda: {"waited": free.wait(60)})
+    client = Client(application)
+
+    async def meet() -> tuple[tuple[int, bytes], list[int]]:
+        crowd = Crowd(client)
+        asked = [asyncio.create_task(crowd.status("/health")) for _ in range(MAX_IN_PROGRESS)]
+        await asyncio.sleep(0.1)
+        refused = await crowd.status("/health")
+        free.set()
+        return refused, [status for status, _ in await asyncio.gather(*asked)]
+
+    refused, served = asyncio.run(meet())
+    client.close()
+
+    assert refused == (400, b"ThrottlingException")
+    assert served == [200] * MAX_IN_PROGRESS
