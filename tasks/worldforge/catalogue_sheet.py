@@ -1,5 +1,8 @@
 """A sheet with every kind of furniture in all its styles, lit and to look at."""
 
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
 import io
 from math import atan2, hypot, radians, tan
 from typing import Any

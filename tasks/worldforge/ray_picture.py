@@ -5,6 +5,9 @@ many small lamps; every pixel looks at some of them and shares what it saw with 
 shadows are soft and corners dark without tracing every lamp from everywhere.
 """
 
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin, tan

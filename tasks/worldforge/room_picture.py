@@ -1,5 +1,8 @@
 """A picture from inside a room, as somebody sees it who stands in a corner."""
 
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
 import io
 from math import atan2, hypot
 from typing import Any

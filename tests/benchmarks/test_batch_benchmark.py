@@ -11,8 +11,8 @@ import pytest
 
 from prefect_robomaker.flows.operation import call, perform_flow
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.job_runs import launcher
+from prefect_robomaker.tasks.service import Service
 
 JOBS = 50
 WORKERS = 2
