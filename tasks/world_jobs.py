@@ -9,7 +9,7 @@ from ..schemas.lifecycles import is_terminal
 from .catalog import Resource
 from .performing import Lease, perform_if_idle
 from .service import Service
-from .worldforge.export import export_key
+from .worldforge.export_key import export_key
 
 _ONLY_OF_FAILURES = ("failureCode", "failureReason")
 

@@ -29,7 +29,6 @@ from .sdf_world import sdf_world
 
 _TOP = "aws_robomaker_worldforge_pkgs"
 _WORLD_ID = re.compile(r"[A-Za-z0-9_\-]{1,128}")
-_EXPORT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9\-]{0,63}")
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """A zip cannot say less; equal worlds make equal archives."""
 _COMPRESSED_ALREADY = frozenset({".png", ".jpg", ".jpeg", ".gz", ".zip", ".mp4"})
@@ -62,23 +61,6 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def export_key(prefix: str, export_id: str) -> str:
-    """The key of an export job's archive, where the service's own clients look for it.
-
-    Args:
-      prefix: the output location's prefix; may be empty.
-      export_id: the export job's id, with or without `export-` in front.
-
-    Raises:
-      ValueError: that is no id.
-    """
-    bare_id = export_id.removeprefix("export-")
-    if not _EXPORT_ID.fullmatch(bare_id):
-        raise ValueError(f"export id {export_id!r}: expected something like 'export-82856b0yq33y'")
-    name = f"aws-robomaker-worldforge-export-{bare_id}.zip"
-    return f"{prefix.strip('/')}/{name}" if prefix.strip("/") else name
 
 
 def _files(folder: Path, prefix: str = "") -> list[str]:

@@ -47,7 +47,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ("seed: 7", 'seed: "7"', ("'7'", "whole number")),
     ("Area: 14", "Area: '14'", ('"14"', "a number without quotes")),
     ("Area: 14", "Area: .nan", (".nan", "not a number")),
-    ('Version: "1"', "Version: 1", ("1:", '"1", in quotes')),
+    ('Version: "1"', "Version: 1", ("1:", '"1" or "2", in quotes')),
     ("launchConfig: {}", "launchConfig: []", ("empty list", "a mapping")),
     (TAGS, "tags: {flat: 1}", ("is 1", 'in quotes: "1"')),
     (TAGS, "tags: [flat]", ("['flat']", "a mapping")),

@@ -211,7 +211,7 @@ def test_denser_rooms_hold_more_pieces(make_body: MakeBody) -> None:
 
 def test_small_things_lie_where_people_leave_them_and_stay_there(make_body: MakeBody) -> None:
     kinds = set[str]()
-    for seed in range(3):
+    for seed in range(5):
         world = generate_world(
             make_body(SIX, furniture=[arrangement("all", None, "Dense", RoomTypes=TYPES)]), seed, seed
         )
