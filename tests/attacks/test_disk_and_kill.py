@@ -123,6 +123,7 @@ def spec(tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("environment", "status"), [("endless", "Running"), ("filling", "Terminating")])
+@pytest.mark.deep
 def test_a_killed_run_leaves_no_manifest_and_no_process_and_the_next_run_works(
     service: Service,
     hostile: Order,

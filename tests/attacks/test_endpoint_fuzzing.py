@@ -233,6 +233,7 @@ PATHS = st.one_of(
     host=st.sampled_from([[(b"host", b"localhost")], []]),
     parts=st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([b"{}", b'{"tags": {"a": "b"}}'])), max_size=3),
 )
+@pytest.mark.deep
 def test_any_request_at_all(
     which: str,
     method: str,
@@ -272,6 +273,7 @@ def succeeds(name: str, target: Target) -> bool:
 
 
 @pytest.mark.slow
+@pytest.mark.deep
 def test_most_operations_are_reached_beyond_their_checks(target: Target) -> None:
     """The strategies make requests that succeed; otherwise they would try the validation only."""
     failed = {name for name in registry() if not succeeds(name, target)}

@@ -114,6 +114,7 @@ def fresh_home(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.slow
+@pytest.mark.deep
 def test_two_first_runs_at_once_share_one_server_and_both_succeed(fresh_home: Path, spec: Path) -> None:
     start = [*MAIN, "run", str(spec), "-o", "json"]
     runs = [
@@ -138,6 +139,7 @@ def _serves(command_line: Path, home: Path) -> bool:
         return False
 
 
+@pytest.mark.deep
 def test_of_eight_processes_that_create_one_name_exactly_one_wins(settings: Settings) -> None:
     start = [*MAIN, "call", "CreateRobotApplication", "--input", json.dumps(APPLICATION)]
     variables = environ(ROBOMAKER_HOME=settings.home)

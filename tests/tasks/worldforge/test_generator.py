@@ -105,5 +105,6 @@ def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplat
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
+@pytest.mark.deep
 def test_many_templates_give_worlds_that_keep_their_promises(body: WorldTemplateBody, seed: int) -> None:
     generated(body, seed)

@@ -3,12 +3,14 @@
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
 from PIL import Image
 
 from prefect_robomaker.schemas.world import World
 from prefect_robomaker.tasks.worldforge.pictures import write_pictures
 
 
+@pytest.mark.deep
 def test_plan_preview_and_every_room_are_drawn(flat: World, tmp_path: Path) -> None:
     bundle, folder = tmp_path / "bundle", tmp_path / "new" / "pictures"
     bundle.mkdir()
@@ -22,6 +24,7 @@ def test_plan_preview_and_every_room_are_drawn(flat: World, tmp_path: Path) -> N
             assert picture.width == 960
 
 
+@pytest.mark.deep
 def test_the_bundles_own_preview_is_taken(flat: World, tmp_path: Path) -> None:
     (tmp_path / "preview.png").write_bytes(b"as it was stored")
     files = write_pictures(flat, tmp_path, tmp_path / "pictures")

@@ -50,6 +50,7 @@ def test_ign_accepts_a_world(exported: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not LIBSDFORMAT, reason="libsdformat12 is not installed (Debian's libsdformat-dev)")
+@pytest.mark.deep
 def test_libsdformat_accepts_every_sdf_file(exported: Path) -> None:
     files = [str(file) for file in sorted([*exported.rglob("*.sdf"), *exported.rglob("*.world")])]
     assert len(files) > 20
@@ -95,6 +96,7 @@ def settle(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Settle:
     return run
 
 
+@pytest.mark.deep
 def test_everything_settles_in_dart_where_mujoco_has_it(settle: Settle, exported: Path) -> None:
     for name in worlds_of(exported):
         model = mujoco.MjModel.from_xml_path(str(exported / WORLDS / name / "world.xml"))

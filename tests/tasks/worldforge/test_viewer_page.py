@@ -87,6 +87,7 @@ def test_rooms_are_named_and_controls_do_what_they_say(html: str, tmp_path: Path
 
 
 @needs_browser
+@pytest.mark.deep
 def test_turning_changes_the_picture(html: str, tmp_path: Path) -> None:
     turn = "for (let i = 0; i < 6; i++) document.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowLeft'}));"
     (tmp_path / "turned").mkdir()
