@@ -72,6 +72,7 @@ def test_every_operation_has_a_deployment_that_leads_to_its_flow() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.deep
 def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Settings, tmp_path: Path) -> None:
     environ = {
         "PREFECT_API_URL": prefect_server,

@@ -133,6 +133,7 @@ def test_sigterm_ends_a_single_job(service: Service, order: Order, run_spec: Cal
     assert (record.parent / "report.html").is_file()
 
 
+@pytest.mark.deep
 def test_cancelling_a_flow_run_ends_its_batch(
     service: Service, order: Order, environ: dict[str, str], tmp_path: Path
 ) -> None:
