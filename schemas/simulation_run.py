@@ -18,19 +18,21 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .base import Model, ShapeName
+from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, PortPlan, ProgramPlan
 
 Verdict = Literal["PASS", "FAIL", "NONE"]
 VideoPolicy = Annotated[Literal["none", "always"], ShapeName("VideoPolicy")]
-ApplicationRole = Literal["robot", "simulation"]
 
 
 class ApplicationPlan(Model):
-    """One application, resolved to something that can be imported."""
+    """One application, resolved to something that can be imported, or to one of the plan's programs."""
 
     role: ApplicationRole = Field(description="Robot application (makes an agent) or simulation application.")
     name: str = Field(description="The application's name in the catalog.")
-    attribute: str = Field(
-        description="Dotted path of the factory, `package.module.make_environment` or `….make_agent`."
+    attribute: str | None = Field(
+        default=None,
+        description="Dotted path of the factory, `package.module.make_environment` or `….make_agent`; "
+        "absent: the application is a program of the plan.",
     )
     path: Path | None = Field(
         default=None, description="Folder to import it from (an unpacked bundle); absent: installed."
@@ -48,14 +50,36 @@ class RunPlan(Model):
     max_duration_s: float = Field(gt=0, description="Wall-clock limit; reaching it ends the job normally.")
     world_dir: Path | None = Field(default=None, description="World bundle to drive in, read-only.")
     data_dir: Path | None = Field(default=None, description="Folder that holds the job's data sources, read-only.")
+    root_dir: Path | None = Field(
+        default=None,
+        description="The job's own root: its `/home/robomaker/x` is `<root_dir>/home/robomaker/x` here; "
+        "absent: applications get none.",
+    )
     work_dir: Path = Field(description="Scratch folder, the process's working directory.")
     output_dir: Path = Field(description="Where outputs are written.")
     simulation_application: ApplicationPlan | None = Field(
         default=None, description="Makes the environment; absent: `indoor-navigation`."
     )
     robot_application: ApplicationPlan | None = Field(default=None, description="Makes the agent; absent: `scout`.")
+    programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
+    ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
+    compute: ComputeLimits = Field(default=ComputeLimits(), description="What it may use of the machine.")
+    failure_behavior: FailureBehavior = Field(
+        default="Fail", description="Whether a crash ends the run, or its other programs go on (`Continue`)."
+    )
     record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
     video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
+
+    @property
+    def has_episode(self) -> bool:
+        """Whether a process of the run steps a `dm_env` environment; otherwise it only has programs.
+
+        A job without a simulation application means `indoor-navigation`, unless its robot application is a
+        program: that runs alone.
+        """
+        if self.simulation_application is not None:
+            return self.simulation_application.attribute is not None
+        return self.robot_application is None or self.robot_application.attribute is not None
 
 
 class RunOutcome(Model):
@@ -118,7 +142,7 @@ class RunResult(Model):
     sim_time_s: float = Field(description="Simulated time at the end.")
     wall_time_s: float = Field(description="Wall-clock time spent stepping.")
     real_time_factor: float = Field(description="`sim_time_s / wall_time_s`.")
-    ended_by: str = Field(description="`environment`, `agent`, `duration limit` or `canceled`.")
+    ended_by: str = Field(description="`environment`, `agent`, `requirements`, `duration limit` or `canceled`.")
     seed: int = Field(description="Seed of the run.")
     versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
     extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")

@@ -5,7 +5,7 @@ import random
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -24,10 +24,10 @@ from .context import SimulationContext
 from .loading import LoadError, load_factory
 from .logs import redirect_output
 from .loop import RunStopped, run_episode
+from .observers import Observer, make_observers
 from .progress import Phase, Progress
 from .recording import McapRecorder, NullRecorder, RecordingError
 from .results import RESULT_FILE, Episode, make_result, versions, write_result
-from .video import VideoWatcher
 
 RECORDING_FILE = "recording.mcap"
 BUILT_IN_ENVIRONMENT = ApplicationPlan(
@@ -108,25 +108,30 @@ def _take_on(run: RunRequest) -> None:
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     plan = run.plan
     recorder = McapRecorder(plan.output_dir / RECORDING_FILE) if plan.record else NullRecorder()
-    video = VideoWatcher(plan.output_dir, run.video_backend) if plan.video != "none" else None
+    observers = make_observers(plan, run.video_backend)
     try:
-        episode = _run(plan, recorder, progress, stop, [video] if video else [])
+        episode = _run(plan, recorder, progress, stop, observers)
     except BaseException:
-        # What failed first is what counts; a full disk may keep the recording from being closed too.
+        # What failed first is what counts; a full disk may keep the rest from being closed too.
+        for observer in observers:
+            with suppress(Exception):
+                observer.close(None)
         with suppress(RecordingError):
             recorder.close()
-        if video:
-            video.close()
         raise
     progress.mark(Phase.FINISHING)
+    findings = [observer.close(episode.ended_by) for observer in observers]
     recorder.close()
-    remarks = video.close() if video else {}
-    write_result(make_result(episode, plan.seed, remarks), plan.output_dir)
+    write_result(make_result(episode, plan.seed, findings), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
 
 
 def _run(
-    plan: RunPlan, recorder: McapRecorder | NullRecorder, progress: Progress, stop: _StopSignal, watchers: list[Any]
+    plan: RunPlan,
+    recorder: McapRecorder | NullRecorder,
+    progress: Progress,
+    stop: _StopSignal,
+    observers: Sequence[Observer],
 ) -> Episode:
     simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
     robot = plan.robot_application or BUILT_IN_AGENT
@@ -147,11 +152,12 @@ def _run(
         mark=progress.mark,
         stop=stop,
         recorder=recorder,
-        watchers=watchers,
+        watchers=observers,
     )
 
 
 def _factory(application: ApplicationPlan) -> Callable[..., Any]:
+    assert application.attribute is not None, "programs are not imported"
     return load_factory(application.attribute, application.path)
 
 

@@ -31,6 +31,14 @@ class RunStopped(BaseException):
     """Raised in application code that does not return after the run was told to stop."""
 
 
+class RunEnded(Exception):
+    """Raised by an observer that has seen enough; the run ends as one that came to its end by itself."""
+
+    def __init__(self, ended_by: str = "requirements") -> None:
+        super().__init__(ended_by)
+        self.ended_by = ended_by
+
+
 class Stop(Protocol):
     """Whether the run was told to stop."""
 
@@ -45,7 +53,11 @@ class PhysicsWatcher(Protocol):
     """Simulated time at which it wants to look next."""
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Looks, and moves `next_time_s` on."""
+        """Looks, and moves `next_time_s` on.
+
+        Raises:
+            RunEnded: The run is to end now.
+        """
         ...
 
 
@@ -134,6 +146,8 @@ def run_episode(
         loop.run(environment, agent, watchers)
     except RunStopped:
         loop.ended_by = stop.reason
+    except RunEnded as end:
+        loop.ended_by = end.ended_by
     except SystemExit as request:
         if request.code not in (None, 0):
             raise

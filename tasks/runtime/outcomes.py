@@ -59,7 +59,7 @@ def judge(
     Returns:
         The judgement. A run that was told to stop but had already ended by itself is judged by that.
     """
-    if ended is not None and ended.ended_by in ("environment", "agent"):
+    if ended is not None and ended.ended_by in ("environment", "agent", "requirements"):
         return Judgement("Completed")
     if stopped_for == "duration limit":
         return Judgement("Completed", timed_out=True)

@@ -1,7 +1,8 @@
 """What a run reports, and how `result.json` is written."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -43,11 +44,25 @@ class ReportingEnvironment(Protocol):
 
 
 @dataclass(frozen=True)
+class Findings:
+    """What an observer of the run adds to its result."""
+
+    extra: dict[str, Any] = field(default_factory=dict)
+    """Remarks by name, as plain JSON values."""
+
+    metrics: dict[str, float] = field(default_factory=dict)
+    """Numbers by name with unit."""
+
+    requirements: list[Requirement] = field(default_factory=list)
+    """Judged requirements; one that is not satisfied makes the verdict FAIL."""
+
+
+@dataclass(frozen=True)
 class Episode:
     """How a run's loop ended, before it is written down."""
 
     ended_by: str
-    """`environment`, `agent`, or one of `progress.STOP_REASONS`."""
+    """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
 
     report: EnvironmentReport
     """What the environment said; empty when it says nothing."""
@@ -86,27 +101,33 @@ def read_report(environment: object) -> EnvironmentReport:
     return report
 
 
-def make_result(episode: Episode, seed: int, extra: dict[str, Any] | None = None) -> RunResult:
-    """Joins the environment's report with what the runtime measured.
+def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) -> RunResult:
+    """Joins the environment's report with what the runtime and its observers measured.
 
     Args:
         episode: How the loop ended.
         seed: Seed of the run.
-        extra: Remarks of the runtime itself, merged over the environment's own `extra`.
+        findings: What observers add; their remarks and metrics go over the environment's own.
 
     Returns:
         The content of `result.json`; numbers that are not finite are moved from the metrics to `extra`
         as text, because JSON has none.
     """
     report = episode.report
-    finite = {name: value for name, value in report.metrics.items() if math.isfinite(value)}
-    remarks = {**report.extra, **(extra or {})}
-    if len(finite) < len(report.metrics):
-        remarks["not_finite"] = {name: str(report.metrics[name]) for name in report.metrics.keys() - finite.keys()}
+    metrics = dict(report.metrics)
+    remarks = dict(report.extra)
+    requirements = list(report.requirements)
+    for finding in findings:
+        metrics |= finding.metrics
+        remarks |= finding.extra
+        requirements += finding.requirements
+    finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
+    if len(finite) < len(metrics):
+        remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
     return RunResult(
-        verdict=report.verdict,
+        verdict=_verdict(report.verdict, [item for finding in findings for item in finding.requirements]),
         summary=report.summary,
-        requirements=report.requirements,
+        requirements=requirements,
         metrics={"steps": float(episode.steps), **finite},
         rooms=report.rooms,
         collisions=report.collisions[:MAX_COLLISIONS],
@@ -119,6 +140,13 @@ def make_result(episode: Episode, seed: int, extra: dict[str, Any] | None = None
         versions=versions(),
         extra=remarks,
     )
+
+
+def _verdict(judged: Verdict, added: Sequence[Requirement]) -> Verdict:
+    """The environment's verdict together with requirements that it knows nothing of."""
+    if not all(requirement.satisfied for requirement in added):
+        return "FAIL"
+    return "PASS" if added and judged == "NONE" else judged
 
 
 def write_result(result: RunResult, output_dir: Path) -> Path:

@@ -15,6 +15,7 @@ from PIL import Image as PillowImage
 
 from .cameras import Camera, GlCamera, Image, RayCamera
 from .loop import raw_physics
+from .results import Findings
 
 VIDEO_FILE = "video.mp4"
 POSTER_FILE = "poster.png"
@@ -65,12 +66,16 @@ class VideoWatcher:
         except Exception:
             self._give_up()
 
-    def close(self) -> dict[str, Any]:
+    def close(self, ended_by: str | None) -> Findings:
         """Finishes the files.
+
+        Args:
+            ended_by: What ended the run; None when it failed. The film is finished in any case.
 
         Returns:
             Remarks for the result: `video_backend`, or `video_error` with the reason there is no video.
         """
+        del ended_by
         try:
             if self._encoder is not None and self._poster is not None:
                 self._encoder.close()
@@ -82,7 +87,7 @@ class VideoWatcher:
         if self._error is None and self._encoder is None:
             self._error = "the environment has no `physics` to film"
             sys.stderr.write(f"No video: {self._error}.\n")
-        return {"video_error": self._error} if self._error else {"video_backend": self._backend}
+        return Findings({"video_error": self._error} if self._error else {"video_backend": self._backend})
 
     def _picture(self, environment: Any) -> Image:
         model, data = raw_physics(environment.physics)

@@ -9,6 +9,7 @@ from prefect_robomaker.schemas.simulation_run import Collision, RunResult
 from prefect_robomaker.tasks.runtime.results import (
     EnvironmentReport,
     Episode,
+    Findings,
     make_result,
     read_report,
     write_result,
@@ -50,7 +51,7 @@ def test_long_lists_are_cut() -> None:
 
 def test_written_whole_and_read_back(tmp_path: Path) -> None:
     report = EnvironmentReport(verdict="PASS", metrics={"a_m": 1.5, "b": float("inf")}, extra={"kept": [1]})
-    result = make_result(episode(report), 7, {"video_error": "no driver"})
+    result = make_result(episode(report), 7, [Findings({"video_error": "no driver"})])
     path = write_result(result, tmp_path)
     assert RunResult.model_validate_json(path.read_bytes()) == result
     assert result.real_time_factor == 4.0

@@ -134,7 +134,7 @@ class TestVideoWatcher:
         for i in range(round(until_s / step_s) + 1):
             if i * step_s >= watcher.next_time_s - 5e-7:
                 watcher.watch(environment, i * step_s)
-        return watcher.close()
+        return watcher.close("environment").extra
 
     @pytest.mark.parametrize("step_s", [0.02, 0.5])
     def test_length_and_content(self, physics: Any, tmp_path: Path, step_s: float) -> None:
@@ -157,7 +157,8 @@ class TestVideoWatcher:
         assert "No video: it could not be made with rays." in capsys.readouterr().err
 
     def test_nothing_to_film(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert VideoWatcher(tmp_path, "rays").close() == {"video_error": "the environment has no `physics` to film"}
+        remarks = VideoWatcher(tmp_path, "rays").close("environment").extra
+        assert remarks == {"video_error": "the environment has no `physics` to film"}
         assert "No video" in capsys.readouterr().err
 
     def test_a_new_model_gets_a_new_camera(self, physics: Any, tmp_path: Path) -> None:
@@ -167,7 +168,7 @@ class TestVideoWatcher:
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         watcher.watch(SimpleNamespace(physics=SimpleNamespace(model=model, data=data)), 1 / 15)
-        watcher.close()
+        watcher.close("environment")
         assert dominant(np.asarray(Image.open(tmp_path / "poster.png")), 0.5, 0.33) == "blue"
 
 

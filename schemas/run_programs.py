@@ -1,0 +1,46 @@
+"""Programs of a simulation run: applications that are processes of their own, and tools beside them."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from .base import Model
+from .simulation_job_configs import ExitBehavior
+
+ApplicationRole = Literal["robot", "simulation"]
+ProgramKind = Literal["application", "tool"]
+FailureBehavior = Literal["Fail", "Continue"]
+
+
+class ProgramPlan(Model):
+    """One program, resolved to something that can be executed on this machine."""
+
+    name: str = Field(description="Unique in the run; names its logs: `robot`, `simulation`, `robot-<tool>`.")
+    role: ApplicationRole = Field(description="The application that it is, or beside which it runs.")
+    kind: ProgramKind = Field(description="An application, whose end ends the job, or a tool.")
+    argv: list[str] = Field(min_length=1, description="Program and arguments, as for `execvpe`.")
+    folder: Path = Field(description="Its working directory.")
+    environment: dict[str, str] = Field(
+        default={}, description="Variables besides those that every process of the run has."
+    )
+    exit_behavior: ExitBehavior = Field(default="FAIL", description="Of a tool: what its end means.")
+    cleanup_argv: list[str] | None = Field(
+        default=None, description="Ends what killing the process does not reach, such as `docker rm -f NAME`."
+    )
+
+
+class PortPlan(Model):
+    """One port of an application that is reachable under another number, on this machine only."""
+
+    job_port: int = Field(ge=1, le=65535, description="Port on 127.0.0.1.")
+    application_port: int = Field(ge=1024, le=65535, description="Port that the application listens on.")
+
+
+class ComputeLimits(Model):
+    """What a run may use of the machine."""
+
+    cpus: int | None = Field(default=None, ge=1, description="Processor cores at most; absent: all there are.")
+    memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
+    processes: int | None = Field(default=1024, ge=1, description="Processes and threads at once; absent: no limit.")
+    gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")

@@ -1,0 +1,44 @@
+"""What watches a run: films it, judges it, takes notes of its state.
+
+An observer looks at the physics from time to time and says at the end what it found. It must not change
+the run: with and without it, the same seed gives the same states.
+"""
+
+from typing import Any, Protocol
+
+from ...schemas.simulation_run import RunPlan
+from .results import Findings
+from .video import VideoWatcher
+
+
+class Observer(Protocol):
+    """A watcher of the run's loop (see `loop.PhysicsWatcher`) with something to say at its end."""
+
+    next_time_s: float
+    """Simulated time at which it wants to look next."""
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Looks, and moves `next_time_s` on.
+
+        Raises:
+            RunEnded: The run is to end now.
+        """
+        ...
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Finishes its files and returns what it found.
+
+        Called once, also when the run failed.
+
+        Args:
+            ended_by: What ended the run; None when it failed.
+        """
+        ...
+
+
+def make_observers(plan: RunPlan, video_backend: str | None) -> list[Observer]:
+    """Returns the observers that a plan asks for, in the order in which they look."""
+    observers: list[Observer] = []
+    if plan.video != "none":
+        observers.append(VideoWatcher(plan.output_dir, video_backend))
+    return observers
