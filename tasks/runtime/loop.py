@@ -9,17 +9,16 @@ from typing import Any, Protocol
 
 import dm_env
 import mujoco
-import numpy as np
 from dm_control.rl.control import PhysicsError
 
-from . import messages as ros
 from .context import ActionError, Recorder
+from .joint_states import JointStateWatcher
+from .physics import raw_physics
 from .progress import Phase
 from .results import EnvironmentReport, Episode, read_report
 
 Agent = Callable[[dm_env.TimeStep], Any]
 
-_JOINT_STATE_RATE_HZ = 50.0
 _BAD_STATE_WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -59,44 +58,6 @@ class PhysicsWatcher(Protocol):
             RunEnded: The run is to end now.
         """
         ...
-
-
-class JointStateWatcher:
-    """Records `/clock` and `/joint_states` for environments that record nothing themselves."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self.next_time_s = 0.0
-        self._recorder = recorder
-        self._model: object = None
-        self._names: tuple[str, ...] = ()
-        self._qpos = self._qvel = np.zeros(0, dtype=np.intp)
-
-    def watch(self, environment: Any, time_s: float) -> None:
-        """Records the hinges and slides of the model; effort is the actuators' force on each."""
-        model, data = raw_physics(environment.physics)
-        if model is not self._model:
-            self._prepare(model)
-        stamp = ros.Time.from_seconds(time_s)
-        self._recorder.write("/clock", ros.Clock(stamp), time_s)
-        if self._names:
-            message = ros.JointState(
-                ros.Header(stamp, ""),
-                self._names,
-                data.qpos[self._qpos],
-                data.qvel[self._qvel],
-                data.qfrc_actuator[self._qvel],
-            )
-            self._recorder.write("/joint_states", message, time_s)
-        # From now rather than from the time it was due: control steps may be longer than the interval.
-        self.next_time_s = time_s + 1.0 / _JOINT_STATE_RATE_HZ
-
-    def _prepare(self, model: mujoco.MjModel) -> None:
-        self._model = model
-        simple = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
-        joints = np.flatnonzero(simple)
-        self._names = tuple(model.joint(int(j)).name or f"joint_{j}" for j in joints)
-        self._qpos = model.jnt_qposadr[joints]
-        self._qvel = model.jnt_dofadr[joints]
 
 
 def run_episode(
@@ -275,11 +236,6 @@ def _check_for_divergence(physics: Any, time_s: float) -> None:
         if data.warning[warning].number:
             text = mujoco.mju_warningText(warning, int(data.warning[warning].lastinfo))
             raise PhysicsError(f"the simulation diverged after {time_s:.3f} s: {text}")
-
-
-def raw_physics(physics: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Returns MuJoCo's own model and data behind a dm_control physics, or behind an object that has them."""
-    return getattr(physics.model, "ptr", physics.model), getattr(physics.data, "ptr", physics.data)
 
 
 def _control_timestep(environment: Any) -> Any:

@@ -14,7 +14,7 @@ import mujoco
 from PIL import Image as PillowImage
 
 from .cameras import Camera, GlCamera, Image, RayCamera
-from .loop import raw_physics
+from .physics import raw_physics
 from .results import Findings
 
 VIDEO_FILE = "video.mp4"
