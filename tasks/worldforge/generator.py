@@ -23,7 +23,7 @@ from .seeds import seeds_for
 
 __all__ = ["GENERATOR_VERSION", "MAX_ATTEMPTS", "generate_world", "seeds_for"]
 
-GENERATOR_VERSION = "2.0.0"
+GENERATOR_VERSION = "2.1.0"
 """Changes whenever the same seeds give other worlds."""
 
 MAX_ATTEMPTS = 8

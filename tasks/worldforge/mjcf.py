@@ -2,8 +2,9 @@
 
 | name | what |
 | --- | --- |
-| `ground` | the plane that everything stands on, not drawn (group 3) |
-| `floor_<room>_<n>`, `ceiling_<room>_<n>` | drawn only; ceilings are in group 4, which cameras leave out by default |
+| `floor_<room>_<n>` | slabs that everything stands on, each with the friction of its material |
+| `ground` | the plane below them, not drawn (group 3) |
+| `ceiling_<room>_<n>` | drawn only, in group 4, which cameras leave out by default |
 | `wall_<n>`, `wall_<n>_left`, `wall_<n>_right` | walls and lintels; two halves where the two faces differ |
 | `window_<n>_frame`, `window_<n>_glass` | drawn only |
 | `<furniture id>.<part>` | parts of furniture; those for the eye only are in group 2 and never collide |
@@ -28,6 +29,9 @@ from .textures import texture_size_m
 
 TEXTURES_FOLDER = "textures"
 """Where a textured model has its pictures, beside itself."""
+
+SLAB_M = 0.1
+"""Thickness of the floors, whose tops are at 0."""
 
 WINDOW_SILL_M = 0.9
 WINDOW_HEAD_M = 2.1
@@ -69,7 +73,7 @@ def world_mjcf(world: World, *, textured: bool = False) -> str:
         "  </asset>",
         "  <worldbody>",
         *_cameras(world),
-        *_ground(world),
+        f'    <geom name="ground" type="plane" pos="0 0 {-SLAB_M:g}" size="0 0 1" group="3"/>',
     ]
     for index, room in enumerate(plan.rooms):
         lines += _surfaces(index, room, plan.ceiling_height_m)
@@ -136,22 +140,18 @@ def _cameras(world: World) -> Iterator[str]:
     yield f'    <light name="sun" type="directional" castshadow="true" {light}/>'
 
 
-def _ground(world: World) -> Iterator[str]:
-    """One plane for all rooms: wheels would bump over the seams between boxes.
-
-    Its friction is the mean of the floors', weighted by area.
-    """
-    rooms = world.floorplan.rooms
-    friction = sum(FLOORS[room.floor_material].friction * room.area_m2 for room in rooms)
-    friction /= sum(room.area_m2 for room in rooms)
-    yield f'    <geom name="ground" type="plane" size="0 0 1" group="3" friction="{_numbers(friction)} 0.005 0.0001"/>'
-
-
 def _surfaces(index: int, room: Room, ceiling_m: float) -> Iterator[str]:
+    """The floor and the ceiling of a room.
+
+    Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
+    touch, so a wheel whose own is below the floor's grips as well as the floor lets it.
+    """
+    grip = _numbers(FLOORS[room.floor_material].friction, 0.005, 0.0001)
     for number, (x0, y0, x1, y1) in enumerate(room_rects(room)):
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
-        floor = f'type="plane" pos="{_numbers(*middle, 0)}" size="{_numbers(*half, 1)}"'
-        yield f'    <geom name="floor_{index}_{number}" {floor} material="{surface_name("floor", room)}" {_VISUAL}/>'
+        slab = f'type="box" pos="{_numbers(*middle, -SLAB_M / 2)}" size="{_numbers(*half, SLAB_M / 2)}"'
+        material = surface_name("floor", room)
+        yield f'    <geom name="floor_{index}_{number}" {slab} material="{material}" friction="{grip}"/>'
         ceiling = f'type="box" pos="{_numbers(*middle, ceiling_m + 0.05)}" size="{_numbers(*half, 0.05)}"'
         hidden = _VISUAL.replace('group="2"', 'group="4"')
         yield f'    <geom name="ceiling_{index}_{number}" {ceiling} rgba="0.96 0.95 0.93 1" {hidden}/>'

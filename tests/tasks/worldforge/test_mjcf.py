@@ -8,6 +8,7 @@ import pytest
 
 from prefect_robomaker.schemas.world import World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.materials import FLOORS
 from prefect_robomaker.tasks.worldforge.mjcf import surfaces, world_mjcf
 
 from .conftest import MakeBody
@@ -162,6 +163,45 @@ def test_floors_of_different_material_look_and_grip_differently(make_body: MakeB
         model = mujoco.MjModel.from_xml_string(world_mjcf(world))
         [name] = [name for name in surfaces(world) if name.startswith("floor_")][:1]
         seen[material] = tuple(model.mat(name).rgba)
-        grip[material] = float(model.geom("ground").friction[0])
+        floors = [model.geom(g) for g in range(model.ngeom) if model.geom(g).name.startswith("floor_")]
+        assert len({float(floor.friction[0]) for floor in floors}) == 1
+        grip[material] = float(floors[0].friction[0])
     assert len(set(seen.values())) == 6
     assert grip["Carpet"] > grip["Concrete"] > grip["Tiles"]
+
+
+def test_what_slides_stops_sooner_on_carpet_than_on_tiles(make_body: MakeBody) -> None:
+    flooring = [
+        {"Name": name, "TargetSet": {"RoomTypes": [room]}, "SampleSet": {"MaterialTypes": [name]}}
+        for name, room in (("Tiles", "Kitchen"), ("Carpet", "Bedroom"))
+    ]
+    rooms = (("Living", "Living", 26.0), ("Kitchen", "Kitchen", 14.0), ("Bedroom", "Bedroom", 16.0))
+    plan = generate_world(make_body(rooms, flooring=flooring), 1, 1, settle=False).model_copy(update={"furniture": []})
+    slid_m = {}
+    for room in plan.floorplan.rooms:
+        world = mujoco.MjSpec.from_string(world_mjcf(plan))
+        puck = world.worldbody.add_body(name="puck", pos=[*room.goal, 0.05])
+        puck.add_freejoint()
+        puck.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.05], friction=[0.1, 0.005, 0.0001])
+        model = world.compile()
+        data = mujoco.MjData(model)
+        data.qvel[0] = 1.5
+        start_m = float(data.qpos[0])
+        mujoco.mj_step(model, data, nstep=500)
+        slid_m[room.floor_material] = abs(float(data.qpos[0]) - start_m)
+        expected_m = 1.5**2 / (2 * FLOORS[room.floor_material].friction * 9.81)
+        assert slid_m[room.floor_material] == pytest.approx(expected_m, rel=0.15)
+    assert slid_m["Carpet"] < slid_m["Tiles"]
+
+
+def test_floors_are_flush_and_leave_no_gap_in_doorways(flat: World, model: mujoco.MjModel) -> None:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    below = np.array([0.0, 0.0, -1.0])
+    geom = np.zeros(1, np.int32)
+    for passage in flat.floorplan.passages:
+        spots = np.linspace(passage.start, passage.end, 9)[1:-1]
+        for x, y in spots:
+            depth_m = mujoco.mj_ray(model, data, np.array([x, y, 0.01]), below, None, 1, -1, geom)
+            assert depth_m == pytest.approx(0.01, abs=1e-6)
+            assert model.geom(int(geom[0])).name.startswith("floor_")

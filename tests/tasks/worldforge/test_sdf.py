@@ -212,11 +212,11 @@ def test_the_floor_grips_as_in_mujoco_and_ceilings_face_down(bundles: dict[str, 
     scene = read_scene(next(iter(bundles.values())))
     building = ET.fromstring(model_files(scene.things[0], "model", scene.model)["model.sdf"])
     collisions = {element.get("name"): element for element in building.iter("collision")}
-    planes = [element for element in collisions.values() if element.find("geometry/plane") is not None]
-    assert planes
-    for plane in planes:
-        geom = (plane.get("name") or "").removesuffix("-collision")
-        friction = float(plane.findtext("surface/friction/ode/mu") or 0)
+    floors = {(name or "").removesuffix("-collision"): element for name, element in collisions.items()}
+    floors = {name: element for name, element in floors.items() if name.startswith(("floor_", "ground"))}
+    assert len(floors) > len(scene.world.floorplan.rooms)
+    for geom, floor in floors.items():
+        friction = float(floor.findtext("surface/friction/ode/mu") or 0)
         assert friction == pytest.approx(scene.model.geom(geom).friction[0], abs=1e-3)
     ceilings = [element for element in building.iter("visual") if (element.get("name") or "").startswith("ceiling")]
     assert len(ceilings) >= len(scene.world.floorplan.rooms)
