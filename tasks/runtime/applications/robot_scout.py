@@ -34,6 +34,9 @@ _SERVO_GAIN = 0.2
 _SERVO_TORQUE_NM = 0.15
 """Two wheels push with at most 7.5 N: they stall against furniture instead of climbing it."""
 
+_TYRE_FRICTION = 0.6
+"""Below that of every floor of a generated world: MuJoCo takes the larger of the two, so the floor decides."""
+
 _BUMPER_SOLREF = (0.06, 1.0)
 """The body yields like a sprung bumper: 70 N when it hits a wall at full speed, where a stiff one takes 200 N."""
 
@@ -135,7 +138,7 @@ def _add_wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, y: float) -
     wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.0005, damping=0.001)
     wheel.add_geom(
         name=name, type=_SPHERE, size=[WHEEL_RADIUS_M, 0, 0], mass=0.15, rgba=[0, 0, 0, 0],
-        friction=[1.0, 0.005, 0.0001],
+        friction=[_TYRE_FRICTION, 0.005, 0.0001],
     )  # fmt: skip
     _look_wheel(wheel)
     actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
