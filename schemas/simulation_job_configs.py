@@ -20,6 +20,7 @@ from .common import (
     text,
     unique_names,
 )
+from .globs import Glob
 
 Command = Annotated[str, ShapeName("Command"), text(1, 1024, r"[a-zA-Z0-9_.\-]*")]
 CommandList = Annotated[list[NonEmptyString], ShapeName("CommandList")]
@@ -40,6 +41,10 @@ Boolean = Annotated[bool, ShapeName("Boolean")]
 # Deprecated members are marked in the JSON Schema only: reading one must not warn.
 _DEPRECATED: dict[str, bool] = {"deprecated": True}
 ARCHIVE_SUFFIXES = (".zip", ".tar.gz")
+UPLOAD_ROOTS = ("/home/robomaker/", "/var/log")
+"""What the path of an upload configuration begins with."""
+KEPT_FOLDERS = ("/home/robomaker", "/opt/robomaker/datasources", "/var/log", "/tmp")  # noqa: S108 - the job's own
+"""Folders of a job that no data source may replace."""
 
 
 def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
@@ -93,12 +98,28 @@ def _stays_inside(path: str) -> str:
     return path
 
 
+def _can_be_uploaded(path: str) -> str:
+    if not path.startswith(UPLOAD_ROOTS):
+        raise ValueError(f"{path!r} has to begin with {' or '.join(UPLOAD_ROOTS)}")
+    Glob(path)
+    return path
+
+
+def _can_be_replaced(path: str) -> str:
+    parts = PurePosixPath(path).parts
+    if parts[:1] != ("/",) or "\0" in path:
+        raise ValueError(f"{path!r} has to be an absolute path, such as /home/robomaker/maps")
+    if any(PurePosixPath(kept).is_relative_to(path) for kept in KEPT_FOLDERS):
+        raise ValueError(f"{path!r} would be replaced as a whole; give a folder of the data's own, such as {path}/data")
+    return path
+
+
 class UploadConfiguration(Shape):
     """Files of the application that are put into the output location."""
 
     name: Name = Field(description="Folder of these files below the job's outputs; unique in the application.")
-    path: Annotated[Path, AfterValidator(_stays_inside)] = Field(
-        description="Which files: a glob, `**` crosses folders; not upwards with `..`."
+    path: Annotated[Path, AfterValidator(_stays_inside), AfterValidator(_can_be_uploaded)] = Field(
+        description="Which files: a glob below `/home/robomaker/` or `/var/log`; `**` crosses folders."
     )
     uploadBehavior: UploadBehavior = Field(description="When: once at the end, or again and again, removing them.")
 
@@ -173,7 +194,9 @@ class DataSourceConfig(Shape):
     type: DataSourceType | None = Field(
         default=None, description="File (the default): keys; Archive: keys of archives to unpack; Prefix: prefixes."
     )
-    destination: Path | None = Field(default=None, description="Folder where the job finds them.")
+    destination: Annotated[Path, AfterValidator(_stays_inside), AfterValidator(_can_be_replaced)] | None = Field(
+        default=None, description="Folder where the job finds them, an absolute path; it is replaced as a whole."
+    )
 
     @model_validator(mode="after")
     def _archives_are_archives(self) -> Self:
