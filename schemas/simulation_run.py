@@ -7,8 +7,10 @@
 | --- | --- |
 | `result.json` | `RunResult` |
 | `recording.mcap` | ROS 2 messages |
+| `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
 | `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
 | `video.mp4`, `poster.png` | when asked for |
+| `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
 """
 
 from datetime import datetime
@@ -18,9 +20,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .base import Model, ShapeName
+from .requirements import JobRequirements
 from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, PortPlan, ProgramPlan
 
-Verdict = Literal["PASS", "FAIL", "NONE"]
+Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
 VideoPolicy = Annotated[Literal["none", "always"], ShapeName("VideoPolicy")]
 
 
@@ -57,6 +60,12 @@ class RunPlan(Model):
     )
     work_dir: Path = Field(description="Scratch folder, the process's working directory.")
     output_dir: Path = Field(description="Where outputs are written.")
+    checkpoint_dir: Path | None = Field(
+        default=None, description="Where checkpoints are kept, and continued from if there are any; absent: none."
+    )
+    checkpoint_every_s: float | None = Field(
+        default=5.0, gt=0, description="Simulated time between two checkpoints; absent: none are made."
+    )
     simulation_application: ApplicationPlan | None = Field(
         default=None, description="Makes the environment; absent: `indoor-navigation`."
     )
@@ -69,6 +78,7 @@ class RunPlan(Model):
     )
     record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
     video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
+    requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
 
     @property
     def has_episode(self) -> bool:
@@ -103,6 +113,24 @@ class Requirement(Model):
     name: str = Field(description="Short name, `rooms_visited`.")
     satisfied: bool = Field(description="Whether it held.")
     detail: str = Field(description="Value found and value asked for, in words.")
+    kind: str | None = Field(default=None, description="What kind of requirement; absent: the environment's own.")
+    error: str | None = Field(
+        default=None, description="Why it could not be judged; the verdict is ERROR then. Absent: it was judged."
+    )
+    counts: bool = Field(
+        default=True,
+        description="Whether the verdict depends on it; what an environment asks for beyond the goals at which the "
+        "job ends its run does not.",
+    )
+    value: float | None = Field(default=None, description="The worst value found.")
+    limit: float | None = Field(default=None, description="The value asked for.")
+    unit: str | None = Field(default=None, description="Unit of value, limit and margin: `m`, `N`, `s`.")
+    margin: float | None = Field(
+        default=None, description="How far the value is on the right side of the limit; negative: on the wrong one."
+    )
+    first_violation_s: float | None = Field(
+        default=None, description="Simulated time at which it was first found violated; absent: never."
+    )
 
 
 class RoomVisit(Model):
@@ -128,7 +156,10 @@ class RunResult(Model):
     """Content of `result.json`."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
-    verdict: Verdict = Field(description="PASS, FAIL, or NONE when the environment judges nothing.")
+    verdict: Verdict = Field(
+        description="PASS, FAIL (the robot did badly), ERROR (something broke, so that it could not be judged), or "
+        "NONE when nothing is judged."
+    )
     summary: str = Field(default="", description="One sentence for a person.")
     requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
     metrics: dict[str, float] = Field(
@@ -145,4 +176,7 @@ class RunResult(Model):
     ended_by: str = Field(description="`environment`, `agent`, `requirements`, `duration limit` or `canceled`.")
     seed: int = Field(description="Seed of the run.")
     versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
+    state_digest: str | None = Field(
+        default=None, description="Digest of all states of the physics; absent when there is no physics."
+    )
     extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")

@@ -26,6 +26,7 @@ from .logs import redirect_output
 from .loop import RunStopped, run_episode
 from .observers import Observer, make_observers
 from .progress import Phase, Progress
+from .provenance import machine_facts
 from .recording import McapRecorder, NullRecorder, RecordingError
 from .results import RESULT_FILE, Episode, make_result, versions, write_result
 
@@ -41,6 +42,7 @@ BUILT_IN_AGENT = ApplicationPlan(
 _RUNTIME_FOLDER = str(Path(__file__).parent)
 _MAX_ERROR_CHARACTERS = 2000
 versions()  # read once, before forking
+machine_facts()
 
 
 class RunRequest(Model):
@@ -108,7 +110,7 @@ def _take_on(run: RunRequest) -> None:
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     plan = run.plan
     recorder = McapRecorder(plan.output_dir / RECORDING_FILE) if plan.record else NullRecorder()
-    observers = make_observers(plan, run.video_backend)
+    observers = make_observers(plan, run.video_backend, _applications(plan))
     try:
         episode = _run(plan, recorder, progress, stop, observers)
     except BaseException:
@@ -133,8 +135,7 @@ def _run(
     stop: _StopSignal,
     observers: Sequence[Observer],
 ) -> Episode:
-    simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
-    robot = plan.robot_application or BUILT_IN_AGENT
+    simulation, robot = _applications(plan)
     context = SimulationContext(
         plan=plan,
         rng=np.random.default_rng(plan.seed),
@@ -154,6 +155,11 @@ def _run(
         recorder=recorder,
         watchers=observers,
     )
+
+
+def _applications(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
+    """What makes the environment and the agent."""
+    return plan.simulation_application or BUILT_IN_ENVIRONMENT, plan.robot_application or BUILT_IN_AGENT
 
 
 def _factory(application: ApplicationPlan) -> Callable[..., Any]:

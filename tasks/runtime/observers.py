@@ -4,9 +4,11 @@ An observer looks at the physics from time to time and says at the end what it f
 the run: with and without it, the same seed gives the same states.
 """
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
-from ...schemas.simulation_run import RunPlan
+from ...schemas.simulation_run import ApplicationPlan, RunPlan
+from .provenance import ProvenanceKeeper
 from .results import Findings
 from .video import VideoWatcher
 
@@ -36,9 +38,17 @@ class Observer(Protocol):
         ...
 
 
-def make_observers(plan: RunPlan, video_backend: str | None) -> list[Observer]:
-    """Returns the observers that a plan asks for, in the order in which they look."""
-    observers: list[Observer] = []
+def make_observers(
+    plan: RunPlan, video_backend: str | None, applications: Sequence[ApplicationPlan] = ()
+) -> list[Observer]:
+    """Returns the observers that a plan asks for, in the order in which they look.
+
+    Args:
+        plan: The run.
+        video_backend: How to render; None: no video.
+        applications: What makes environment and agent, built-in ones included.
+    """
+    observers: list[Observer] = [ProvenanceKeeper(plan, applications)]
     if plan.video != "none":
         observers.append(VideoWatcher(plan.output_dir, video_backend))
     return observers

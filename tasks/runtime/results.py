@@ -56,6 +56,9 @@ class Findings:
     requirements: list[Requirement] = field(default_factory=list)
     """Judged requirements; one that is not satisfied makes the verdict FAIL."""
 
+    state_digest: str | None = None
+    """Digest of the run's states."""
+
 
 @dataclass(frozen=True)
 class Episode:
@@ -138,6 +141,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
         ended_by=episode.ended_by,
         seed=seed,
         versions=versions(),
+        state_digest=next((finding.state_digest for finding in findings if finding.state_digest), None),
         extra=remarks,
     )
 

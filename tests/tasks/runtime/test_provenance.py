@@ -1,0 +1,88 @@
+"""Every run says what its numbers depend on."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.provenance import PROVENANCE_FILE, Provenance
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.provenance import digest_of_folder, machine_facts
+
+CARTPOLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+
+
+@pytest.fixture
+def cartpole(make_plan: Callable[..., RunPlan]) -> Callable[..., RunPlan]:
+    def plan(path: Path | None = CARTPOLE, **members) -> RunPlan:
+        applications = {
+            "simulation_application": ApplicationPlan(
+                role="simulation", name="pole", attribute="my_cartpole.arena.make_environment", path=path
+            ),
+            "robot_application": ApplicationPlan(
+                role="robot", name="balancer", attribute="my_cartpole.agent.make_agent", path=path
+            ),
+        }
+        return make_plan(**{"record": False, **applications, **members})
+
+    return plan
+
+
+def read(plan: RunPlan) -> Provenance:
+    return Provenance.model_validate_json((plan.output_dir / PROVENANCE_FILE).read_bytes())
+
+
+def result_of(plan: RunPlan) -> RunResult:
+    return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
+
+
+def test_the_digest_repeats_with_the_seed_and_with_it_only(
+    launcher: Launcher, cartpole: Callable[..., RunPlan]
+) -> None:
+    plans = [cartpole(run_id=name, seed=seed) for name, seed in (("a", 1), ("b", 1), ("c", 2))]
+    for plan in plans:
+        assert launcher.run(plan, lambda: None).status == "Completed"
+    first, again, other = (result_of(plan).state_digest for plan in plans)
+    assert first == again != other
+    provenance = read(plans[0])
+    assert provenance.digest is not None
+    assert provenance.digest.value == first
+    assert provenance.digest.until_s == pytest.approx(result_of(plans[0]).sim_time_s)
+    assert (provenance.ended_by, provenance.plan.seed) == ("environment", 1)
+    assert [joint.name for joint in provenance.joints] == ["slider", "hinge"]
+    assert len(provenance.model_sha256 or "") == 64
+    assert provenance.machine == machine_facts()
+
+
+def test_a_changed_policy_has_another_digest(
+    launcher: Launcher, cartpole: Callable[..., RunPlan], tmp_path: Path
+) -> None:
+    changed = shutil.copytree(CARTPOLE, tmp_path / "changed", ignore=shutil.ignore_patterns("__pycache__"))
+    (changed / "my_cartpole" / "weights.bin").write_bytes(b"\x01\x02")
+    plans = [cartpole(run_id="a"), cartpole(run_id="b", path=changed)]
+    for plan in plans:
+        launcher.run(plan, lambda: None)
+    one, other = ([each.sha256 for each in read(plan).applications] for plan in plans)
+    assert one[0] == one[1] == digest_of_folder(CARTPOLE)
+    assert other[0] == other[1] == digest_of_folder(changed) != one[0]
+    assert result_of(plans[0]).state_digest == result_of(plans[1]).state_digest
+
+
+def test_a_run_that_fails_has_one_and_one_without_physics_has_no_digest(
+    launcher: Launcher, make_plan: Callable[..., RunPlan]
+) -> None:
+    fine, failing = make_plan(run_id="a"), make_plan(run_id="b", agent="make_failing_agent")
+    assert launcher.run(fine, lambda: None).status == "Completed"
+    assert launcher.run(failing, lambda: None).status == "Failed"
+    assert result_of(fine).state_digest is None
+    assert (read(fine).digest, read(fine).ended_by) == (None, "environment")
+    assert (read(failing).digest, read(failing).ended_by) == (None, None)
+
+
+def test_this_machine_says_what_matters() -> None:
+    facts = machine_facts()
+    assert set(facts.versions) == {"mujoco", "dm_control", "numpy", "scipy", "prefect_robomaker"}
+    assert facts.cpu_model
+    assert "glibc" in facts.libc
