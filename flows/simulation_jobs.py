@@ -7,6 +7,7 @@ from typing import Any
 from ..schemas.errors import InvalidParameterException, StateConflictError
 from ..schemas.lifecycles import is_terminal
 from ..schemas.operations import seed_of, video_of
+from ..schemas.requirement_orders import ordered_requirements
 from ..schemas.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
     BatchDescribeSimulationJobResponse,
@@ -159,6 +160,7 @@ def store_job(
             "requestIndex": batch[1] if batch else None,
             "seed": service.new_seed() if seed is None else seed,
             "video": video_of(request) or "none",
+            "requirements": [each.to_wire() for each in ordered_requirements(request)],
             "dataSources": data_sources,
             **applications,
         },

@@ -33,6 +33,10 @@ class Difference:
 
 SEED = "Extension: worlds and runs that can be made again from the same seed; the tag `robomaker:seed` says the same."
 VIDEO = "Extension: whether a run is filmed; the tag `robomaker:video` says the same."
+REQUIREMENTS = (
+    "Extension: what a run is judged by; the launch variable `ROBOMAKER_REQUIREMENTS` says the same as JSON. "
+    "See [Verdicts](verdicts.md)."
+)
 BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
@@ -42,6 +46,22 @@ LINE_BREAKS = "The pattern refuses nothing but line breaks, which real commands,
 
 _SEED_SHAPES = ("CreateSimulationJobRequest", "CreateWorldGenerationJobRequest", "SimulationJobRequest")
 _VIDEO_SHAPES = ("CreateSimulationJobRequest", "SimulationJobRequest")
+_REQUIREMENT_SHAPES = {
+    "BodyName": "string",
+    "Coordinate": "float",
+    "Count": "integer",
+    "DottedName": "string",
+    "JobRequirement": "structure",
+    "JobRequirementKind": "string",
+    "JobRequirements": "list",
+    "Metres": "float",
+    "NamePattern": "string",
+    "NamePatterns": "list",
+    "Newtons": "float",
+    "RequirementName": "string",
+    "RoomName": "string",
+    "Seconds": "float",
+}
 _NAMED_SHAPES = (
     "CreateRobotApplicationVersionRequest",
     "CreateSimulationApplicationVersionRequest",
@@ -84,6 +104,8 @@ DIFFERENCES: tuple[Difference, ...] = (
     Difference("Seed", "long", None, SEED),
     *(Difference(f"{shape}.video", "VideoPolicy", None, VIDEO) for shape in _VIDEO_SHAPES),
     Difference("VideoPolicy", "string", None, VIDEO),
+    *(Difference(f"{shape}.requirements", "JobRequirements", None, REQUIREMENTS) for shape in _VIDEO_SHAPES),
+    *(Difference(shape, kind, None, REQUIREMENTS) for shape, kind in _REQUIREMENT_SHAPES.items()),
     *(Difference(f"{shape}.application", "ApplicationReference", "Arn", BARE_NAME) for shape in _NAMED_SHAPES),
     Difference("ApplicationReference", "string", None, BARE_NAME),
     *(

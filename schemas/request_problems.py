@@ -3,7 +3,7 @@
 import difflib
 import re
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -50,7 +50,7 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
       error: what validation raised.
       model: the model it was validated against.
     """
-    found = error.errors(include_url=False)
+    found = [_without_tags(details, model) for details in error.errors(include_url=False)]
     misspelt = misspelt_members(found)
     return [
         _problem(details, model) for details in found if details["type"] != "missing" or details["loc"] not in misspelt
@@ -86,10 +86,13 @@ def misspelt_members(found: Iterable[ErrorDetails]) -> set[Location]:
 def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
     location = details["loc"]
     kind = details["type"]
+    if kind.startswith("union_tag"):
+        return _unknown_tag(details)
     if kind == "missing":
-        return RequestProblem(location, f"is missing{_described(model, location)}")
+        tagged = details.get("ctx", {}).get("tagged", location)
+        return RequestProblem(location, f"is missing{_described(model, tagged)}")
     if kind == "extra_forbidden":
-        members = _members(_model_at(model, location[:-1]))
+        members = _members(_model_at(model, details.get("ctx", {}).get("tagged", location)[:-1]))
         hint = nearest(str(location[-1]), members) or f"; known are {', '.join(members)}"
         return RequestProblem(location, f"is not known{hint}", about_key=True)
     if kind == "value_error":
@@ -124,10 +127,14 @@ _WANTED = {
     "literal_error": "it has to be {expected}",
     "string_type": "it has to be text",
     "int_type": "it has to be a whole number",
+    "greater_than": "it has to be above {gt}",
+    "float_type": "it has to be a number",
+    "finite_number": "it has to be a finite number",
     "bool_type": "it has to be true or false",
     "list_type": "it has to be a list",
     "dict_type": "it has to be a mapping",
     "model_type": "it has to be a mapping",
+    "model_attributes_type": "it has to be a mapping",
 }
 
 
@@ -150,6 +157,7 @@ _PATTERNS = {
     r"[a-z0-9-]+": "of small letters, digits and -, such as us-east-1",
     r"[0-9]{12}": "12 digits",
     r"[A-Z_][A-Z0-9_]*": "of capital letters, digits and _, with no digit in front",
+    r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)+": "a dotted path, such as my_nav.rules.keeps_left",
     r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}": "of letters, digits, - and _, with a letter or digit in front",
 }
 _CHARACTERS = re.compile(r"\[a-zA-Z0-9(.*)\][*+]")
@@ -166,6 +174,30 @@ def pattern_in_words(pattern: str) -> str:
     return _PATTERNS.get(plain, f"text that matches {plain} as a whole")
 
 
+def _unknown_tag(details: ErrorDetails) -> RequestProblem:
+    """What is wrong with the member that says which of several models a mapping is."""
+    context = details.get("ctx", {})
+    tag, member = context.get("tag"), context["discriminator"].strip("'")
+    if tag is None:
+        return RequestProblem(details["loc"], f"has no {member}; it is required: it says what is meant")
+    known = re.findall("'([^']*)'", context["expected_tags"])
+    hint = nearest(tag, known) or f"; it has to be {' or '.join(map(repr, known))}"
+    return RequestProblem((*details["loc"], member), f"is {_shown(tag)}{hint}")
+
+
+def _without_tags(details: ErrorDetails, model: type[BaseModel]) -> ErrorDetails:
+    """A finding whose location is that in the request: validators put a model's tag in between.
+
+    The location with tags, which leads to the right one of several models, is kept in the context.
+    """
+    location = details["loc"]
+    tags = [index for index, kind in enumerate(_kinds(model, location)) if _is_choice(kind)]
+    if not tags:
+        return details
+    plain = tuple(step for index, step in enumerate(location) if index not in tags)
+    return {**details, "loc": plain, "ctx": {**details.get("ctx", {}), "tagged": location}}
+
+
 def _members(model: type[BaseModel] | None) -> list[str]:
     return list(model.model_fields) if model else []
 
@@ -178,21 +210,40 @@ def _described(model: type[BaseModel], location: Location) -> str:
 
 def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel] | None:
     """The model whose members are looked up at a location."""
+    kind: Any = [*_kinds(model, (*location, ""))][-1]
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def _kinds(model: type[BaseModel], location: Location) -> Iterator[Any]:
+    """What each step of a location is looked up in: a model, a collection, or a choice of models by their tag."""
     kind: Any = model
     for step in location:
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+        if _is_choice(kind):
+            kind = next((arm for arm in get_args(kind) if step in _tags(arm)), None)
+        elif isinstance(kind, type) and issubclass(kind, BaseModel):
             field = kind.model_fields.get(str(step))
             kind = _plain(field.annotation) if field else None
         elif get_origin(kind) in (list, dict):
             kind = _plain(get_args(kind)[-1])
-    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def _is_choice(kind: Any) -> bool:
+    return get_origin(kind) in (Union, types.UnionType)
+
+
+def _tags(model: type[BaseModel]) -> tuple[Any, ...]:
+    """The values by which a model is told from the others of a choice."""
+    return get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
 
 
 def _plain(annotation: Any) -> Any:
-    """An annotation without `Annotated` and `None`."""
+    """An annotation without `Annotated` and `None`; a choice between several models stays one."""
     origin = get_origin(annotation)
     if origin is Annotated:
         return _plain(get_args(annotation)[0])
     if origin in (Union, types.UnionType):
-        return _plain(next(each for each in get_args(annotation) if each is not type(None)))
+        present = [each for each in get_args(annotation) if each is not type(None)]
+        is_choice = len(present) > 1 and all(isinstance(each, type) and issubclass(each, BaseModel) for each in present)
+        return annotation if is_choice else _plain(present[0])
     return annotation

@@ -23,6 +23,8 @@ from .common import (
     TagMap,
 )
 from .operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
+from .requirement_orders import check_requirements
+from .requirements import JobRequirements
 from .simulation_job_configs import (
     Compute,
     ComputeResponse,
@@ -116,6 +118,9 @@ class SimulationJobOrder(Shape):
     compute: Compute | None = Field(default=None, description="What the job may use of the machine.")
     seed: Seed | None = Field(default=None, description="Extension: seed of the run's random generators.")
     video: VideoPolicy | None = Field(default=None, description="Extension: whether a video is made.")
+    requirements: JobRequirements | None = Field(
+        default=None, description="Extension: what the robot has to do, or must not do, for the verdict PASS."
+    )
 
     @model_validator(mode="after")
     def _members_agree(self) -> Self:
@@ -125,6 +130,7 @@ class SimulationJobOrder(Shape):
         uploads = any(each.uploadConfigurations or each.useDefaultUploadConfigurations for each in applications)
         if uploads and self.outputLocation is None:
             raise ValueError("uploadConfigurations need an outputLocation; add outputLocation.s3Bucket")
+        check_requirements(self)
         return self
 
 

@@ -5,7 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from ..schemas.errors import InvalidParameterException, LaunchError, ResourceNotFoundException, StorageError
+from ..schemas.requirement_orders import unknown_room
+from ..schemas.requirements import JobRequirement, parse_requirements, rooms_of
 from ..schemas.simulation_run import ApplicationPlan, ApplicationRole, RunPlan
+from ..schemas.world import World
 from .applications import LATEST, find_application, python_package
 from .bundles import application_bundle, world_bundle
 from .catalog import Resource
@@ -31,13 +34,14 @@ def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunP
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
+    world_dir = _world_dir(request, service)
     return RunPlan(
         job_id=job.id,
         job_arn=job.arn,
         run_id=run_id,
         seed=job.document["seed"],
         max_duration_s=float(request["maxJobDurationInSeconds"]),
-        world_dir=_world_dir(request, service),
+        world_dir=world_dir,
         data_dir=fetch_data_sources(job.document.get("dataSources") or [], folder / "data", service),
         work_dir=work_dir,
         output_dir=output_dir,
@@ -45,6 +49,7 @@ def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunP
         robot_application=_application("robot", request.get("robotApplications"), service),
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=job.document["video"],
+        requirements=_requirements(job, world_dir),
     )
 
 
@@ -56,6 +61,16 @@ def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
         return world_bundle(service.catalog.get(arn, kind="world"), service)
     except (ResourceNotFoundException, StorageError) as error:
         raise LaunchError(f"world {arn}: {error}", "ResourceNotFound") from error
+
+
+def _requirements(job: Resource, world_dir: Path | None) -> list[JobRequirement]:
+    """What the job orders, all of which can be judged in this world."""
+    requirements = parse_requirements(job.document.get("requirements", []), "requirements")
+    if world_dir is not None and rooms_of(requirements):
+        world = World.model_validate_json((world_dir / "world.json").read_bytes())
+        if problem := unknown_room(requirements, [room.name for room in world.floorplan.rooms]):
+            raise LaunchError(problem, "InvalidInput")
+    return requirements
 
 
 def world_arn(request: Mapping[str, Any]) -> str | None:

@@ -49,6 +49,8 @@ class _Maker:
         if "anyOf" in schema:
             present = [each for each in schema["anyOf"] if each != {"type": "null"}]
             return st.one_of([self.value(member, each) for each in present])
+        if "oneOf" in schema:
+            return st.one_of([self.value(member, each) for each in schema["oneOf"]])
         if "const" in schema or "enum" in schema:
             return st.sampled_from([schema["const"]] if "const" in schema else schema["enum"])
         make = getattr(self, f"_{schema.get('type', 'any')}")
@@ -65,7 +67,10 @@ class _Maker:
         return st.integers(low, min(schema.get("maximum", low + 1000), low + 1000))
 
     def _number(self, member: str, schema: Schema) -> st.SearchStrategy[float]:
-        return st.floats(schema.get("minimum"), schema.get("maximum"), allow_nan=False)
+        above = schema.get("exclusiveMinimum")
+        low = schema.get("minimum") if above is None else above
+        high = schema.get("maximum")
+        return st.floats(low, high, exclude_min=above is not None, allow_nan=False, allow_infinity=False)
 
     def _string(self, member: str, schema: Schema) -> st.SearchStrategy[str]:
         low, high = schema.get("minLength", 0), schema.get("maxLength", 20)

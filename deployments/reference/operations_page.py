@@ -155,7 +155,9 @@ def _interface_bullets(operation: OperationShape, tables: Tables) -> list[str]:
         for each in DIFFERENCES:
             place, _, trait = each.where.partition(":")
             if place in (f"{owner}.{member}", shape) and each.reason not in _FOR_ALL and each.where not in _WIDEST:
-                reasons.setdefault((each.reason, _bound(trait, each.ours)), {})[path] = None
+                paths = reasons.setdefault((each.reason, _bound(trait, each.ours)), {})
+                if not path.startswith(tuple(f"{outer}{mark}" for outer in paths for mark in ".[")):
+                    paths[path] = None
     return [
         f"- **{', '.join(f'`{path}`' for path in paths)}{bound}.** {reason}"
         for (reason, bound), paths in reasons.items()

@@ -91,12 +91,38 @@ class Shapes:
             metadata = tuple(rest)
         if isinstance(kind, type) and issubclass(kind, Shape):
             return self.add_structure(kind)
+        if get_origin(kind) in (Union, types.UnionType):
+            return self._choice(get_args(kind), next(each.name for each in metadata if isinstance(each, ShapeName)))
         names = [each for each in metadata if isinstance(each, ShapeName)] or [_UNNAMED.get(kind)]
         if (shape_name := names[-1]) is None:
             raise ValueError(f"{annotation} has no name; put a ShapeName into its metadata")
         definition = {**self._typed(kind, shape_name), **_limits(annotation, shape_name)}
         self._add(shape_name.name, definition)
         return shape_name.name
+
+    def _choice(self, models: tuple[type[Shape], ...], name: str) -> str:
+        """Adds one structure for a choice of models: service models know no choices, so it has the members of all."""
+        tags = {model: get_args(model.model_fields["kind"].annotation)[0] for model in models}
+        self._add(f"{name}Kind", {"type": "string", "enum": list(tags.values())})
+        members: Definition = {"kind": {"shape": f"{name}Kind", "documentation": as_html("Which kind it is.")}}
+        described: dict[str, dict[str, list[str]]] = {}
+        for model, tag in tags.items():
+            hints = get_type_hints(model, include_extras=True)
+            for member, field in model.model_fields.items():
+                if member != "kind":
+                    members.setdefault(member, {"shape": self._value(hints[member])})
+                    described.setdefault(member, {}).setdefault(field.description or "", []).append(f"`{tag}`")
+        for member, texts in described.items():
+            words = [f"{', '.join(of)}: {text}" if len(of) < len(tags) else text for text, of in texts.items()]
+            members[member]["documentation"] = as_html(" ".join(words))
+        definition: Definition = {
+            "type": "structure",
+            "required": [member for member in members if all(_requires(model, member) for model in models)],
+            "members": members,
+            "documentation": as_html(" ".join(f"`{tag}`: {inspect.getdoc(model)}" for model, tag in tags.items())),
+        }
+        self._add(name, definition)
+        return name
 
     def _typed(self, kind: Any, shape_name: ShapeName) -> Definition:
         """The type of a shape and what it is made of."""
@@ -122,9 +148,13 @@ def _present(annotation: Any) -> Any:
     """The type of a member that is there."""
     inner = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
     if get_origin(inner) in (Union, types.UnionType):
-        [present] = [each for each in get_args(inner) if each is not type(None)]
-        return _present(present)
+        present = [each for each in get_args(inner) if each is not type(None)]
+        return _present(present[0]) if len(present) == 1 else annotation
     return annotation
+
+
+def _requires(model: type[Shape], member: str) -> bool:
+    return member in model.model_fields and model.model_fields[member].is_required()
 
 
 def _limits(annotation: Any, shape_name: ShapeName) -> Definition:

@@ -76,7 +76,9 @@ def test_there_are_57_operations_and_290_shapes_and_only_documented_ones_more(ou
     assert len(ours["operations"]) == 57
     assert len(theirs["shapes"]) == 290
     assert theirs["shapes"].keys() <= ours["shapes"].keys()
-    assert ours["shapes"].keys() - theirs["shapes"].keys() == {"ApplicationReference", "Seed", "VideoPolicy"}
+    documented = {each.where for each in DIFFERENCES if each.published is None and not {".", ":"} & set(each.where)}
+    assert ours["shapes"].keys() - theirs["shapes"].keys() == documented
+    assert documented >= {"ApplicationReference", "JobRequirement", "Seed", "VideoPolicy"}
 
 
 def test_the_models_differ_where_it_is_documented_and_nowhere_else(ours: Model, theirs: Model) -> None:

@@ -1,0 +1,82 @@
+"""The requirements that an order for a job asks for: by its member, or by a launch variable."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from .errors import InvalidParameterException
+from .requirements import JobRequirement, parse_requirements, rooms_of
+from .simulation_job_configs import RobotApplicationConfig, SimulationApplicationConfig
+from .strict_json import load_strict
+
+if TYPE_CHECKING:
+    from .simulation_jobs import SimulationJobOrder
+
+REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
+"""Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
+
+_MAX_CHARACTERS = 1024
+
+
+def ordered_requirements(order: "SimulationJobOrder") -> list[JobRequirement]:
+    """The requirements that an order asks for.
+
+    Raises:
+      InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
+    """
+    given: dict[str, list[JobRequirement]] = {}
+    if order.requirements is not None:
+        given["requirements"] = order.requirements
+    for place, text in _variables(order):
+        given[place] = parse_requirements(load_strict(text, place, _MAX_CHARACTERS), place)
+    if not given:
+        return []
+    (first, requirements), *others = given.items()
+    for place, again in others:
+        if again != requirements:
+            raise InvalidParameterException(f"{first} and {place} differ; leave one of them out")
+    return requirements
+
+
+def check_requirements(order: "SimulationJobOrder") -> None:
+    """Finds out what of an order's requirements cannot be judged, as far as the order says it.
+
+    Raises:
+      ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
+    """
+    try:
+        requirements = ordered_requirements(order)
+    except InvalidParameterException as error:
+        raise ValueError(str(error)) from None
+    if _has_world(order):
+        return
+    for name, room in rooms_of(requirements):
+        raise ValueError(
+            f"requirement {name} asks for the room {room!r}, but the job names no world; "
+            "add simulationApplications[0].worldConfigs, or give the goal as x and y"
+        )
+
+
+def unknown_room(requirements: list[JobRequirement], rooms: list[str]) -> str | None:
+    """Says which goal cannot be judged because the world has no such room; `None` if all can."""
+    for name, room in rooms_of(requirements):
+        if room not in rooms:
+            return f"requirement {name}: the world has no room {room!r}; its rooms are {', '.join(rooms)}"
+    return None
+
+
+def _has_world(order: "SimulationJobOrder") -> bool:
+    return any(config.worldConfigs for config in order.simulationApplications or ())
+
+
+def _variables(order: "SimulationJobOrder") -> Iterator[tuple[str, str]]:
+    """Where the launch variable is set, and what it holds."""
+    configs: Mapping[str, list[RobotApplicationConfig] | list[SimulationApplicationConfig] | None] = {
+        "simulationApplications": order.simulationApplications,
+        "robotApplications": order.robotApplications,
+    }
+    for member, applications in configs.items():
+        for index, config in enumerate(applications or ()):
+            variables = config.launchConfig.environmentVariables or {}
+            if REQUIREMENTS_VARIABLE in variables:
+                place = f"{member}[{index}].launchConfig.environmentVariables.{REQUIREMENTS_VARIABLE}"
+                yield place, variables[REQUIREMENTS_VARIABLE]

@@ -1,0 +1,123 @@
+import json
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.errors import InvalidParameterException
+from prefect_robomaker.schemas.operations import check_request, parse_request
+from prefect_robomaker.schemas.requirement_orders import ordered_requirements, unknown_room
+from prefect_robomaker.schemas.requirements import (
+    ClearanceRequirement,
+    GoalRequirement,
+    TimeLimitRequirement,
+    parse_requirements,
+)
+from prefect_robomaker.schemas.simulation_jobs import CreateSimulationJobRequest
+
+LIMIT = {"kind": "time_limit", "name": "quick", "limit_s": 60}
+WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/w-1"
+
+
+def order(requirements: Any = None, variable: Any = None, **members: Any) -> dict[str, Any]:
+    launch: dict[str, Any] = {}
+    if variable is not None:
+        text = variable if isinstance(variable, str) else json.dumps(variable)
+        launch = {"environmentVariables": {"ROBOMAKER_REQUIREMENTS": text}}
+    request: dict[str, Any] = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/any",
+        "simulationApplications": [{"application": "indoor-navigation", "launchConfig": launch, **members}],
+    }
+    return request if requirements is None else {**request, "requirements": requirements}
+
+
+def problems(*arguments: Any, **members: Any) -> list[str]:
+    return [str(problem) for problem in check_request("CreateSimulationJob", order(*arguments, **members))]
+
+
+@pytest.mark.parametrize(
+    ("requirement", "words"),
+    [
+        ({"kind": "goal", "name": "a", "rooom": "Hall"}, "requirements[0].rooom: is not known; did you mean 'room'?"),
+        ({"kind": "gaol", "name": "a"}, "requirements[0].kind: is 'gaol'; did you mean 'goal'?"),
+        ({"name": "a"}, "requirements[0]: has no kind"),
+        ({"kind": "clearance", "name": "a"}, "requirements[0].min_m: is missing"),
+        ({"kind": "clearance", "name": "a", "min_m": 0}, "requirements[0].min_m: is 0; it has to be above 0"),
+        ({**LIMIT, "limit_s": "60"}, "requirements[0].limit_s: is '60'; it has to be a number"),
+        ({**LIMIT, "limit_s": float("inf")}, "requirements[0].limit_s: is inf; it has to be a finite number"),
+        ({"kind": "goal", "name": "a", "x": 1.0}, "requirements[0]: a point needs both x and y"),
+        ({"kind": "goal", "name": "a"}, "requirements[0]: neither room and x, y; a goal is one of them"),
+        ({"kind": "predicate", "name": "a", "attribute": "f"}, "requirements[0].attribute: is 'f'; it has to be a"),
+        ("goal", "requirements[0]: is 'goal'; it has to be a mapping"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_with_its_place(requirement: Any, words: str) -> None:
+    (problem,) = problems([requirement])
+    assert problem.startswith(words)
+    (told,) = (str(error.value) for error in [_refusal([requirement])])
+    assert told.startswith(words.replace("requirements", "my list", 1))
+
+
+def _refusal(data: Any) -> Any:
+    with pytest.raises(InvalidParameterException) as error:
+        parse_requirements(data, "my list")
+    return error
+
+
+def test_names_differ_and_goals_stand_below_those_they_come_after() -> None:
+    goal = {"kind": "goal", "x": 0.0, "y": 0.0}
+    assert "'quick' appears more than once" in problems([LIMIT, LIMIT])[0]
+    assert problems([{**goal, "name": "a"}, {**goal, "name": "b", "after": "a"}]) == []
+    (problem,) = problems([{**goal, "name": "b", "after": "a"}, {**goal, "name": "a"}])
+    assert problem == "requirements: b: after is 'a', no goal further up; there is none before it"
+
+
+def test_the_variable_says_the_same_as_the_member() -> None:
+    member, variable, both = (
+        parse_request("CreateSimulationJob", order(*given)) for given in (([LIMIT],), (None, [LIMIT]), ([LIMIT],) * 2)
+    )
+    for request in (member, variable, both):
+        assert isinstance(request, CreateSimulationJobRequest)
+        assert ordered_requirements(request) == [TimeLimitRequirement(kind="time_limit", name="quick", limit_s=60)]
+
+
+PLACE = "simulationApplications[0].launchConfig.environmentVariables.ROBOMAKER_REQUIREMENTS"
+
+
+@pytest.mark.parametrize(
+    ("variable", "words"),
+    [
+        ("[{]", f"{PLACE}: not JSON"),
+        ([{**LIMIT, "limit": 3}], f"{PLACE}[0].limit: is not known; did you mean 'limit_s'?"),
+        ({}, f"{PLACE}: is an empty mapping; it has to be a list"),
+    ],
+)
+def test_a_problem_of_the_variable_names_it(variable: Any, words: str) -> None:
+    (problem,) = problems(None, variable)
+    assert problem.startswith(words)
+
+
+def test_member_and_variable_must_not_differ() -> None:
+    (problem,) = problems([LIMIT], [{**LIMIT, "limit_s": 61}])
+    assert problem == f"requirements and {PLACE} differ; leave one of them out"
+
+
+def test_a_room_needs_a_world() -> None:
+    goal = {"kind": "goal", "name": "home", "room": "Hall"}
+    (problem,) = problems([goal])
+    assert "asks for the room 'Hall', but the job names no world" in problem
+    assert problems([goal], worldConfigs=[{"world": WORLD}]) == []
+
+
+def test_a_room_that_the_world_has_not() -> None:
+    goals = parse_requirements([{"kind": "goal", "name": "home", "room": "Hal"}], "requirements")
+    assert unknown_room(goals, ["Hall", "Kitchen"]) == (
+        "requirement home: the world has no room 'Hal'; its rooms are Hall, Kitchen"
+    )
+    assert unknown_room(goals, ["Hal"]) is None
+
+
+def test_models_are_as_good_as_mappings() -> None:
+    goal = GoalRequirement(kind="goal", name="there", x=1, y=2)
+    clearance = ClearanceRequirement(kind="clearance", name="apart", min_m=0.1)
+    assert parse_requirements([goal, clearance], "requirements") == [goal, clearance]
