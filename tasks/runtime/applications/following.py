@@ -3,7 +3,8 @@
 import math
 
 from .planner import Path
-from .robot_scout import MAX_ANGULAR_RADPS, MAX_LINEAR_MPS
+from .robot_scout import LIMITS
+from .robots.robot import Limits
 
 _LOOKAHEAD_MIN_M = 0.10
 _LOOKAHEAD_PER_MPS_S = 0.55
@@ -22,12 +23,14 @@ _SEARCH_POINTS = 12
 class PathFollower:
     """Turns poses into velocity commands along one path."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, limits: Limits = LIMITS) -> None:
         """Starts at the path's beginning.
 
         Args:
           path: points of shape (n, 2), about 5 cm apart, n at least 2.
+          limits: what the robot can do.
         """
+        self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
         self._points: list[tuple[float, float]] = [(x, y) for x, y in path.tolist()]
         self._along = [0.0]
         for (x0, y0), (x1, y1) in zip(self._points, self._points[1:], strict=False):
@@ -70,12 +73,12 @@ class PathFollower:
         error = math.remainder(math.atan2(target_y - y, target_x - x) - yaw, math.tau)
         self._turning = abs(error) > (_TURNED_RAD if self._turning else _TURN_ON_SPOT_RAD)
         if self._turning:
-            return 0.0, _clip(_TURN_GAIN * error, MAX_ANGULAR_RADPS)
+            return 0.0, _clip(_TURN_GAIN * error, self._max_angular)
         curvature = 2 * math.sin(error) / max(distance_m, 0.1)
         bend_limit = math.sqrt(_LATERAL_MPS2 / max(abs(curvature), 1e-3))
         brake_limit = math.sqrt(2 * _BRAKING_MPS2 * self.remaining_m) + 0.03
-        linear = min(MAX_LINEAR_MPS, speed_limit, bend_limit, brake_limit)
-        return linear, _clip(linear * curvature, MAX_ANGULAR_RADPS)
+        linear = min(self._max_linear, speed_limit, bend_limit, brake_limit)
+        return linear, _clip(linear * curvature, self._max_angular)
 
     def _advance(self, x: float, y: float) -> None:
         """Moves on to the nearest point, never back."""

@@ -1,4 +1,4 @@
-"""The built-in simulation application: a furnished world with Scout in it."""
+"""The built-in simulation application: a furnished world with a robot in it."""
 
 import math
 
@@ -8,7 +8,9 @@ from ....schemas.errors import LaunchError
 from ....schemas.world import World
 from ..context import SimulationContext
 from ..results import EnvironmentReport
-from .navigation_task import CONTROL_TIMESTEP_S, NavigationTask
+from .navigation_task import NavigationTask
+from .robot_scout import SCOUT
+from .robots.robot import CONTROL_TIMESTEP_S, Robot
 from .scene import ScenePhysics, assemble
 
 TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
@@ -22,9 +24,11 @@ class IndoorNavigation(Environment):
     records_itself = True
     """It publishes its own clock and joint states."""
 
-    def __init__(self, physics: ScenePhysics, task: NavigationTask) -> None:
+    def __init__(self, physics: ScenePhysics, task: NavigationTask, robot: Robot) -> None:
         super().__init__(physics, task, control_timestep=CONTROL_TIMESTEP_S, legacy_step=False)
         self._navigation = task
+        self.robot = robot
+        """The robot in the world; agents that plan ask it for its limits."""
 
     def run_result(self) -> EnvironmentReport:
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
@@ -58,11 +62,13 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
             _INVALID,
         )
     limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world)
+    robot = SCOUT
     try:
-        physics = assemble(context.world_dir / "world.xml")
+        physics = assemble(context.world_dir / "world.xml", robot)
     except ValueError as cause:
         raise LaunchError(str(cause), _INVALID) from cause
-    return IndoorNavigation(physics, NavigationTask(context.world, context.rng, context.recorder, limit_s))
+    task = NavigationTask(context.world, robot, context.rng, context.recorder, limit_s)
+    return IndoorNavigation(physics, task, robot)
 
 
 def _time_limit_s(text: str | None, world: World) -> float:

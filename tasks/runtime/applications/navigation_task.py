@@ -10,7 +10,7 @@ Built for dm_control's `rl.control.Environment`, which calls the methods in this
 # pyright: reportIncompatibleMethodOverride=false
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -20,29 +20,17 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from ....schemas.world import World
-from ..context import ActionError, Recorder
+from ..context import Recorder
 from ..results import EnvironmentReport
 from . import lidar
 from .collisions import CollisionMonitor
 from .mission import Mission
-from .robot_scout import (
-    LIDAR_HEIGHT_M,
-    MAX_ANGULAR_RADPS,
-    MAX_LINEAR_MPS,
-    PREFIX,
-    TRACK_WIDTH_M,
-    WHEEL_RADIUS_M,
-    WHEELS,
-)
+from .robots.bases import bind_base, take_home_pose
+from .robots.robot import CONTROL_TIMESTEP_S, Action, Robot
 from .scene import ScenePhysics
 from .telemetry import RobotState, Telemetry
 
-CONTROL_TIMESTEP_S = 0.05
 SCAN_EVERY_STEPS = 4
-
-_MAX_LINEAR_CHANGE = 1.2 * CONTROL_TIMESTEP_S
-_MAX_ANGULAR_CHANGE = 8.0 * CONTROL_TIMESTEP_S
-"""The motor controller's ramps: 1.2 m/s² and 8 rad/s²."""
 
 _SETTLED_S = 0.5
 """With all rooms visited, standing still on command for this long ends the run."""
@@ -50,25 +38,27 @@ _SETTLED_S = 0.5
 _IDLE_S = 10.0
 """Standing still on command for this long ends the run in any case: the agent has given up."""
 
-Action = NDArray[np.float64]
-
 
 class NavigationTask(Task):
-    """Moves Scout by commanded velocities, senses, keeps the score."""
+    """Hands actions to the robot, senses, keeps the score."""
 
-    def __init__(self, world: World, rng: np.random.Generator, recorder: Recorder, time_limit_s: float) -> None:
+    def __init__(
+        self, world: World, robot: Robot, rng: np.random.Generator, recorder: Recorder, time_limit_s: float
+    ) -> None:
         """Prepares the task; a run begins with `initialize_episode`.
 
         Args:
           world: the world that the physics was made from.
+          robot: the robot that was put into it.
           rng: source of the first heading and of the lidar's noise.
           recorder: where ROS 2 messages go.
           time_limit_s: simulated time that ends a run.
         """
         self._world = world
+        self._robot = robot
         self._rng = rng
         self._recorder = recorder
-        self._telemetry = Telemetry(recorder, SCAN_EVERY_STEPS * CONTROL_TIMESTEP_S)
+        self._telemetry = Telemetry(recorder, SCAN_EVERY_STEPS * CONTROL_TIMESTEP_S, robot)
         self._time_limit_s = time_limit_s
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)
@@ -79,11 +69,13 @@ class NavigationTask(Task):
         """Stands the robot on the origin with a random heading and starts a new score."""
         self._bind(physics)
         heading = self._rng.uniform(-math.pi, math.pi)
-        self._root_pose[:] = (0.0, 0.0, 0.0, math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2))
+        self._base.place(heading)
+        take_home_pose(self._robot, physics.model.ptr, physics.data.ptr)
         mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
         self._start_sensing(physics)
+        self._controller = self._robot.drive.bind(physics.model.ptr, physics.data.ptr, self._robot.prefix)
+        physics.between_substeps = self._between_substeps()
         self.mission = Mission(self._world.floorplan.rooms, self._time_limit_s)
-        self._linear = self._angular = 0.0
         self._steps = 0
         self._still_s = 0.0
         self._ever_moved = False
@@ -94,26 +86,20 @@ class NavigationTask(Task):
             self._telemetry.start(float(self._data.time))
         self._sense()
 
-    def before_step(self, action: Action | Sequence[float], physics: ScenePhysics) -> None:
-        """Hands a command to the motor controller, clipped to what the robot can do.
+    def before_step(self, action: Action, physics: ScenePhysics) -> None:
+        """Hands a command to the robot's controller, which clips it to what the robot can do.
 
         Args:
-          action: forward velocity in m/s and turning rate in rad/s.
+          action: see `action_spec`.
           physics: unused; the task is bound to it.
 
         Raises:
-          ActionError: the action is not two finite numbers.
+          ActionError: it is not an action of this robot.
         """
         del physics
-        linear, angular = self._checked(action)
-        standing = linear == 0.0 and angular == 0.0
+        standing = self._controller.command(action)
         self._ever_moved |= not standing
         self._still_s = self._still_s + CONTROL_TIMESTEP_S if standing else 0.0
-        self._linear += _clip(linear - self._linear, _MAX_LINEAR_CHANGE)
-        self._angular += _clip(angular - self._angular, _MAX_ANGULAR_CHANGE)
-        turn = self._angular * TRACK_WIDTH_M / 2
-        self._control[0] = (self._linear - turn) / WHEEL_RADIUS_M
-        self._control[1] = (self._linear + turn) / WHEEL_RADIUS_M
 
     def after_step(self, physics: ScenePhysics) -> None:
         """Reads the sensors, keeps the score, records."""
@@ -130,18 +116,23 @@ class NavigationTask(Task):
         """What the robot knows; see `observation_spec`."""
         del physics
         state = self._state
-        return {
+        observation = {
             "time": np.array(state.time_s),
             "pose": np.array((state.x, state.y, state.yaw)),
             "velocity": np.array((state.linear, state.angular)),
-            "wheel_velocity": np.array(state.wheel_velocities),
-            "imu": self._imu.copy(),
-            "scan": self._scan,
-            "proximity": self._proximity,
-            "scan_time": self._scan_time,
             "goals": self._goals,
             "visited": self._visited,
         }
+        if self._robot.is_differential:
+            observation["wheel_velocity"] = np.array(state.joint_velocities)
+        else:
+            observation["joint_position"] = np.array(state.joint_positions)
+            observation["joint_velocity"] = np.array(state.joint_velocities)
+        if self._robot.imu is not None:
+            observation["imu"] = np.array(self._imu())
+        if self._ranging is not None:
+            observation.update(scan=self._scan, proximity=self._proximity, scan_time=self._scan_time)
+        return observation
 
     def get_termination(self, physics: ScenePhysics) -> float | None:
         """0 when the run is over, else nothing."""
@@ -155,31 +146,29 @@ class NavigationTask(Task):
         return 0.0 if over else None
 
     def action_spec(self, physics: ScenePhysics) -> specs.BoundedArray:
-        """Forward velocity in m/s and turning rate in rad/s, counter-clockwise positive."""
-        del physics
-        limit = np.array((MAX_LINEAR_MPS, MAX_ANGULAR_RADPS))
-        return specs.BoundedArray((2,), np.float64, -limit, limit, name="velocity_command")
+        """Forward velocity in m/s and turning rate in rad/s, or what the robot's actuators take."""
+        return self._robot.drive.action_spec(physics.model.ptr, self._robot.prefix)
 
     def observation_spec(self, physics: ScenePhysics) -> dict[str, specs.Array]:
         """Names, shapes and units of what the robot knows."""
         del physics
-        rooms = len(self._goals)
-        ranges = specs.BoundedArray((lidar.SCAN_RAYS,), np.float32, 0.0, np.inf, name="scan: m, from -pi on, 5 Hz")
-        near = specs.BoundedArray(
-            lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
-        )
-        return {
+        rooms, joints = len(self._goals), len(self._robot.joints)
+        observed = {
             "time": specs.Array((), np.float64, name="time: s"),
             "pose": specs.Array((3,), np.float64, name="pose: x m, y m, yaw rad in the map"),
             "velocity": specs.Array((2,), np.float64, name="velocity: forward m/s, turning rad/s"),
-            "wheel_velocity": specs.Array((2,), np.float64, name="wheel_velocity: left, right rad/s"),
-            "imu": specs.Array((6,), np.float64, name="imu: gyro rad/s, accelerometer m/s^2"),
-            "scan": ranges,
-            "proximity": near,
-            "scan_time": specs.Array((), np.float64, name="scan_time: s, of scan and proximity"),
             "goals": specs.Array((rooms, 2), np.float64, name="goals: m, one free spot per room"),
             "visited": specs.Array((rooms,), np.bool_, name="visited: rooms entered so far"),
         }
+        if self._robot.is_differential:
+            observed["wheel_velocity"] = specs.Array((2,), np.float64, name="wheel_velocity: left, right rad/s")
+        else:
+            names = ", ".join(self._robot.joints)
+            observed["joint_position"] = specs.Array((joints,), np.float64, name=f"joint_position: rad or m, {names}")
+            observed["joint_velocity"] = specs.Array((joints,), np.float64, name=f"joint_velocity: 1/s, {names}")
+        if self._robot.imu is not None:
+            observed["imu"] = specs.Array((6,), np.float64, name="imu: gyro rad/s, accelerometer m/s^2")
+        return observed if self._robot.lidar_height_m is None else observed | _range_specs()
 
     # -- Called by the environment --------------------------------------------
 
@@ -192,88 +181,92 @@ class NavigationTask(Task):
 
     def _bind(self, physics: ScenePhysics) -> None:
         """Takes views of the robot's part of the state, so that a step need not look anything up."""
-        model, data = physics.model.ptr, physics.data.ptr
+        model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
         self._data = data
-        root = model.joint(f"{PREFIX}base")
-        position, velocity = int(root.qposadr[0]), int(root.dofadr[0])
-        self._root_pose = data.qpos[position : position + 7]
-        self._root_velocity = data.qvel[velocity : velocity + 6]
-        wheels = [model.joint(f"{PREFIX}{wheel}") for wheel in WHEELS]
-        first = int(wheels[0].qposadr[0])
-        self._wheel_positions = data.qpos[first : first + 2]
-        first = int(wheels[0].dofadr[0])
-        self._wheel_velocities = data.qvel[first : first + 2]
-        first = model.actuator(f"{PREFIX}{WHEELS[0]}").id
-        self._control = data.ctrl[first : first + 2]
-        first = int(model.sensor(f"{PREFIX}gyro").adr[0])
-        self._imu = data.sensordata[first : first + 6]
+        self._base = bind_base(robot, model, data)
+        joints = [model.joint(f"{robot.prefix}{name}") for name in robot.joints]
+        self._joint_positions = _picked(data.qpos, [int(joint.qposadr[0]) for joint in joints])
+        self._joint_velocities = _picked(data.qvel, [int(joint.dofadr[0]) for joint in joints])
+        sensors = [int(model.sensor(f"{robot.prefix}{name}").adr[0]) for name in robot.imu or ()]
+        self._imu = _picked(data.sensordata, [first + axis for first in sensors for axis in range(3)])
 
     def _start_sensing(self, physics: ScenePhysics) -> None:
-        model, data = physics.model.ptr, physics.data.ptr
-        body = model.body(f"{PREFIX}base").id
+        model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
+        body = robot.footprint_id(model)
         self._monitor = CollisionMonitor(model, data, body, [item.id for item in self._world.furniture])
-        physics.between_substeps = self._monitor.sample
-        self._lidar = lidar.RangeFinder(
-            model, data, body, LIDAR_HEIGHT_M, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M, physics.unseen_group
-        )
-        self._bumper = lidar.RangeFinder(
-            model,
-            data,
-            body,
-            lidar.PROXIMITY_HEIGHT_M,
-            lidar.PROXIMITY_ANGLES_RAD,
-            lidar.PROXIMITY_RANGE_MAX_M,
-            physics.unseen_group,
-        )
+        self._ranging = None
+        if robot.lidar_height_m is not None:
+            unseen = physics.unseen_group
+            far = (robot.lidar_height_m, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M)
+            near = (robot.proximity_height_m, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M)
+            self._ranging = (
+                lidar.RangeFinder(model, data, body, *far, unseen),
+                lidar.RangeFinder(model, data, body, *near, unseen),
+            )
+
+    def _between_substeps(self) -> Callable[[], None]:
+        """What is done every 10 ms: contacts are looked at, and legs move."""
+        sample, move = self._monitor.sample, self._controller.substep
+        if move is None:
+            return sample
+
+        def both() -> None:
+            sample()
+            move()
+
+        return both
 
     def _sense(self) -> None:
-        self._state = self._read_state()
-        _, _, _, _, qx, qy, _ = self._root_pose.tolist()
-        tilt_rad = 2 * math.asin(min(1.0, math.hypot(qx, qy)))
+        self._state, tilt_rad = self._read_state()
         self._newly_visited = self.mission.update(self._state, tilt_rad)
         if self._newly_visited:
             self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])
             self._visited.setflags(write=False)
         if self._recorder.enabled:
             self._telemetry.publish_state(self._state)
-        if self._steps % SCAN_EVERY_STEPS == 0:
-            self._measure_ranges()
+        if self._ranging is not None and self._steps % SCAN_EVERY_STEPS == 0:
+            self._measure_ranges(*self._ranging)
 
-    def _measure_ranges(self) -> None:
+    def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder) -> None:
         noise = self._rng.normal(0.0, lidar.SCAN_NOISE_STD_M, lidar.SCAN_RAYS)
-        ranges = np.maximum(self._lidar.measure() + noise, lidar.SCAN_RANGE_MIN_M)
+        ranges = np.maximum(scanner.measure() + noise, lidar.SCAN_RANGE_MIN_M)
         self._scan = ranges.astype(np.float32)
-        self._proximity = self._bumper.measure().astype(np.float32)
+        self._proximity = bumper.measure().astype(np.float32)
         self._scan_time = np.array(self._state.time_s)
         if self._recorder.enabled:
             self._telemetry.publish_scan(self._state.time_s, self._scan)
 
-    def _read_state(self) -> RobotState:
-        x, y, _, qw, qx, qy, qz = self._root_pose.tolist()
-        yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
-        vx, vy, _, _, _, turning = self._root_velocity.tolist()
-        return RobotState(
+    def _read_state(self) -> tuple[RobotState, float]:
+        base = self._base.read()
+        state = RobotState(
             time_s=float(self._data.time),
-            x=x,
-            y=y,
-            yaw=yaw,
-            linear=vx * math.cos(yaw) + vy * math.sin(yaw),
-            angular=turning,
-            wheel_positions=tuple(self._wheel_positions.tolist()),
-            wheel_velocities=tuple(self._wheel_velocities.tolist()),
+            x=base.x,
+            y=base.y,
+            yaw=base.yaw,
+            linear=base.linear,
+            angular=base.angular,
+            joint_positions=self._joint_positions(),
+            joint_velocities=self._joint_velocities(),
         )
-
-    @staticmethod
-    def _checked(action: Action | Sequence[float]) -> tuple[float, float]:
-        try:
-            linear, angular = (float(value) for value in action)
-        except (TypeError, ValueError):
-            shown = f"an array of shape {action.shape}" if isinstance(action, np.ndarray) else repr(action)[:80]
-            raise ActionError(f"action: {shown} is not (forward velocity in m/s, turning rate in rad/s)") from None
-        if not (math.isfinite(linear) and math.isfinite(angular)):
-            raise ActionError(f"action: ({linear}, {angular}) has to be two finite numbers, m/s and rad/s")
-        return _clip(linear, MAX_LINEAR_MPS), _clip(angular, MAX_ANGULAR_RADPS)
+        return state, base.tilt
 
 
-def _clip(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))
+def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tuple[float, ...]]:
+    """A function that reads some of the values; a view where they lie in a row, which is quicker."""
+    if places and places == list(range(places[0], places[0] + len(places))):
+        view = values[places[0] : places[0] + len(places)]
+        return lambda: tuple(view.tolist())
+    indices = np.array(places, np.intp)
+    return lambda: tuple(values[indices].tolist())
+
+
+def _range_specs() -> dict[str, specs.Array]:
+    """What range sensors measure."""
+    near = specs.BoundedArray(
+        lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
+    )
+    return {
+        "scan": specs.BoundedArray((lidar.SCAN_RAYS,), np.float32, 0.0, np.inf, name="scan: m, from -pi on, 5 Hz"),
+        "proximity": near,
+        "scan_time": specs.Array((), np.float64, name="scan_time: s, of scan and proximity"),
+    }

@@ -12,6 +12,9 @@ from collections.abc import Sequence
 
 import mujoco
 
+from .robots.drives import DifferentialDrive
+from .robots.robot import Limits, Robot
+
 RADIUS_M = 0.17
 """Of the body, seen from above; nothing sticks out of it."""
 
@@ -171,3 +174,20 @@ def _add_camera(
     camera = base.add_camera(name=name, pos=pos, fovy=fovy)
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
     camera.alt.xyaxes = [*right, *up]
+
+
+LIMITS = Limits(RADIUS_M, MAX_LINEAR_MPS, MAX_ANGULAR_RADPS)
+
+SCOUT = Robot(
+    name="scout",
+    build=build_scout,
+    base="base",
+    free_joint="base",
+    limits=LIMITS,
+    drive=DifferentialDrive(LIMITS, (WHEELS[0],), (WHEELS[1],), WHEEL_RADIUS_M, TRACK_WIDTH_M),
+    joints=WHEELS,
+    is_differential=True,
+    lidar_height_m=LIDAR_HEIGHT_M,
+    imu=("gyro", "accelerometer"),
+)
+"""What the navigation task knows of it."""

@@ -13,7 +13,8 @@ from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
 from .lidar import hide_geoms_from_lidar
-from .robot_scout import LIDAR_HEIGHT_M, PREFIX, build_scout
+from .robot_scout import SCOUT
+from .robots.robot import Robot
 
 CONTACT_SAMPLE_STEPS = 5
 """Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
@@ -54,24 +55,26 @@ class ScenePhysics(Physics):
         raise PhysicsError(f"the state of the physics is invalid; MuJoCo warns of {', '.join(names)}")
 
 
-def assemble(world_xml: Path) -> ScenePhysics:
-    """Reads a world, stands Scout on its origin and compiles them.
+def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
+    """Reads a world, stands a robot on its origin and compiles them.
 
     Args:
       world_xml: the world's MJCF; its physics options are the ones that count.
+      robot: the robot.
 
     Raises:
       ValueError: MuJoCo cannot make a model of it; the message has its reason.
     """
     try:
         world = mujoco.MjSpec.from_file(str(world_xml))
-        world.worldbody.add_frame().attach_body(build_scout().body("base"), PREFIX, "")
+        world.worldbody.add_frame().attach_body(robot.build().body(robot.base), robot.prefix, "")
         model = world.compile()
     except ValueError as cause:
-        raise ValueError(f"{world_xml}: not a world that Scout can be put into: {cause}") from cause
+        raise ValueError(f"{world_xml}: not a world that {robot.name.title()} can be put into: {cause}") from cause
     physics = ScenePhysics.from_model(wrapper.MjModel(model))
     mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
-    physics.unseen_group = hide_geoms_from_lidar(
-        physics.model.ptr, physics.data.ptr, LIDAR_HEIGHT_M, _SCAN_TILT_TOLERANCE_M
-    )
+    if robot.lidar_height_m is not None:
+        physics.unseen_group = hide_geoms_from_lidar(
+            physics.model.ptr, physics.data.ptr, robot.lidar_height_m, _SCAN_TILT_TOLERANCE_M
+        )
     return physics

@@ -21,7 +21,8 @@ from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path
 from .occupancy_map import OccupancyMap, read_map
 from .planner import GridPlanner, WayKind
-from .robot_scout import MAX_LINEAR_MPS, RADIUS_M
+from .robot_scout import LIMITS
+from .robots.robot import Limits, robot_of
 from .tour import plan_tour
 
 _logger = logging.getLogger(__name__)
@@ -31,7 +32,7 @@ _STOP = (0.0, 0.0)
 _GOODBYE_S = 1.0
 """Time between stopping for good and leaving, for an environment that wants to end the run itself."""
 
-_SPEED_LIMIT_MPS: dict[WayKind, float] = {"free": MAX_LINEAR_MPS, "tight": 0.2, "pushing": 0.09}
+_SPEED_LIMIT_MPS: dict[WayKind, float] = {"free": math.inf, "tight": 0.2, "pushing": 0.09}
 
 _CAREFUL_MPS = 0.25
 _CAREFUL_WITHIN_M = 0.3
@@ -40,7 +41,6 @@ _CLOSING_S = 0.45
 """Speed is limited such that what is straight ahead is at least this far away in time."""
 
 _LOOK_AHEAD_M = 1.0
-_BLOCKED_WITHIN_M = RADIUS_M
 _REPLAN_PERIOD_S = 0.6
 
 _TRIES = 3
@@ -52,7 +52,7 @@ _PROGRESS_RAD = 0.15
 
 _BACK_S = 1.0
 _BACK_MPS = -0.2
-_BUMP_M = RADIUS_M + 0.03
+_BUMP_MARGIN_M = 0.03
 _BUMP_ARC_RAD = np.linspace(-0.6, 0.6, 7)
 
 
@@ -66,14 +66,16 @@ class _Anchor(NamedTuple):
 class Scout:
     """The robot's program: called with every time step, answers with a velocity command."""
 
-    def __init__(self, known: OccupancyMap, goals: Mapping[str, Point]) -> None:
+    def __init__(self, known: OccupancyMap, goals: Mapping[str, Point], limits: Limits = LIMITS) -> None:
         """Prepares for a run.
 
         Args:
           known: the map.
           goals: one place per room, metres, by the room's name.
+          limits: how large the robot is and what it can do.
         """
-        self._planner = GridPlanner(known, RADIUS_M)
+        self._limits = limits
+        self._planner = GridPlanner(known, limits.radius_m)
         self._memory = ObstacleMemory(self._planner)
         self._goals = dict(goals)
         # All that the map alone says about ways is known before the robot is switched on.
@@ -86,7 +88,7 @@ class Scout:
         self._backing_until_s = -math.inf
         self._planned_s = -math.inf
         self._scan_s = -math.inf
-        self._speed_limit = MAX_LINEAR_MPS
+        self._speed_limit = limits.linear_mps
         self._anchor = _Anchor(0.0, (0.0, 0.0, 0.0))
         self._done_s = math.inf
         self.given_up: list[str] = []
@@ -147,7 +149,7 @@ class Scout:
             way = self._planner.plan(pose[:2], self._goals[self._queue[0]])
             self._planned_s = now_s
             if way is not None:
-                self._follower, self._way_kind = PathFollower(way.path), way.kind
+                self._follower, self._way_kind = PathFollower(way.path, self._limits), way.kind
                 self._anchor = _Anchor(now_s, pose)
                 return True
             self._leave_goal()
@@ -157,13 +159,13 @@ class Scout:
         """Slows down for unknown things near the path and plans again when one is on it."""
         hits = near_hits(observation["scan"], observation["proximity"])
         unknown = self._memory.see(pose, hits, now_s)
-        self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, RADIUS_M) / _CLOSING_S)
+        self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, self._limits.radius_m) / _CLOSING_S)
         if self._follower is None or len(unknown) == 0:
             return
         gap_m = nearest_to_path(unknown, self._follower.ahead(_LOOK_AHEAD_M))
         if gap_m < _CAREFUL_WITHIN_M:
             self._speed_limit = min(self._speed_limit, _CAREFUL_MPS)
-        blocked = gap_m < _BLOCKED_WITHIN_M and self._way_kind != "pushing"
+        blocked = gap_m < self._limits.radius_m and self._way_kind != "pushing"
         if blocked and now_s - self._planned_s >= _REPLAN_PERIOD_S:
             self._follower = None
 
@@ -179,8 +181,8 @@ class Scout:
     def _bump(self, pose: Pose, now_s: float) -> None:
         """Takes it that something stands in front, backs off and plans again."""
         x, y, yaw = pose
-        arc = yaw + _BUMP_ARC_RAD
-        self._memory.add(np.stack((x + _BUMP_M * np.cos(arc), y + _BUMP_M * np.sin(arc)), axis=1), now_s)
+        arc, reach_m = yaw + _BUMP_ARC_RAD, self._limits.radius_m + _BUMP_MARGIN_M
+        self._memory.add(np.stack((x + reach_m * np.cos(arc), y + reach_m * np.sin(arc)), axis=1), now_s)
         self._backing_until_s = now_s + _BACK_S
         self._follower = None
         self._tries += 1
@@ -234,4 +236,6 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
         known = read_map(context.world_dir / "map.yaml")
     except (OSError, ValueError) as cause:
         raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
-    return Scout(known, {room.name: room.goal for room in context.world.floorplan.rooms})
+    robot = robot_of(environment)
+    goals = {room.name: room.goal for room in context.world.floorplan.rooms}
+    return Scout(known, goals, robot.limits if robot else LIMITS)

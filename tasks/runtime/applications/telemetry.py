@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from .. import messages as ros
 from ..context import Recorder
 from . import lidar
-from .robot_scout import LIDAR_HEIGHT_M, WHEELS
-
-_JOINTS = tuple(f"{wheel}_joint" for wheel in WHEELS)
+from .robots.robot import Robot
 
 
 class RobotState(NamedTuple):
@@ -23,8 +21,10 @@ class RobotState(NamedTuple):
     yaw: float
     linear: float
     angular: float
-    wheel_positions: tuple[float, float]
-    wheel_velocities: tuple[float, float]
+    joint_positions: tuple[float, ...]
+    """In the order of the robot's joints; likewise the velocities."""
+
+    joint_velocities: tuple[float, ...]
 
 
 class Telemetry:
@@ -32,29 +32,31 @@ class Telemetry:
 
     | topic | what | how often |
     | --- | --- | --- |
-    | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, wheels | every control step |
+    | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | every control step |
     | `/scan` | the lidar | with every measurement |
     | `/tf_static` | `map` to `odom`, `base_link` to `base_scan` | once |
 
     The odometry is exact, so that `map` and `odom` are the same.
     """
 
-    def __init__(self, recorder: Recorder, scan_period_s: float) -> None:
+    def __init__(self, recorder: Recorder, scan_period_s: float, robot: Robot) -> None:
         self._recorder = recorder
         self._scan_period_s = scan_period_s
+        # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
+        self._joints = tuple(f"{joint}_joint" for joint in robot.joints) if robot.name == "scout" else robot.joints
+        self._lidar_height_m = robot.lidar_height_m
 
     def start(self, time_s: float) -> None:
         """Publishes what does not change."""
         stamp = ros.Time.from_seconds(time_s)
-        mount = ros.Transform(translation=ros.Vector3(z=LIDAR_HEIGHT_M))
-        transforms = (
-            ros.TransformStamped(ros.Header(stamp, "map"), "odom", ros.Transform()),
-            ros.TransformStamped(ros.Header(stamp, "base_link"), "base_scan", mount),
-        )
-        self._recorder.write("/tf_static", ros.TFMessage(transforms), time_s)
+        transforms = [ros.TransformStamped(ros.Header(stamp, "map"), "odom", ros.Transform())]
+        if self._lidar_height_m is not None:
+            mount = ros.Transform(translation=ros.Vector3(z=self._lidar_height_m))
+            transforms.append(ros.TransformStamped(ros.Header(stamp, "base_link"), "base_scan", mount))
+        self._recorder.write("/tf_static", ros.TFMessage(tuple(transforms)), time_s)
 
     def publish_state(self, state: RobotState) -> None:
-        """Publishes time, pose, motion and wheels."""
+        """Publishes time, pose, motion and joints."""
         time_s = state.time_s
         stamp = ros.Time.from_seconds(time_s)
         header = ros.Header(stamp, "odom")
@@ -66,7 +68,9 @@ class Telemetry:
         transform = ros.TransformStamped(header, "base_link", ros.Transform(position, rotation))
         write("/tf", ros.TFMessage((transform,)), time_s)
         write("/odom", ros.Odometry(header, "base_link", ros.Pose(position, rotation), twist), time_s)
-        joints = ros.JointState(ros.Header(stamp, "base_link"), _JOINTS, state.wheel_positions, state.wheel_velocities)
+        joints = ros.JointState(
+            ros.Header(stamp, "base_link"), self._joints, state.joint_positions, state.joint_velocities
+        )
         write("/joint_states", joints, time_s)
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:

@@ -1,0 +1,1 @@
+"""Robots that can be put into a world, and how they are driven."""

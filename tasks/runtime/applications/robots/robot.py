@@ -1,0 +1,145 @@
+"""What the navigation task has to know of a robot.
+
+A robot is a model for MjSpec with names for its parts, and a drive. The task knows nothing else of it, so that Scout,
+a walker and what comes in a bundle are the same to it.
+"""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+from dm_env import specs
+from numpy.typing import NDArray
+
+CONTROL_TIMESTEP_S = 0.05
+"""Between two actions."""
+
+Action = NDArray[np.float64] | Sequence[float]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large a robot is and what it can do, for those who plan for it."""
+
+    radius_m: float
+    """Of the disc that holds all of it, seen from above."""
+
+    linear_mps: float
+    angular_radps: float
+    linear_mps2: float = 1.2
+    """Ramp of the motor controller."""
+
+    angular_radps2: float = 8.0
+
+
+class Controller(Protocol):
+    """A drive that moves one robot in one physics."""
+
+    substep: Callable[[], None] | None
+    """Called every 10 ms of simulated time, if there is one."""
+
+    def reset(self) -> None:
+        """Begins a run: the robot stands still."""
+        ...
+
+    def command(self, action: Action) -> bool:
+        """Takes the agent's action for the next control step.
+
+        Returns:
+          Whether the robot is told to stand still.
+
+        Raises:
+          ActionError: it is not an action of this robot.
+        """
+        ...
+
+
+class Drive(Protocol):
+    """Turns actions into what actuators do."""
+
+    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
+        """What actions are, with limits and units."""
+        ...
+
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
+        """Looks up the actuators in a compiled world.
+
+        Args:
+          model: the world with the robot.
+          data: its state, after `mj_forward`.
+          prefix: comes before the names of everything of the robot.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot for a world. Names are those of its own model, without the prefix they get in a world."""
+
+    name: str
+    """Short name; `<name>/` comes before the names of its parts in a compiled world."""
+
+    build: Callable[[], mujoco.MjSpec]
+    """Makes its model, new at every call."""
+
+    base: str
+    """Body that is attached to the world; x points forward, z up."""
+
+    limits: Limits
+    drive: Drive
+    joints: tuple[str, ...]
+    """Hinges and slides whose positions are published; of a differential drive its wheels, left and right."""
+
+    footprint: str | None = None
+    """Body on whose z axis range sensors are, its origin on the floor when the robot stands; absent: the base."""
+
+    free_joint: str | None = None
+    """Joint that lets it move through the world."""
+
+    planar_joints: tuple[str, str, str] | None = None
+    """Two slides along the world's axes and a hinge that do so instead."""
+
+    spawn_height_m: float = 0.0
+    """Of the base's origin over the floor, at the start."""
+
+    home: Mapping[str, float] = field(default_factory=dict)
+    """Positions of joints at the start, radians or metres."""
+
+    lidar_height_m: float | None = None
+    """Over the floor; absent: it has no range sensors."""
+
+    proximity_height_m: float = 0.04
+    imu: tuple[str, str] | None = None
+    """Names of a gyro and an accelerometer."""
+
+    video_camera: str | None = None
+    """Camera that films, absent: the model's first."""
+
+    is_differential: bool = False
+    """Whether `joints` are one wheel on the left and one on the right, observed as `wheel_velocity`."""
+
+    @property
+    def prefix(self) -> str:
+        """What comes before the names of its parts in a compiled world."""
+        return f"{self.name}/"
+
+    def footprint_id(self, model: mujoco.MjModel) -> int:
+        """Id of the body that stands for its place on the floor."""
+        return int(model.body(f"{self.prefix}{self.footprint or self.base}").id)
+
+
+def velocity_action_spec(limits: Limits) -> specs.BoundedArray:
+    """Forward velocity in m/s and turning rate in rad/s, counter-clockwise positive."""
+    limit = np.array((limits.linear_mps, limits.angular_radps))
+    return specs.BoundedArray((2,), np.float64, -limit, limit, name="velocity_command")
+
+
+def robot_of(environment: Any) -> Robot | None:
+    """The robot of an environment that says which one it has."""
+    robot = getattr(environment, "robot", None)
+    return robot if isinstance(robot, Robot) else None
