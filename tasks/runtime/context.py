@@ -14,6 +14,7 @@ import numpy as np
 
 from ...schemas.simulation_run import RunPlan
 from ...schemas.world import World
+from .columns import Series
 
 
 class ActionError(ValueError):
@@ -28,6 +29,18 @@ class Recorder(Protocol):
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Records a message of `prefect_robomaker.tasks.runtime.messages` at a simulated time."""
+        ...
+
+    def add_series(self, series: Series) -> None:
+        """Records what a series of messages gathers, from now on."""
+        ...
+
+    def remove_series(self, series: Series) -> None:
+        """Writes what a series has gathered and forgets it."""
+        ...
+
+    def flush_when_due(self, full: bool = False) -> None:
+        """Writes what has gathered if it is time, or if a series is full."""
         ...
 
 

@@ -1,18 +1,10 @@
 """Clock and joint states of environments that record nothing themselves."""
 
-# MuJoCo ships no types for its compiled module.
-# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-
 from typing import Any
 
-import mujoco
-import numpy as np
-
-from . import messages as ros
 from .context import Recorder
 from .physics import raw_physics
-
-_JOINT_STATE_RATE_HZ = 50.0
+from .state_series import STATE_RATE_HZ, StateSeries, hinges_and_slides
 
 
 class JointStateWatcher:
@@ -21,33 +13,18 @@ class JointStateWatcher:
     def __init__(self, recorder: Recorder) -> None:
         self.next_time_s = 0.0
         self._recorder = recorder
-        self._model: object = None
-        self._names: tuple[str, ...] = ()
-        self._qpos = self._qvel = np.zeros(0, dtype=np.intp)
+        self._series: StateSeries | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Records the hinges and slides of the model; effort is the actuators' force on each."""
         model, data = raw_physics(environment.physics)
-        if model is not self._model:
-            self._prepare(model)
-        stamp = ros.Time.from_seconds(time_s)
-        self._recorder.write("/clock", ros.Clock(stamp), time_s)
-        if self._names:
-            message = ros.JointState(
-                ros.Header(stamp, ""),
-                self._names,
-                data.qpos[self._qpos],
-                data.qvel[self._qvel],
-                data.qfrc_actuator[self._qvel],
-            )
-            self._recorder.write("/joint_states", message, time_s)
+        series = self._series
+        if series is None or data is not series.data:
+            # Environments may make a new model with every episode.
+            if series is not None:
+                self._recorder.remove_series(series)
+            series = self._series = StateSeries(model, data, hinges_and_slides(model).tolist())
+            self._recorder.add_series(series)
+        series.sample(self._recorder)
         # From now rather than from the time it was due: control steps may be longer than the interval.
-        self.next_time_s = time_s + 1.0 / _JOINT_STATE_RATE_HZ
-
-    def _prepare(self, model: mujoco.MjModel) -> None:
-        self._model = model
-        simple = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
-        joints = np.flatnonzero(simple)
-        self._names = tuple(model.joint(int(j)).name or f"joint_{j}" for j in joints)
-        self._qpos = model.jnt_qposadr[joints]
-        self._qvel = model.jnt_dofadr[joints]
+        self.next_time_s = time_s + 1.0 / STATE_RATE_HZ

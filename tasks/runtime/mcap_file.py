@@ -1,12 +1,13 @@
 """Writes MCAP files, several times faster per message than the `mcap` package's own writer.
 
-Messages, of which there are thousands, are packed here; everything that is rare (schemas, channels, chunks, indexes)
-is written with the package's record types.
+Messages, of which there are thousands, are packed here, or come as rows of ready records; everything that is rare
+(schemas, channels, chunks, indexes) is written with the package's record types.
 """
 
 import struct
 import zlib
-from typing import Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import zstandard
@@ -24,6 +25,7 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+from numpy.typing import NDArray
 
 _MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -32,6 +34,10 @@ _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _FOOTER_START = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
+TIMES_OFFSET = struct.calcsize("<BQHI")
+"""Where in a message's record its log time and publish time are, unsigned integers of 8 bytes."""
+RECORD_HEAD_BYTES = _MESSAGE.size
+"""What a message's record has before the message itself."""
 _COMPRESSION_LEVEL = 1
 """Half the time of the default; files become a few per cent larger."""
 
@@ -48,26 +54,61 @@ class Stream(Protocol):
         ...
 
 
+class Rows(NamedTuple):
+    """Messages of several topics that were logged at the same times: a row has one of each."""
+
+    times_ns: NDArray[np.int64]
+    """When they were logged, in order."""
+
+    records: bytes
+    """The rows one after the other, each the records of its messages (see `message_record`)."""
+
+    starts: Mapping[int, int]
+    """Where in a row the record of each channel begins."""
+
+
+def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
+    """Returns a message as a record of the file; log time and publish time are `TIMES_OFFSET` bytes from its beginning.
+
+    Args:
+        channel_id: From `McapFile.add_channel`.
+        time_ns: When it was logged and published.
+        data: The message.
+    """
+    return _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, 0, time_ns, time_ns) + data
+
+
 class McapFile:
     """An MCAP file that is being written: zstd chunks with checksums, indexes and statistics."""
 
-    def __init__(self, stream: Stream, profile: str, library: str, chunk_bytes: int) -> None:
+    def __init__(
+        self,
+        stream: Stream,
+        profile: str,
+        library: str,
+        chunk_bytes: int,
+        take_rows: Callable[[], Iterable[Rows]] = tuple,
+    ) -> None:
         """Writes the beginning of the file.
 
         Args:
             stream: Where to.
             profile: What kind of messages these are, `ros2`.
             library: Who writes.
-            chunk_bytes: Uncompressed size from which on a chunk is written.
+            chunk_bytes: Size of the messages from which on a chunk is written, rows not counted.
+            take_rows: Asked at every chunk for what else is to be in it; what it returned counts as written.
         """
         self._stream = stream
+        self._take_rows = take_rows
         self._chunk_bytes = chunk_bytes
         self._compressor = zstandard.ZstdCompressor(_COMPRESSION_LEVEL)
-        self._chunk = bytearray()
+        self._introductions = bytearray()
+        """Schemas and channels that the next chunk begins with."""
         self._schemas: dict[str, Schema] = {}
         self._channels: list[Channel] = []
-        self._pending: dict[int, list[int]] = {}
-        """Times and places of the messages in the chunk, taking turns, by channel."""
+        self._messages: list[tuple[int, int, bytes]] = []
+        """Time, channel and record of the messages that wait for their chunk."""
+        self._waiting_bytes = 0
         self._counts: dict[int, int] = {}
         self._chunk_indexes: list[ChunkIndex] = []
         stream.write(_MAGIC + _bytes_of(Header(profile, library)))
@@ -88,11 +129,10 @@ class McapFile:
         if schema is None:
             schema = Schema(len(self._schemas) + 1, definition.encode(), "ros2msg", message_type)
             self._schemas[message_type] = schema
-            self._chunk += _bytes_of(schema)
+            self._introductions += _bytes_of(schema)
         channel = Channel(len(self._channels) + 1, topic, "cdr", metadata, schema.id)
         self._channels.append(channel)
-        self._pending[channel.id] = []
-        self._chunk += _bytes_of(channel)
+        self._introductions += _bytes_of(channel)
         return channel.id
 
     def add_message(self, channel_id: int, time_ns: int, data: bytes) -> None:
@@ -103,20 +143,25 @@ class McapFile:
             time_ns: When it was logged and published.
             data: The message.
         """
-        chunk = self._chunk
-        self._pending[channel_id] += (time_ns, len(chunk))
-        chunk += _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, 0, time_ns, time_ns)
-        chunk += data
-        if len(chunk) >= self._chunk_bytes:
+        record = message_record(channel_id, time_ns, data)
+        self._messages.append((time_ns, channel_id, record))
+        self._waiting_bytes += len(record)
+        if self._waiting_bytes >= self._chunk_bytes:
             self.flush()
 
     def flush(self) -> None:
-        """Writes the messages so far as a chunk, if there are any."""
-        pending = {channel: np.array(list_, "<u8").reshape(-1, 2) for channel, list_ in self._pending.items() if list_}
-        if not pending:
+        """Writes the messages and the rows so far as a chunk in the order of their times, if there are any.
+
+        Messages of the same time are in the order in which they were added, rows first.
+        """
+        # What was taken is not written twice, wherever a signal interrupts this.
+        messages, self._messages, self._waiting_bytes = self._messages, [], 0
+        rows = [item for item in self._take_rows() if len(item.times_ns)]
+        if not messages and not rows:
             return
-        times = [entries[:, 0] for entries in pending.values()]
-        raw = bytes(self._chunk)
+        raw, entries = _in_order(bytes(self._introductions), rows, messages)
+        self._introductions.clear()
+        times = [column[:, 0] for column in entries.values()]
         chunk = Chunk(
             compression="zstd",
             data=self._compressor.compress(raw),
@@ -125,11 +170,9 @@ class McapFile:
             uncompressed_crc=zlib.crc32(raw),
             uncompressed_size=len(raw),
         )
-        self._write_chunk(chunk, pending)
-        self._chunk.clear()
-        for channel, entries in pending.items():
-            self._counts[channel] = self._counts.get(channel, 0) + len(entries)
-            self._pending[channel].clear()
+        self._write_chunk(chunk, entries)
+        for channel, column in entries.items():
+            self._counts[channel] = self._counts.get(channel, 0) + len(column)
 
     def finish(self) -> None:
         """Writes what is pending, and the indexes that end the file; the stream stays open."""
@@ -154,7 +197,7 @@ class McapFile:
         footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(checked))
         self._stream.write(summary + _bytes_of(footer) + _MAGIC)
 
-    def _write_chunk(self, chunk: Chunk, messages: dict[int, np.ndarray]) -> None:
+    def _write_chunk(self, chunk: Chunk, messages: dict[int, NDArray[np.uint64]]) -> None:
         record = _bytes_of(chunk)
         start = self._stream.tell()
         indexes, places = b"", {}
@@ -189,6 +232,50 @@ class McapFile:
             metadata_count=0,
             schema_count=len(self._schemas),
         )
+
+
+def _in_order(
+    introductions: bytes, rows: Sequence[Rows], messages: Sequence[tuple[int, int, bytes]]
+) -> tuple[bytes, dict[int, NDArray[np.uint64]]]:
+    """Puts messages and rows in the order of their times.
+
+    Returns:
+        The content of a chunk, and by channel the times of its messages and their places in the chunk.
+    """
+    pieces, times = [], []
+    for item in rows:
+        size = len(item.records) // len(item.times_ns)
+        pieces += [item.records[start : start + size] for start in range(0, len(item.records), size)]
+        times.append(item.times_ns)
+    pieces += [record for _, _, record in messages]
+    times.append(np.array([time_ns for time_ns, _, _ in messages], np.int64))
+    time_ns = np.concatenate(times)
+    order = np.argsort(time_ns, kind="stable")
+    lengths = np.fromiter(map(len, pieces), np.int64, len(pieces))
+    places = np.empty(len(pieces), np.int64)
+    places[order] = len(introductions) + np.cumsum(lengths[order]) - lengths[order]
+    channels: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
+    first = 0
+    for item in rows:
+        stop = first + len(item.times_ns)
+        channels += [(channel, time_ns[first:stop], places[first:stop] + at) for channel, at in item.starts.items()]
+        first = stop
+    of_messages = np.fromiter((channel for _, channel, _ in messages), np.int64, len(messages))
+    for channel in np.unique(of_messages).tolist():
+        chosen = first + np.flatnonzero(of_messages == channel)
+        channels.append((channel, time_ns[chosen], places[chosen]))
+    return introductions + b"".join([pieces[i] for i in order.tolist()]), _by_channel(channels)
+
+
+def _by_channel(
+    parts: Sequence[tuple[int, NDArray[np.int64], NDArray[np.int64]]],
+) -> dict[int, NDArray[np.uint64]]:
+    """Times and places side by side; the messages of a channel may come in several parts."""
+    entries: dict[int, NDArray[np.uint64]] = {}
+    for channel, times, places in parts:
+        columns = np.stack((times, places), axis=1).astype("<u8")
+        entries[channel] = np.concatenate((entries[channel], columns)) if channel in entries else columns
+    return entries
 
 
 def _bytes_of(record: McapRecord) -> bytes:

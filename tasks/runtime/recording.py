@@ -9,7 +9,8 @@ from types import TracebackType
 
 from . import messages as ros
 from .cdr import encode
-from .mcap_file import McapFile
+from .columns import RowEncoder, Series
+from .mcap_file import McapFile, Rows
 
 _CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""
@@ -45,6 +46,15 @@ class NullRecorder:
     def write(self, topic: str, message: ros.Message, time_s: float) -> None:
         """Does nothing."""
 
+    def add_series(self, series: Series) -> None:
+        """Does nothing."""
+
+    def remove_series(self, series: Series) -> None:
+        """Does nothing."""
+
+    def flush_when_due(self, full: bool = False) -> None:
+        """Does nothing."""
+
     def close(self) -> None:
         """Does nothing."""
 
@@ -69,10 +79,11 @@ class McapRecorder:
             RecordingError: The file cannot be opened.
         """
         self._channels: dict[str, tuple[int, type]] = {}
+        self._series: list[tuple[Series, RowEncoder]] = []
         self._path = path
         with self._explained():
             self._stream = _Unbuffered(path)
-            self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES)
+            self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES, self._take_rows)
         self._closed = False
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
@@ -88,22 +99,50 @@ class McapRecorder:
             RecordingError: The file cannot be written.
             TypeError: The object is no message, or the topic carries another type.
         """
-        kind = type(message)
-        channel = self._channels.get(topic)
-        if channel is None:
-            channel = self._channels[topic] = self._add_channel(topic, kind)
-        elif channel[1] is not kind:
-            raise TypeError(f"topic {topic} carries {channel[1].__name__}, so {kind.__name__} cannot be written to it")
+        channel = self._channel(topic, type(message))
         data = encode(message)
-        time_ns = round(time_s * _NANOSECONDS)
+        time_ns = max(0, round(time_s * _NANOSECONDS))
         try:
-            self._file.add_message(channel[0], time_ns, data)
-            now = time.monotonic()
-            if now >= self._flush_at:
-                self._file.flush()
-                self._flush_at = now + _FLUSH_INTERVAL_S
+            self._file.add_message(channel, time_ns, data)
         except OSError as error:
             raise self._explanation(error) from error
+        self.flush_when_due()
+
+    def add_series(self, series: Series) -> None:
+        """Records what a series of messages gathers, from now on.
+
+        Args:
+            series: Asked for what it has whenever a chunk is written.
+
+        Raises:
+            TypeError: One of its topics carries another type.
+        """
+        columns = [(self._channel(topic, columns.kind), columns) for topic, columns in series.topics]
+        self._series.append((series, RowEncoder(columns)))
+
+    def remove_series(self, series: Series) -> None:
+        """Writes what a series has gathered and forgets it.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        self.flush_when_due(full=True)
+        self._series = [item for item in self._series if item[0] is not series]
+
+    def flush_when_due(self, full: bool = False) -> None:
+        """Writes a chunk if the last one is two seconds of wall-clock time ago.
+
+        Args:
+            full: Something has no more room; the chunk is written in any case.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        now = time.monotonic()
+        if full or now >= self._flush_at:
+            self._flush_at = now + _FLUSH_INTERVAL_S
+            with self._explained():
+                self._file.flush()
 
     def close(self) -> None:
         """Writes what is pending and the index, then closes the file; a second call does nothing.
@@ -127,6 +166,18 @@ class McapRecorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _take_rows(self) -> Iterator[Rows]:
+        for series, encoder in self._series:
+            yield encoder.encode(*series.take())
+
+    def _channel(self, topic: str, kind: type[ros.Message]) -> int:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._add_channel(topic, kind)
+        elif channel[1] is not kind:
+            raise TypeError(f"topic {topic} carries {channel[1].__name__}, so {kind.__name__} cannot be written to it")
+        return channel[0]
 
     def _add_channel(self, topic: str, kind: type[ros.Message]) -> tuple[int, type]:
         if not hasattr(kind, "ROS_TYPE"):

@@ -1,0 +1,154 @@
+"""The state of a robot, or of a whole model, sampled at a steady rate and published a chunk at a time."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import Columns, Numbers, clock, joint_states, odometry, transform
+from .context import Recorder
+
+STATE_RATE_HZ = 50.0
+"""How often states are recorded, if the environment steps as often."""
+
+BASE_FRAME = "base_link"
+ODOMETRY_FRAME = "odom"
+
+_MAX_SAMPLES = 512
+_MAX_BYTES = 256 * 1024
+"""What waits for a chunk at most, as messages."""
+_XYZW = (4, 5, 6, 3)
+"""Where MuJoCo keeps the parts of a free joint's quaternion, in the order of ROS."""
+
+
+class StateSeries:
+    """Samples joints for a recorder.
+
+    | topic | what |
+    | --- | --- |
+    | `/clock` | simulated time |
+    | `/tf` | `odom` to `base_link`, when there is a base |
+    | `/odom` | the same, with velocities as the base sees them |
+    | `/joint_states` | hinges and slides, if any: positions, velocities, and the forces of their actuators |
+
+    A sample costs about a microsecond: it is a copy of the state. Messages are made when a chunk is written.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        joints: Sequence[int],
+        *,
+        base: int | None = None,
+        joint_names: Sequence[str] | None = None,
+        joint_frame: str = "",
+    ) -> None:
+        """Prepares a series; `Recorder.add_series` takes it.
+
+        Args:
+            model: The model.
+            data: Its state, read at every sample.
+            joints: Ids of hinges and slides.
+            base: Id of the free joint that moves the robot; without it there is neither `/tf` nor `/odom`.
+            joint_names: What the joints are called in messages; else their names in the model.
+            joint_frame: Frame that the joint states name, usually the robot's base.
+        """
+        joints = list(joints)
+        names = joint_names or [model.joint(joint).name or f"joint_{joint}" for joint in joints]
+        self.topics: list[tuple[str, Columns]] = [("/clock", clock())]
+        if base is not None:
+            self.topics.append(("/tf", transform(ODOMETRY_FRAME, BASE_FRAME)))
+            self.topics.append(("/odom", odometry(ODOMETRY_FRAME, BASE_FRAME)))
+        if joints:
+            self.topics.append(("/joint_states", joint_states(joint_frame, names)))
+        self._data = data
+        positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        first_position, stop_position = _span(positions, None if base is None else int(model.jnt_qposadr[base]), 7)
+        first_velocity, stop_velocity = _span(velocities, None if base is None else int(model.jnt_dofadr[base]), 6)
+        # Whole stretches of the state are copied, and what is published is picked from them later.
+        self._qpos = data.qpos[first_position:stop_position]
+        self._qvel = data.qvel[first_velocity:stop_velocity]
+        self._force = data.qfrc_actuator[first_velocity:stop_velocity]
+        self._joint_positions, self._joint_velocities = positions - first_position, velocities - first_velocity
+        self._base = None
+        if base is not None:
+            self._base = (
+                int(model.jnt_qposadr[base]) - first_position,
+                int(model.jnt_dofadr[base]) - first_velocity,
+            )
+        row_bytes = sum(len(columns.template) for _, columns in self.topics)
+        self._capacity = max(1, min(_MAX_SAMPLES, _MAX_BYTES // row_bytes))
+        self._count = 0
+        self._times = np.empty(self._capacity)
+        self._positions = np.empty((self._capacity, len(self._qpos)))
+        self._velocities = np.empty((self._capacity, len(self._qvel)))
+        self._forces = np.empty((self._capacity, len(self._qvel)))
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """Whose state is sampled."""
+        return self._data
+
+    def sample(self, recorder: Recorder) -> None:
+        """Notes the state as it is now.
+
+        Args:
+            recorder: Who was given the series; it writes what there is when no more fits.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        count = self._count
+        self._times[count] = self._data.time
+        self._positions[count] = self._qpos
+        self._velocities[count] = self._qvel
+        self._forces[count] = self._force
+        self._count = count + 1
+        recorder.flush_when_due(full=self._count == self._capacity)
+
+    def take(self) -> tuple[Numbers, list[list[Numbers]]]:
+        """Returns what was sampled since the last time: times, and for each topic its numbers.
+
+        The arrays hold until the next sample.
+        """
+        count, self._count = self._count, 0
+        values: list[list[Numbers]] = [[]]
+        if self._base is not None:
+            place, rate = self._base
+            pose = self._positions[:count, [place, place + 1, place + 2, *(place + part for part in _XYZW)]]
+            velocity = self._velocities[:count, rate : rate + 6]
+            twist = np.concatenate((_turned_back(pose[:, 3:], velocity[:, :3]), velocity[:, 3:]), axis=1)
+            values += [[pose], [pose, twist]]
+        if self._joint_positions.size:
+            values.append(
+                [
+                    self._positions[:count].take(self._joint_positions, axis=1),
+                    self._velocities[:count].take(self._joint_velocities, axis=1),
+                    self._forces[:count].take(self._joint_velocities, axis=1),
+                ]
+            )
+        return self._times[:count], values
+
+
+def hinges_and_slides(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Returns the ids of the joints that joint states can tell of: those with one number each."""
+    return np.flatnonzero(np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)))
+
+
+def _span(addresses: NDArray[np.int32], base: int | None, base_size: int) -> tuple[int, int]:
+    """The stretch of the state that holds all of them."""
+    numbers = addresses.tolist()
+    ends = [(number, number + 1) for number in numbers] + ([] if base is None else [(base, base + base_size)])
+    return min((first for first, _ in ends), default=0), max((stop for _, stop in ends), default=0)
+
+
+def _turned_back(quaternions: Numbers, vectors: Numbers) -> Numbers:
+    """Vectors of the world as they are seen from frames with these orientations (x, y, z, w)."""
+    axis, w = -quaternions[:, :3], quaternions[:, 3:]
+    twice = 2.0 * np.cross(axis, vectors)
+    return vectors + w * twice + np.cross(axis, twice)
