@@ -1,5 +1,6 @@
 """Worlds: what generation jobs leave behind."""
 
+import json
 import logging
 from typing import Any
 
@@ -27,7 +28,7 @@ _logger = logging.getLogger(__name__)
 
 @operation("DescribeWorld")
 def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeWorldResponse:
-    """Tells where a world comes from, and what one of version 2 holds."""
+    """Tells where a world comes from, what it holds and what was proven of it."""
     world = service.catalog.get(request.world, kind=KIND)
     return DescribeWorldResponse.model_validate(
         {**_summary(world), "tags": dict(world.tags), "worldDescriptionBody": _description(world, service)}
@@ -56,15 +57,16 @@ def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> 
 
 
 def _description(world: Resource, service: Service) -> str | None:
-    """What the world's bundle says of it; worlds of version 1 have no description."""
+    """What the world's bundle says of it, and the bundle's hash; worlds of earlier releases may have no description."""
     key = world.document.get("descriptionKey")
     if key is None:
         return None
     bucket = world.document["bundle"]["bucket"]
     try:
-        return service.store.get_bytes(bucket, key).decode()
+        description = json.loads(service.store.get_bytes(bucket, key))
     except StorageError as error:
         raise InternalServerException(f"the description of {world.arn} cannot be read: {error}") from error
+    return json.dumps({**description, "contentHash": world.document["bundle"]["prefix"].rsplit("/", 1)[-1]})
 
 
 def _deleted(world: Resource, service: Service) -> bool:

@@ -1,8 +1,8 @@
-"""What a world of version 2 holds, for other programs: the content of `world_description.json`.
+"""What a world holds and what was proven of it, for other programs: the content of `world_description.json`.
 
-DescribeWorld answers with the same text as `worldDescriptionBody`, and an export holds it beside each world. The
-service's own schema was never published; this one is ours. Lengths are metres, angles radians, areas square metres;
-x points east, y north, z up, and the floor's surface is z = 0.
+DescribeWorld answers with the same members and `contentHash` as `worldDescriptionBody`, and an export holds it beside
+each world. The service's own schema was never published; this one is ours. Lengths are metres, angles radians, areas
+square metres; x points east, y north, z up, and the floor's surface is z = 0.
 """
 
 from typing import Literal
@@ -10,7 +10,8 @@ from typing import Literal
 from pydantic import Field
 
 from .base import Model
-from .world import PassageKind, Point, RoomType
+from .world import PassageKind, Point, RoomType, Wish
+from .world_checks import WorldChecks
 
 DESCRIPTION_FILE = "world_description.json"
 """Its name in a world bundle and in an export."""
@@ -104,12 +105,32 @@ class DescribedFurniture(Model):
     movable: bool = Field(description="Whether it is a free body.")
 
 
+class Seeds(Model):
+    """What the world was made from, besides the template."""
+
+    floorplan: int = Field(description="Seed of the floor plan.")
+    interior: int = Field(description="Seed of the interior.")
+
+
+class Proofs(Model):
+    """What was measured before the world counted as made, and whether it keeps what every world keeps."""
+
+    guaranteesHold: bool = Field(description="Whether none of the guarantees is broken.")
+    violations: list[str] = Field(description="The guarantees that are broken, one sentence each.")
+    checks: WorldChecks = Field(description="The measurements: the `checks` of `world.json`.")
+    wishes: list[Wish] = Field(description="What became of each wish of the template, with the reason.")
+
+
 class WorldDescription(Model):
     """A whole world."""
 
     version: Literal["1"] = Field(default="1", description="Version of this document's form.")
     templateVersion: Literal["1", "2"] = Field(description="Version of the template's body.")
     generatorVersion: str = Field(description="Version of the generator that made the world.")
+    contentHash: str | None = Field(
+        default=None, description="SHA-256 of the world's bundle; only in what DescribeWorld answers."
+    )
+    seeds: Seeds | None = Field(default=None, description="Seeds that give the same world again.")
     units: Units = Field(default=Units(), description="Units of all numbers.")
     ceilingHeight: float = Field(description="Floor to ceiling.")
     footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, on centre lines of walls.")
@@ -117,3 +138,4 @@ class WorldDescription(Model):
     passages: list[DescribedPassage] = Field(description="The ways between rooms.")
     doors: list[DescribedDoor] = Field(description="The doors.")
     furniture: list[DescribedFurniture] = Field(description="Furniture and loose objects.")
+    proofs: Proofs | None = Field(default=None, description="What was measured; absent if nothing was.")

@@ -24,7 +24,8 @@ class DescribeWorldResponse(Shape):
     createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
     tags: TagMap | None = Field(default=None, description="Its tags: the job's `worldTags`, and later changes.")
     worldDescriptionBody: Json | None = Field(
-        default=None, description="JSON text that describes the world; only for templates of version 2."
+        default=None,
+        description="JSON text that describes the world: plan, doors, furniture, seeds and what was proven of it.",
     )
 
 

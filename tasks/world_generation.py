@@ -69,7 +69,7 @@ def _generate(
             with bundle_held(bundle, service):
                 # Stores nothing, unless the last world with this content was deleted just now.
                 publish_bundle(service, prefix, folder, service.clock())
-                _add_to_catalog(service, job, index, world_arn, bundle, _description_key(folder, prefix))
+                _add_to_catalog(service, job, index, world_arn, bundle)
     except WorldGenerationError as error:
         return {"code": "InternalServiceError", "reason": str(error)}
     except (StorageError, OSError) as error:
@@ -83,14 +83,7 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
     publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
 
 
-def _description_key(folder: Path, prefix: str) -> str | None:
-    """Where the world's description is stored, if it has one: worlds of version 1 have none."""
-    return f"{prefix}/{DESCRIPTION_FILE}" if (folder / DESCRIPTION_FILE).is_file() else None
-
-
-def _add_to_catalog(
-    service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str], description_key: str | None
-) -> None:
+def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
     world = Resource.new(
         arn=arn,
         kind="world",
@@ -102,7 +95,7 @@ def _add_to_catalog(
         document={
             "template": job.document["request"]["template"],
             "bundle": bundle,
-            **({"descriptionKey": description_key} if description_key else {}),
+            "descriptionKey": f"{bundle['prefix']}/{DESCRIPTION_FILE}",
         },
     )
     with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over

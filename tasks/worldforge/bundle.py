@@ -79,8 +79,7 @@ def _write_files(world: World, folder: Path, preview: bool) -> None:
     _write_textures(world, folder / TEXTURES_FOLDER)
     (folder / PLAN_FILE).write_text(floorplan_svg(world), encoding="utf-8")
     write_map(occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan)), folder)
-    if world.template_version == "2":
-        (folder / DESCRIPTION_FILE).write_text(description_text(world), encoding="utf-8")
+    (folder / DESCRIPTION_FILE).write_text(description_text(world), encoding="utf-8")
     if preview:
         (folder / PREVIEW_FILE).write_bytes(render_preview(world))
 

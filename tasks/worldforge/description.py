@@ -1,4 +1,4 @@
-"""Describes a world of version 2 for other programs."""
+"""Describes a world for other programs."""
 
 from ...schemas.world import Door, Furniture, Passage, Room, World
 from ...schemas.world_description import (
@@ -9,9 +9,12 @@ from ...schemas.world_description import (
     Opening,
     Pose,
     Position,
+    Proofs,
+    Seeds,
     Size,
     WorldDescription,
 )
+from .guarantees import violations
 
 
 def describe(world: World) -> WorldDescription:
@@ -20,18 +23,28 @@ def describe(world: World) -> WorldDescription:
     return WorldDescription(
         templateVersion=world.template_version,
         generatorVersion=world.generator_version,
+        seeds=Seeds(floorplan=world.floorplan_seed, interior=world.interior_seed),
         ceilingHeight=plan.ceiling_height_m,
         footprint=plan.footprint,
         rooms=[_room(room) for room in plan.rooms],
         passages=[_passage(passage) for passage in plan.passages],
         doors=[_door(passage.door, passage) for passage in plan.passages if passage.door],
         furniture=[_furniture(item) for item in world.furniture],
+        proofs=_proofs(world),
     )
 
 
 def description_text(world: World) -> str:
     """The content of `world_description.json`."""
     return describe(world).model_dump_json(exclude_none=True) + "\n"
+
+
+def _proofs(world: World) -> Proofs | None:
+    if world.checks is None:
+        return None
+    broken = violations(world.checks)
+    wishes = [*world.floorplan.wishes, *world.wishes]
+    return Proofs(guaranteesHold=not broken, violations=broken, checks=world.checks, wishes=wishes)
 
 
 def _room(room: Room) -> DescribedRoom:

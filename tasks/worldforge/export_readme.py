@@ -22,7 +22,7 @@ The files of a world:
 | `<world>.glb` | glTF 2.0 for browsers and other viewers |
 | `world.xml` (and `textures/`) | MJCF for MuJoCo 3 |
 | `world.json` | rooms, walls, passages and furniture with their poses and sizes, seeds, and what became of the wishes |
-| `world_description.json` | rooms and doors, for other programs; of templates of version 2 |
+| `world_description.json` | rooms, doors and proofs, for other programs |
 | `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
 | `floorplan.svg`, `preview.png` | the plan with names, and the furnished world from above |
 

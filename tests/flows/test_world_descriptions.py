@@ -1,4 +1,4 @@
-"""Worlds of version 2: what DescribeWorld tells of them, and templates that become version 2."""
+"""What DescribeWorld tells of worlds, and templates that become version 2."""
 
 import json
 from collections.abc import Callable
@@ -41,8 +41,8 @@ def test_a_world_of_version_2_is_described_with_its_doors(service: Service, temp
     (arn,) = generate()["finishedWorldsSummary"]["succeededWorlds"]
     body = call("DescribeWorld", {"world": arn}, service)["worldDescriptionBody"]
 
-    assert body.encode() == stored_description(service)
     description = WorldDescription.model_validate_json(body)
+    assert json.loads(body) == {**json.loads(stored_description(service)), "contentHash": description.contentHash}
     (door,) = description.doors
     assert set(door.rooms) == {"living room", "bedroom"}
     assert door.initialOpening.percent == 40
@@ -54,9 +54,22 @@ def test_a_world_of_version_2_is_described_with_its_doors(service: Service, temp
     assert [item.name for item in description.furniture] == [item.id for item in world.furniture]
 
 
-def test_a_world_of_version_1_has_no_description(service: Service, generate: Generate) -> None:
+def test_every_world_tells_what_was_proven_of_it(service: Service, generate: Generate) -> None:
     (arn,) = generate()["finishedWorldsSummary"]["succeededWorlds"]
-    assert "worldDescriptionBody" not in call("DescribeWorld", {"world": arn}, service)
+    described = WorldDescription.model_validate_json(
+        call("DescribeWorld", {"world": arn}, service)["worldDescriptionBody"]
+    )
+    assert described.templateVersion == "1"
+    (key,) = (info.key for info in service.store.list("robomaker", "worlds/") if info.key.endswith("world.json"))
+    world = World.model_validate_json(service.store.get_bytes("robomaker", key))
+    assert described.contentHash == key.split("/")[1]
+    assert described.seeds is not None
+    assert (described.seeds.floorplan, described.seeds.interior) == (world.floorplan_seed, world.interior_seed)
+    assert described.proofs is not None
+    assert (described.proofs.guaranteesHold, described.proofs.violations) == (True, [])
+    assert described.proofs.checks == world.checks
+    assert described.proofs.wishes == [*world.floorplan.wishes, *world.wishes]
+    assert described.proofs.wishes
 
 
 def test_a_lost_description_is_told(service: Service, template: str, generate: Generate) -> None:

@@ -12,7 +12,7 @@ from prefect_robomaker.tasks.worldforge.bundle import content_hash, read_world, 
 from prefect_robomaker.tasks.worldforge.mjcf import surfaces
 from prefect_robomaker.tasks.worldforge.textures import texture_size_m
 
-FILES = {"world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg", "textures"}
+FILES = {"world_description.json", "world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg", "textures"}
 
 
 def test_a_bundle_holds_everything_and_reads_back(flat: World, tmp_path: Path) -> None:
