@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.tasks.runtime.cameras import GlCamera, RayCamera
+from prefect_robomaker.tasks.runtime.cameras import GlCamera
 from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.video import VideoWatcher, choose_view
+from prefect_robomaker.tasks.runtime.ray_camera import RayCamera
+from prefect_robomaker.tasks.runtime.video import VideoWatcher
 from prefect_robomaker.tasks.runtime.video_backends import available_video_backends, best_video_backend
+from prefect_robomaker.tasks.runtime.views import choose_view
 
 MODEL = """
 <mujoco>
@@ -95,8 +97,9 @@ def test_a_camera_that_is_not_there(physics: Any) -> None:
 
 TAKE_PICTURES = """
 import sys, mujoco, numpy as np
-from prefect_robomaker.tasks.runtime.cameras import GlCamera, RayCamera
-from prefect_robomaker.tasks.runtime.video import choose_view
+from prefect_robomaker.tasks.runtime.cameras import GlCamera
+from prefect_robomaker.tasks.runtime.ray_camera import RayCamera
+from prefect_robomaker.tasks.runtime.views import choose_view
 
 model = mujoco.MjModel.from_xml_path(sys.argv[1])
 data = mujoco.MjData(model)

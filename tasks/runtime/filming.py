@@ -1,0 +1,81 @@
+"""Filming a model: camera and views by their settings, one picture of two where both are asked for."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import mujoco
+
+from .cameras import Camera, GlCamera, Image
+from .ray_camera import RayCamera
+from .video_settings import CAMERA_VARIABLE, DEFAULT_SIZE, VideoSettings
+from .views import View, choose_views
+
+RAYS = "rays"
+"""The backend that needs no OpenGL."""
+
+_RAY_SIZE = (320, 240)
+_INSET_SHARE = 0.36
+_INSET_MARGIN_SHARE = 0.02
+_INSET_EVERY_S = 0.3
+"""From above a robot moves by a few pixels in this time, and the view of everything costs the most."""
+_FRAME = 245
+
+
+class Filming:
+    """Takes the pictures of one film of one model."""
+
+    def __init__(
+        self, model: mujoco.MjModel, settings: VideoSettings, backend: str, environment_camera: str | None = None
+    ) -> None:
+        """Makes a camera.
+
+        Args:
+            model: The model.
+            settings: Camera and size.
+            backend: `egl`, `osmesa` or `rays`.
+            environment_camera: The environment's `video_camera`; the settings go before it.
+
+        Raises:
+            ValueError: There is no such camera.
+            Exception: OpenGL does not work here; the kind depends on the driver.
+        """
+        self.size = settings.size or (_RAY_SIZE if backend == RAYS else DEFAULT_SIZE)
+        width, height = self.size
+        name = settings.camera or environment_camera
+        said_by = CAMERA_VARIABLE if settings.camera else "the environment's video_camera"
+        self._view, self._small_view = choose_views(model, name, said_by, width / height)
+        self._small: Image | None = None
+        self._small_time_s = 0.0
+        self._camera: Camera
+        if backend == RAYS:
+            self._camera = RayCamera(model, width, height)
+        else:
+            self._camera = GlCamera(model, width, height, backend)
+
+    def picture(self, data: mujoco.MjData) -> Image:
+        """Returns the picture of a state, whose positions have to be worked out."""
+        picture = self._camera.picture(data, self._view)
+        if self._small_view is not None:
+            _inset(picture, self._small_picture(data, self._small_view))
+        return picture
+
+    def _small_picture(self, data: mujoco.MjData, view: View) -> Image:
+        if self._small is None or not 0 <= data.time - self._small_time_s < _INSET_EVERY_S - 1e-6:
+            width, height = (round(_INSET_SHARE * number) for number in self.size)
+            self._small = self._camera.picture(data, view, (width, height))
+            self._small_time_s = data.time
+        return self._small
+
+    def close(self) -> None:
+        """Frees what the driver holds."""
+        self._camera.close()
+
+
+def _inset(picture: Image, small: Image) -> None:
+    """Puts a small picture into the upper right corner, in a frame."""
+    edge = max(1, picture.shape[0] // 240)
+    margin = max(2, round(_INSET_MARGIN_SHARE * picture.shape[0]))
+    height, width = small.shape[:2]
+    right = picture.shape[1] - margin
+    picture[margin : margin + height + 2 * edge, right - width - 2 * edge : right] = _FRAME
+    picture[margin + edge : margin + edge + height, right - edge - width : right - edge] = small

@@ -1,0 +1,182 @@
+"""Pictures of a simulation without OpenGL: a ray per pixel."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from .cameras import MAX_GEOMS, Image
+from .views import SHOWN_GROUPS, View
+
+_SKY = np.array([0.62, 0.74, 0.88])
+_LIGHT = np.array([0.35, -0.25, 0.9]) / np.linalg.norm([0.35, -0.25, 0.9])
+_MAX_RAYS = 320 * 240
+"""Larger pictures are enlarged ones: a ray costs about two microseconds in a furnished flat."""
+_GRID = 3
+"""Every third pixel of every third row is cast first; in between only where those around it differ."""
+_SAME_SURFACE = 0.995
+"""Cosine of the angle between the normals of what counts as one flat surface."""
+
+_Vectors = NDArray[np.float64]
+_Pixels = NDArray[np.intp]
+
+
+class RayCamera:
+    """Casts a ray per pixel: flat colours, one light, no textures; needs no driver at all."""
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        """Prepares colours.
+
+        Args:
+            model: The model.
+            width: Pixels.
+            height: Pixels.
+        """
+        self._model = model
+        self._size = width, height
+        self._colours = _geom_colours(model)
+        # A scene without a renderer, only to learn where a view stands and looks.
+        self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
+        self._option = mujoco.MjvOption()
+        self._buffers: dict[tuple[int, int], _Buffers] = {}
+
+    def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
+        """See `Camera`."""
+        width, height = size or self._size
+        coarseness = math.ceil(math.sqrt(width * height / _MAX_RAYS))
+        shape = math.ceil(height / coarseness), math.ceil(width / coarseness)
+        picture = self._cast(data, view, shape)
+        if coarseness > 1:
+            picture = picture.repeat(coarseness, axis=0).repeat(coarseness, axis=1)[:height, :width]
+        return np.ascontiguousarray(picture)
+
+    def close(self) -> None:
+        """See `Camera`."""
+
+    def _cast(self, data: mujoco.MjData, view: View, shape: tuple[int, int]) -> Image:
+        no_category = 0  # the scene's camera is all that is wanted
+        mujoco.mjv_updateScene(self._model, data, self._option, None, view(data), no_category, self._scene)
+        if shape not in self._buffers:
+            self._buffers[shape] = _Buffers(shape)
+        buffers = self._buffers[shape]
+        eye, forward, up, slope = self._eye()
+        rays = buffers.directions(slope) @ np.array((forward, up, np.cross(forward, up)))
+        housing = self._body_around(data, eye, forward)
+        self._hit(data, eye, rays, buffers, buffers.grid, housing)
+        self._hit(data, eye, rays, buffers, buffers.between(), housing)
+        shade = 0.45 + 0.55 * np.abs(buffers.normals @ _LIGHT)
+        shade[buffers.geoms < 0] = 1.0
+        return (self._colours[buffers.geoms] * (255 * shade[:, None])).astype(np.uint8).reshape(*shape, 3)
+
+    def _hit(
+        self, data: mujoco.MjData, eye: _Vectors, rays: _Vectors, buffers: "_Buffers", pixels: _Pixels, housing: int
+    ) -> None:
+        """Finds what is seen in some pixels."""
+        if not len(pixels):
+            return
+        geoms, normals = np.zeros(len(pixels), dtype=np.int32), np.zeros((len(pixels), 3))
+        mujoco.mj_multiRay(
+            self._model, data, eye, rays[pixels].ravel(), SHOWN_GROUPS, True, housing, geoms, np.zeros(len(pixels)),
+            normals.ravel(), len(pixels), self._model.vis.map.zfar * self._model.stat.extent,
+        )  # fmt: skip
+        buffers.geoms[pixels], buffers.normals[pixels] = geoms, normals
+
+    def _eye(self) -> tuple[_Vectors, _Vectors, _Vectors, float]:
+        """The eye's position, the ways forward and up, and the slope of the view's upper edge."""
+        left, right = self._scene.camera[0], self._scene.camera[1]
+        eye = (np.asarray(left.pos, dtype=float) + right.pos) / 2
+        forward, up = np.asarray(left.forward, dtype=float), np.asarray(left.up, dtype=float)
+        return eye, forward, up, left.frustum_top / left.frustum_near
+
+    def _body_around(self, data: mujoco.MjData, eye: _Vectors, forward: _Vectors) -> int:
+        """The body whose geom the eye is in, as cameras are in their housings, or -1.
+
+        OpenGL does not draw surfaces from behind; a ray would hit the housing from inside.
+        """
+        geom, normal = np.zeros(1, dtype=np.int32), np.zeros(3)
+        mujoco.mj_ray(self._model, data, eye, forward, SHOWN_GROUPS, True, -1, geom, normal)
+        inside = geom[0] >= 0 and normal @ forward > 0
+        body = int(self._model.geom_bodyid[geom[0]]) if inside else 0
+        return body or -1
+
+
+class _Buffers:
+    """What is seen in the pixels of one size of picture."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        count = shape[0] * shape[1]
+        self.geoms = np.zeros(count, dtype=np.int32)
+        self.normals = np.zeros((count, 3))
+        self._shape = shape
+        self._slope, self._directions = math.nan, np.zeros((count, 3))
+        rows, columns = (_grid_lines(length) for length in shape)
+        self.grid: _Pixels = (rows[:, None] * shape[1] + columns).ravel()
+        """The pixels that are cast first; the last row and column are among them."""
+        self._grid_shape = len(rows), len(columns)
+        self._steps = np.diff(rows), np.diff(columns)
+        self._in_grid = np.zeros(count, dtype=bool)
+        self._in_grid[self.grid] = True
+
+    def directions(self, slope: float) -> _Vectors:
+        """Unit vectors through the pixels as (forward, up, right), row by row from the top."""
+        if slope != self._slope:
+            height, width = self._shape
+            rays = np.ones((height, width, 3))
+            rays[..., 1] = (np.linspace(slope, -slope, height, endpoint=False) - slope / height)[:, None]
+            rays[..., 2] = (np.arange(width) + 0.5 - width / 2) * (2 * slope / height)
+            self._slope = slope
+            self._directions = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).reshape(-1, 3)
+        return self._directions
+
+    def between(self) -> _Pixels:
+        """Fills the grid's cells whose corners see one flat surface; returns the other pixels between the grid's."""
+        geoms = self.geoms[self.grid].reshape(self._grid_shape)
+        normals = self.normals[self.grid].reshape(*self._grid_shape, 3)
+        first, first_normal = geoms[:-1, :-1], normals[:-1, :-1]
+        same = np.ones(first.shape, dtype=bool)
+        for corner in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None)), (slice(1, None),) * 2):
+            alike = np.einsum("rci,rci->rc", normals[corner], first_normal) > _SAME_SURFACE
+            same &= (geoms[corner] == first) & (alike | (first < 0))
+        cells = np.zeros(self._shape, dtype=np.intp)
+        known = np.zeros(self._shape, dtype=bool)
+        cells[:-1, :-1] = self._enlarged(self.grid.reshape(self._grid_shape)[:-1, :-1])
+        known[:-1, :-1] = self._enlarged(same)
+        fill = np.flatnonzero(known.ravel() & ~self._in_grid)
+        source = cells.ravel()[fill]
+        self.geoms[fill], self.normals[fill] = self.geoms[source], self.normals[source]
+        return np.flatnonzero(~(known.ravel() | self._in_grid))
+
+    def _enlarged(self, cells: NDArray[Any]) -> NDArray[Any]:
+        """A value per cell of the grid, given to each pixel of the cell."""
+        return cells.repeat(self._steps[0], axis=0).repeat(self._steps[1], axis=1)
+
+
+def _grid_lines(length: int) -> _Pixels:
+    return np.unique(np.append(np.arange(0, length, _GRID), length - 1))
+
+
+def _geom_colours(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """A colour per geom: the mean of its texture where it has one, otherwise its own or its material's.
+
+    The extra last row is what geom id -1, no geom, finds.
+    """
+    colours = model.geom_rgba[:, :3].astype(float)
+    for geom, material in enumerate(model.geom_matid):
+        if material < 0:
+            continue
+        texture = int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+        colours[geom] = model.mat_rgba[material, :3] * (_mean_colour(model, texture) if texture >= 0 else 1.0)
+    return np.clip(np.vstack([colours, _SKY]), 0.0, 1.0)
+
+
+def _mean_colour(model: mujoco.MjModel, texture: int) -> NDArray[np.float64]:
+    channels = int(model.tex_nchannel[texture])
+    start = int(model.tex_adr[texture])
+    size = int(model.tex_height[texture]) * int(model.tex_width[texture]) * channels
+    pixels = model.tex_data[start : start + size].reshape(-1, channels)
+    return pixels[:, :3].mean(axis=0) / 255.0
