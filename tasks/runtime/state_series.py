@@ -22,7 +22,7 @@ _MAX_SAMPLES = 512
 _MAX_BYTES = 256 * 1024
 """What waits for a chunk at most, as messages."""
 _XYZW = (4, 5, 6, 3)
-"""Where MuJoCo keeps the parts of a free joint's quaternion, in the order of ROS."""
+"""Where among a free joint's positions the parts of its quaternion are, in the order of ROS."""
 
 
 class StateSeries:
@@ -44,7 +44,7 @@ class StateSeries:
         data: mujoco.MjData,
         joints: Sequence[int],
         *,
-        base: int | None = None,
+        base: Sequence[int] = (),
         joint_names: Sequence[str] | None = None,
         joint_frame: str = "",
     ) -> None:
@@ -54,33 +54,28 @@ class StateSeries:
             model: The model.
             data: Its state, read at every sample.
             joints: Ids of hinges and slides.
-            base: Id of the free joint that moves the robot; without it there is neither `/tf` nor `/odom`.
+            base: Id of the free joint that moves the robot, or of two slides along the world's axes and a hinge
+                that do; without it there is neither `/tf` nor `/odom`.
             joint_names: What the joints are called in messages; else their names in the model.
             joint_frame: Frame that the joint states name, usually the robot's base.
         """
         joints = list(joints)
         names = joint_names or [model.joint(joint).name or f"joint_{joint}" for joint in joints]
         self.topics: list[tuple[str, Columns]] = [("/clock", clock())]
-        if base is not None:
+        if base:
             self.topics.append(("/tf", transform(ODOMETRY_FRAME, BASE_FRAME)))
             self.topics.append(("/odom", odometry(ODOMETRY_FRAME, BASE_FRAME)))
         if joints:
             self.topics.append(("/joint_states", joint_states(joint_frame, names)))
         self._data = data
         positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        first_position, stop_position = _span(positions, None if base is None else int(model.jnt_qposadr[base]), 7)
-        first_velocity, stop_velocity = _span(velocities, None if base is None else int(model.jnt_dofadr[base]), 6)
+        base_positions, base_velocities = _addresses(model, base)
         # Whole stretches of the state are copied, and what is published is picked from them later.
-        self._qpos = data.qpos[first_position:stop_position]
-        self._qvel = data.qvel[first_velocity:stop_velocity]
-        self._force = data.qfrc_actuator[first_velocity:stop_velocity]
-        self._joint_positions, self._joint_velocities = positions - first_position, velocities - first_velocity
-        self._base = None
-        if base is not None:
-            self._base = (
-                int(model.jnt_qposadr[base]) - first_position,
-                int(model.jnt_dofadr[base]) - first_velocity,
-            )
+        place, rate = _span(positions, base_positions), _span(velocities, base_velocities)
+        self._qpos, self._qvel, self._force = data.qpos[place], data.qvel[rate], data.qfrc_actuator[rate]
+        self._joint_positions, self._joint_velocities = positions - place.start, velocities - rate.start
+        self._base_positions, self._base_velocities = base_positions - place.start, base_velocities - rate.start
+        self._motion = {0: None, 1: _free_motion, 3: _planar_motion}[len(base)]
         row_bytes = sum(len(columns.template) for _, columns in self.topics)
         self._capacity = max(1, min(_MAX_SAMPLES, _MAX_BYTES // row_bytes))
         self._count = 0
@@ -118,11 +113,11 @@ class StateSeries:
         """
         count, self._count = self._count, 0
         values: list[list[Numbers]] = [[]]
-        if self._base is not None:
-            place, rate = self._base
-            pose = self._positions[:count, [place, place + 1, place + 2, *(place + part for part in _XYZW)]]
-            velocity = self._velocities[:count, rate : rate + 6]
-            twist = np.concatenate((_turned_back(pose[:, 3:], velocity[:, :3]), velocity[:, 3:]), axis=1)
+        if self._motion is not None:
+            pose, twist = self._motion(
+                self._positions[:count].take(self._base_positions, axis=1),
+                self._velocities[:count].take(self._base_velocities, axis=1),
+            )
             values += [[pose], [pose, twist]]
         if self._joint_positions.size:
             values.append(
@@ -140,11 +135,35 @@ def hinges_and_slides(model: mujoco.MjModel) -> NDArray[np.intp]:
     return np.flatnonzero(np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)))
 
 
-def _span(addresses: NDArray[np.int32], base: int | None, base_size: int) -> tuple[int, int]:
+def _addresses(model: mujoco.MjModel, base: Sequence[int]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where in the state the base's positions and velocities are."""
+    free = len(base) == 1
+    positions = [int(model.jnt_qposadr[joint]) + part for joint in base for part in range(7 if free else 1)]
+    velocities = [int(model.jnt_dofadr[joint]) + part for joint in base for part in range(6 if free else 1)]
+    return np.array(positions, np.intp), np.array(velocities, np.intp)
+
+
+def _span(*addresses: NDArray[np.intp]) -> slice:
     """The stretch of the state that holds all of them."""
-    numbers = addresses.tolist()
-    ends = [(number, number + 1) for number in numbers] + ([] if base is None else [(base, base + base_size)])
-    return min((first for first, _ in ends), default=0), max((stop for _, stop in ends), default=0)
+    numbers = np.concatenate(addresses)
+    return slice(int(numbers.min()), int(numbers.max()) + 1) if numbers.size else slice(0, 0)
+
+
+def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
+    """Poses and twists, as messages have them, of a free joint."""
+    pose = positions[:, [0, 1, 2, *_XYZW]]
+    # MuJoCo has the linear velocity in the world's frame and the angular one in the body's; ROS has both in the body's.
+    return pose, np.concatenate((_turned_back(pose[:, 3:], velocities[:, :3]), velocities[:, 3:]), axis=1)
+
+
+def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
+    """Poses and twists of two slides and a hinge: x, y, heading."""
+    pose, twist = np.zeros((len(positions), 7)), np.zeros((len(positions), 6))
+    heading, (east, north, turning) = positions[:, 2], velocities.T
+    pose[:, :2], pose[:, 5], pose[:, 6] = positions[:, :2], np.sin(heading / 2), np.cos(heading / 2)
+    cos, sin = np.cos(heading), np.sin(heading)
+    twist[:, 0], twist[:, 1], twist[:, 5] = east * cos + north * sin, north * cos - east * sin, turning
+    return pose, twist
 
 
 def _turned_back(quaternions: Numbers, vectors: Numbers) -> Numbers:

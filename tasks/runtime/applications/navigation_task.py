@@ -83,7 +83,7 @@ class NavigationTask(Task):
         self._visited = np.zeros(len(self._goals), dtype=np.bool_)
         self._visited.setflags(write=False)
         if self._recorder.enabled:
-            self._telemetry.start(float(self._data.time))
+            self._telemetry.start(physics.model.ptr, physics.data.ptr)
         self._sense()
 
     def before_step(self, action: Action, physics: ScenePhysics) -> None:
@@ -205,16 +205,22 @@ class NavigationTask(Task):
             )
 
     def _between_substeps(self) -> Callable[[], None]:
-        """What is done every 10 ms: contacts are looked at, and legs move."""
-        sample, move = self._monitor.sample, self._controller.substep
-        if move is None:
-            return sample
+        """What is done every 10 ms: contacts are looked at, states are recorded, and legs move."""
+        sample, move, record = self._monitor.sample, self._controller.substep, self._telemetry.sample
 
-        def both() -> None:
+        def sample_and_record() -> None:
             sample()
+            record()
+
+        look = sample_and_record if self._recorder.enabled else sample
+        if move is None:
+            return look
+
+        def look_and_move() -> None:
+            look()
             move()
 
-        return both
+        return look_and_move
 
     def _sense(self) -> None:
         self._state, tilt_rad = self._read_state()
@@ -222,8 +228,6 @@ class NavigationTask(Task):
         if self._newly_visited:
             self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])
             self._visited.setflags(write=False)
-        if self._recorder.enabled:
-            self._telemetry.publish_state(self._state)
         if self._ranging is not None and self._steps % SCAN_EVERY_STEPS == 0:
             self._measure_ranges(*self._ranging)
 

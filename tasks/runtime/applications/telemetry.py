@@ -1,13 +1,17 @@
 """Publishes the robot's state as ROS 2 messages."""
 
-import math
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import messages as ros
 from ..context import Recorder
+from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
 from . import lidar
 from .robots.robot import Robot
 
@@ -32,7 +36,7 @@ class Telemetry:
 
     | topic | what | how often |
     | --- | --- | --- |
-    | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | every control step |
+    | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | 50 Hz |
     | `/scan` | the lidar | with every measurement |
     | `/tf_static` | `map` to `odom`, `base_link` to `base_scan` | once |
 
@@ -42,36 +46,65 @@ class Telemetry:
     def __init__(self, recorder: Recorder, scan_period_s: float, robot: Robot) -> None:
         self._recorder = recorder
         self._scan_period_s = scan_period_s
+        self._robot = robot
+        self._series: StateSeries | None = None
+
+    def start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Publishes what does not change, and the first state.
+
+        Args:
+          model: the world with the robot.
+          data: its state, after `mj_forward`.
+        """
+        self._data = data
+        self._start_s, self._samples, self._due_s = data.time, 0, data.time
+        self._publish_static(model, data)
+        if self._series is None or self._series.data is not data:
+            if self._series is not None:
+                self._recorder.remove_series(self._series)
+            self._series = self._make_series(model, data)
+            self._recorder.add_series(self._series)
+        self.sample()
+
+    def sample(self) -> None:
+        """Samples the state when it is time; to be called at least as often as that is."""
+        # A microsecond forgives rounding in sums of time steps.
+        if self._data.time >= self._due_s - 1e-6:
+            self._samples += 1
+            self._due_s = self._start_s + self._samples / STATE_RATE_HZ
+            assert self._series is not None
+            self._series.sample(self._recorder)
+
+    def _make_series(self, model: mujoco.MjModel, data: mujoco.MjData) -> StateSeries:
+        robot = self._robot
+        base = robot.planar_joints or ((robot.free_joint,) if robot.free_joint else ())
         # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
-        self._joints = tuple(f"{joint}_joint" for joint in robot.joints) if robot.name == "scout" else robot.joints
-        self._lidar_height_m = robot.lidar_height_m
-
-    def start(self, time_s: float) -> None:
-        """Publishes what does not change."""
-        stamp = ros.Time.from_seconds(time_s)
-        transforms = [ros.TransformStamped(ros.Header(stamp, "map"), "odom", ros.Transform())]
-        if self._lidar_height_m is not None:
-            mount = ros.Transform(translation=ros.Vector3(z=self._lidar_height_m))
-            transforms.append(ros.TransformStamped(ros.Header(stamp, "base_link"), "base_scan", mount))
-        self._recorder.write("/tf_static", ros.TFMessage(tuple(transforms)), time_s)
-
-    def publish_state(self, state: RobotState) -> None:
-        """Publishes time, pose, motion and joints."""
-        time_s = state.time_s
-        stamp = ros.Time.from_seconds(time_s)
-        header = ros.Header(stamp, "odom")
-        position = ros.Vector3(state.x, state.y, 0.0)
-        rotation = ros.Quaternion(0.0, 0.0, math.sin(state.yaw / 2), math.cos(state.yaw / 2))
-        twist = ros.Twist(ros.Vector3(state.linear, 0.0, 0.0), ros.Vector3(0.0, 0.0, state.angular))
-        write = self._recorder.write
-        write("/clock", ros.Clock(stamp), time_s)
-        transform = ros.TransformStamped(header, "base_link", ros.Transform(position, rotation))
-        write("/tf", ros.TFMessage((transform,)), time_s)
-        write("/odom", ros.Odometry(header, "base_link", ros.Pose(position, rotation), twist), time_s)
-        joints = ros.JointState(
-            ros.Header(stamp, "base_link"), self._joints, state.joint_positions, state.joint_velocities
+        names = [f"{joint}_joint" for joint in robot.joints] if robot.name == "scout" else robot.joints
+        return StateSeries(
+            model,
+            data,
+            [model.joint(f"{robot.prefix}{name}").id for name in robot.joints],
+            base=[model.joint(f"{robot.prefix}{name}").id for name in base],
+            joint_names=names,
+            joint_frame=BASE_FRAME,
         )
-        write("/joint_states", joints, time_s)
+
+    def _publish_static(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        robot = self._robot
+        stamp = ros.Time.from_seconds(data.time)
+        transforms = [ros.TransformStamped(ros.Header(stamp, "map"), ODOMETRY_FRAME, ros.Transform())]
+        if robot.lidar_height_m is not None:
+            # Where the lidar stands on the body it is fixed to, seen from the robot's base.
+            base, body = model.body(f"{robot.prefix}{robot.base}").id, robot.footprint_id(model)
+            turn = data.xmat[base].reshape(3, 3).T
+            foot = data.xmat[body].reshape(3, 3)
+            place = turn @ (data.xpos[body] + foot[:, 2] * robot.lidar_height_m - data.xpos[base])
+            quaternion = np.zeros(4)
+            mujoco.mju_mat2Quat(quaternion, (turn @ foot).ravel())
+            w, x, y, z = quaternion.tolist()
+            mount = ros.Transform(ros.Vector3(*place.tolist()), ros.Quaternion(x, y, z, w))
+            transforms.append(ros.TransformStamped(ros.Header(stamp, BASE_FRAME), "base_scan", mount))
+        self._recorder.write("/tf_static", ros.TFMessage(tuple(transforms)), data.time)
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
         """Publishes a measurement of the lidar."""

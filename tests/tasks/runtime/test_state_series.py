@@ -55,7 +55,7 @@ def test_what_is_published_is_the_state(model: mujoco.MjModel, tmp_path: Path) -
     joints = hinges_and_slides(model).tolist()
     states = []
     with McapRecorder(tmp_path / "r.mcap") as recorder:
-        series = StateSeries(model, data, joints, base=base, joint_frame="base_link")
+        series = StateSeries(model, data, joints, base=[base], joint_frame="base_link")
         recorder.add_series(series)
         for _ in range(700):  # more than a series holds
             states.append((data.time, data.qpos.copy(), data.qvel.copy(), data.qfrc_actuator.copy()))
@@ -87,6 +87,25 @@ def test_what_is_published_is_the_state(model: mujoco.MjModel, tmp_path: Path) -
     assert states[0][3].any()
 
 
+def test_a_base_on_slides_moves_over_the_floor(tmp_path: Path) -> None:
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body>
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+      <joint name="turn" type="hinge" axis="0 0 1"/><geom size="1"/></body></worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    data.qpos[:] = 1.0, 2.0, np.pi / 2
+    data.qvel[:] = 0.25, 0.5, 0.75
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        series = StateSeries(model, data, [], base=[model.joint(name).id for name in ("x", "y", "turn")])
+        recorder.add_series(series)
+        series.sample(recorder)
+    [(_, message)] = read(tmp_path / "r.mcap")["/odom"]
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    assert (place.x, place.y, place.z, turn.x, turn.y) == (1.0, 2.0, 0.0, 0.0, 0.0)
+    assert (turn.z, turn.w) == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)))
+    twist = message.twist.twist
+    assert (twist.linear.x, twist.linear.y, twist.angular.z) == pytest.approx((0.5, -0.25, 0.75))
+
+
 def test_a_fixed_thing_without_joints_has_a_clock(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
     data = mujoco.MjData(model)
@@ -100,7 +119,7 @@ def test_a_fixed_thing_without_joints_has_a_clock(tmp_path: Path) -> None:
 def test_sampling_changes_nothing(model: mujoco.MjModel, tmp_path: Path) -> None:
     recorded, alone = tumble(model), tumble(model)
     with McapRecorder(tmp_path / "r.mcap") as recorder:
-        series = StateSeries(model, recorded, hinges_and_slides(model).tolist(), base=model.joint("base").id)
+        series = StateSeries(model, recorded, hinges_and_slides(model).tolist(), base=[model.joint("base").id])
         recorder.add_series(series)
         for _ in range(100):
             series.sample(recorder)

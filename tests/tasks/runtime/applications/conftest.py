@@ -14,6 +14,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.schemas.world import Floorplan, Furniture, Passage, Room, World
 from prefect_robomaker.tasks.runtime.context import SimulationContext
+from prefect_robomaker.tasks.runtime.recording import NullRecorder
 
 WALLS = [  # name, x0, x1, y0, y1
     ("wall-south", -2.05, 6.05, -1.05, -0.95),
@@ -41,26 +42,6 @@ SOLIDS = [  # id, x, y, width (x), depth (y), height
     ("Kitchen/Fridges-1", 5.6, 1.45, 0.6, 0.65, 1.8),
     ("Hall/Storage-1", 5.7, 0.0, 0.4, 0.9, 1.2),
 ]
-
-
-class MemoryRecorder:
-    """Keeps what is recorded."""
-
-    def __init__(self, enabled: bool = True) -> None:
-        self.enabled = enabled
-        self.messages: list[tuple[str, Any, float]] = []
-
-    def write(self, topic: str, message: Any, time_s: float) -> None:
-        self.messages.append((topic, message, time_s))
-
-
-class NullRecorder:
-    """Takes nothing."""
-
-    enabled = False
-
-    def write(self, topic: str, message: Any, time_s: float) -> None:
-        raise AssertionError("nothing is written when recording is off")
 
 
 def box(name: str, x0: float, x1: float, y0: float, y1: float, z0: float, z1: float, rgba: str) -> str:
@@ -213,8 +194,3 @@ def make_context(tmp_path: Path) -> MakeContext:
         )
 
     return make
-
-
-@pytest.fixture
-def memory_recorder() -> MemoryRecorder:
-    return MemoryRecorder()

@@ -1,9 +1,15 @@
+from pathlib import Path
+from typing import Any
+
 import dm_env
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.recording import McapRecorder
 
 
 def test_observations_and_actions_are_as_specified(make_context) -> None:
@@ -92,25 +98,58 @@ def test_there_is_no_report_before_a_run(make_context) -> None:
         make_environment(make_context()).run_result()
 
 
-def test_records_what_a_robot_publishes(make_context, memory_recorder) -> None:
-    environment = make_environment(make_context(recorder=memory_recorder))
-    assert environment.records_itself
-    environment.reset()
-    for _ in range(40):
-        timestep = environment.step((0.3, 0.5))
-    counts = {}
-    for topic, _, _ in memory_recorder.messages:
-        counts[topic] = counts.get(topic, 0) + 1
-    assert counts == {"/tf_static": 1, "/clock": 41, "/tf": 41, "/odom": 41, "/joint_states": 41, "/scan": 11}
-    last = {topic: message for topic, message, _ in memory_recorder.messages}
+def read(path: Path) -> dict[str, list[Any]]:
+    messages: dict[str, list[Any]] = {}
+    with path.open("rb") as stream:
+        for item in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            messages.setdefault(item.channel.topic, []).append(item.decoded_message)
+    return messages
+
+
+def test_records_what_a_robot_publishes(make_context, tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        environment = make_environment(make_context(recorder=recorder))
+        assert environment.records_itself
+        environment.reset()
+        for _ in range(40):
+            timestep = environment.step((0.3, 0.5))
+    found = read(tmp_path / "r.mcap")
+    states = dict.fromkeys(("/clock", "/tf", "/odom", "/joint_states"), 101)
+    assert {topic: len(messages) for topic, messages in found.items()} == {"/tf_static": 1, "/scan": 11, **states}
+    last = {topic: messages[-1] for topic, messages in found.items()}
     x, y, yaw = timestep.observation["pose"]
-    position = last["/odom"].pose.position
-    assert (position.x, position.y) == pytest.approx((x, y))
-    orientation = last["/odom"].pose.orientation
-    assert 2 * np.arctan2(orientation.z, orientation.w) == pytest.approx(yaw)
-    assert last["/odom"].twist.linear.x == pytest.approx(0.3, abs=0.03)
-    assert last["/scan"].ranges is timestep.observation["scan"]
+    position = last["/odom"].pose.pose.position
+    assert (position.x, position.y) == (x, y)
+    orientation = last["/odom"].pose.pose.orientation
+    assert 2 * np.arctan2(orientation.z, orientation.w) == pytest.approx(yaw, abs=1e-5)
+    assert last["/odom"].twist.twist.linear.x == pytest.approx(0.3, abs=0.03)
+    assert list(last["/scan"].ranges) == timestep.observation["scan"].tolist()
     assert last["/tf"].transforms[0].child_frame_id == "base_link"
+    assert last["/joint_states"].name == ["wheel_left_joint", "wheel_right_joint"]
+    mount = found["/tf_static"][0].transforms[1]
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "base_scan")
+    assert mount.transform.translation.z == pytest.approx(0.13)
+    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in found["/odom"]]
+    assert stamps == [20_000_000 * sample for sample in range(101)]
+
+
+def test_recording_changes_nothing(make_context, tmp_path: Path) -> None:
+    ends = []
+    for recorder in (None, McapRecorder(tmp_path / "r.mcap")):
+        environment = make_environment(make_context(recorder=recorder, loose=[("Toy_1", 0.4, 0.0, 0.06)]))
+        environment.reset()
+        scans = [environment.step((0.5, 0.2)).observation["scan"].tobytes() for _ in range(60)]
+        ends.append((environment.physics.data.ptr.qpos.tobytes(), environment.run_result(), scans))
+    assert ends[0] == ends[1]
+
+
+def test_every_run_of_an_environment_is_recorded(make_context, tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        environment = make_environment(make_context(recorder=recorder))
+        for _ in range(2):
+            environment.reset()
+            environment.step((0.1, 0.0))
+    assert len(read(tmp_path / "r.mcap")["/odom"]) == 2 * 3
 
 
 def test_a_second_run_starts_afresh(make_context) -> None:

@@ -9,6 +9,7 @@ from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation, make_environment
 from prefect_robomaker.tasks.runtime.applications.scout import Scout, make_agent
 from prefect_robomaker.tasks.runtime.context import SimulationContext
+from prefect_robomaker.tasks.runtime.recording import McapRecorder
 
 
 def run(context: SimulationContext) -> tuple[IndoorNavigation, Scout, list[Any]]:
@@ -39,10 +40,11 @@ def test_visits_every_room_without_touching_anything(make_context) -> None:
     assert report.path[0][1:] == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_the_same_seed_gives_the_same_run_to_the_last_bit_recorded_or_not(make_context, memory_recorder) -> None:
+def test_the_same_seed_gives_the_same_run_to_the_last_bit_recorded_or_not(make_context, tmp_path) -> None:
     loose = [("Toy_1", 0.45, 1.3, 0.05)]
     first = np.array(run(make_context(seed=5, loose=loose))[2])
-    second = np.array(run(make_context(seed=5, loose=loose, recorder=memory_recorder))[2])
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        second = np.array(run(make_context(seed=5, loose=loose, recorder=recorder))[2])
     other = np.array(run(make_context(seed=6, loose=loose))[2])
     assert first.tobytes() == second.tobytes()
     assert first.tobytes() != other.tobytes()
