@@ -70,6 +70,11 @@ class RunPlan(Model):
         default=None, description="Makes the environment; absent: `indoor-navigation`."
     )
     robot_application: ApplicationPlan | None = Field(default=None, description="Makes the agent; absent: `scout`.")
+    environment: dict[str, str] = Field(
+        default={},
+        description="Variables of every process of the run, over those that the launcher keeps of its own and under "
+        "those of launch configurations.",
+    )
     programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
     ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
     compute: ComputeLimits = Field(default=ComputeLimits(), description="What it may use of the machine.")
@@ -79,6 +84,10 @@ class RunPlan(Model):
     record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
     video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
     requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
+
+    end_at_s: float | None = Field(
+        default=None, ge=0, description="Simulated time at which a rerun ends, of a run that was stopped from outside."
+    )
 
     @property
     def has_episode(self) -> bool:

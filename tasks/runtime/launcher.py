@@ -244,6 +244,7 @@ def _request(plan: RunPlan) -> bytes:
     environment = {
         **_DEFAULTS,
         **_kept_environment(),
+        **plan.environment,
         **variables,
         "PWD": str(plan.work_dir),
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": plan.job_id,
@@ -264,7 +265,7 @@ def _request(plan: RunPlan) -> bytes:
 def _absolute_paths(plan: RunPlan) -> RunPlan:
     folders = {
         name: value.absolute()
-        for name in ("world_dir", "data_dir", "work_dir", "output_dir")
+        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir")
         if (value := getattr(plan, name)) is not None
     }
     applications = {
