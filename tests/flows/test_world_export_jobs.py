@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 from processes import wait_for
 from small_flat import ROLE
@@ -54,7 +55,15 @@ def test_worlds_are_packed_where_clients_look(
     service.store.get_file("exports", key, tmp_path / "export.zip")
     with zipfile.ZipFile(tmp_path / "export.zip") as archive:
         assert archive.testzip() is None
-        assert any(name.endswith("world.xml") for name in archive.namelist())
+        archive.extractall(tmp_path / "exported")
+    models = sorted((tmp_path / "exported").rglob("world.xml"))
+    assert len(models) == len(worlds)
+    for path in models:
+        # Compiles only where its pictures came along from the generator through the store.
+        model = mujoco.MjModel.from_xml_path(str(path))
+        pictures = {model.tex(index).name for index in range(model.ntex)} - {"sky"}
+        assert pictures == {picture.stem for picture in (path.parent / "textures").iterdir()}
+        assert any(name.startswith("floor_") for name in pictures)
     assert list(service.folder("scratch").iterdir()) == []
 
 
