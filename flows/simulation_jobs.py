@@ -25,8 +25,9 @@ from ..schemas.simulation_jobs import (
     SimulationJobOrder,
 )
 from ..schemas.simulation_run import ApplicationRole
-from ..tasks.applications import find_application, python_package
+from ..tasks.applications import find_application
 from ..tasks.catalog import ClientToken, Resource
+from ..tasks.compute import DEFAULT_COMPUTE
 from ..tasks.data_sources import resolve_data_sources
 from ..tasks.job_runs import stop_idle_job
 from ..tasks.run_plans import world_arn
@@ -36,7 +37,6 @@ from .listing import page_of
 from .operation import flows_of, operation
 
 KIND = "simulation-job"
-_DEFAULT_COMPUTE = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLimit": 0}
 # What lists filter by: the job's status, and the labels that `store_job` gives it.
 _FILTERS = {
     "status": "status",
@@ -144,12 +144,6 @@ def store_job(
     if (world := world_arn(wire)) is not None:
         service.catalog.get(world, kind="world")
     check_output_location(wire.get("outputLocation"))
-    for index, source in enumerate(wire.get("dataSources") or []):
-        if destination := source.get("destination"):
-            raise InvalidParameterException(
-                f"dataSources[{index}].destination: {destination!r} cannot be used here yet; leave it out, "
-                "the job finds the source in context.data_dir by its name"
-            )
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)
     return service.store_job(
@@ -217,7 +211,7 @@ def summary(job: Resource) -> dict[str, Any]:
 
 
 def _compute(request: Mapping[str, Any]) -> dict[str, Any]:
-    return {**_DEFAULT_COMPUTE, **request.get("compute", {})}
+    return {**DEFAULT_COMPUTE, **request.get("compute", {})}
 
 
 def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Service) -> list[str]:
@@ -226,36 +220,18 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Se
     for index, config in enumerate(request.get(f"{role}Applications") or []):
         application = find_application(config["application"], role, config.get("applicationVersion"), service)
         _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
-        _check_extras(config, f"{role}Applications[{index}]")
         names.append(application.name)
     return names
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
+    """Refuses what cannot mean anything; whether it can be started is found out by whoever performs the job."""
     has_archives = bool(application.document.get("sources"))
-    if not has_archives:
-        python_package(application)  # refuses container images, whatever their command
-    if launch.get("command"):
+    if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(
-            f"{place}.command: {launch['command']!r} cannot be run here yet; "
-            "give packageName and launchFile, a dotted attribute such as my_nav and arena.make_environment"
-        )
-    if has_archives and not (launch.get("packageName") and launch.get("launchFile")):
-        raise InvalidParameterException(
-            f"{place}: packageName and launchFile have to say what of the archive is started, "
+            f"{place}: command, or packageName and launchFile, have to say what of the archive is started, "
             "such as my_nav and arena.make_environment"
         )
-
-
-def _check_extras(config: Mapping[str, Any], place: str) -> None:
-    """Refuses what a job would only seem to do: tools and own uploads are not carried out yet."""
-    for member, instead in (
-        ("tools", "start them in the application"),
-        ("uploadConfigurations", "write files into context.output_dir, all of which are stored"),
-    ):
-        if config.get(member):
-            names = ", ".join(entry["name"] for entry in config[member])
-            raise InvalidParameterException(f"{place}.{member}: {names} cannot be used here yet; {instead}")
 
 
 def __getattr__(name: str) -> Any:

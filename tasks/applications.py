@@ -70,20 +70,10 @@ def _version(application: Resource, version: str, service: Service) -> Resource:
     return replace(found, arn=application.arn, tags=application.tags)
 
 
-def python_package(application: Resource) -> str:
-    """The installed package that an application without archives is.
-
-    Raises:
-      InvalidParameterException: it is a container image, which cannot be started here.
-    """
-    uri = application.document["environment"]["uri"]
+def python_package(uri: str) -> str | None:
+    """The installed package that an environment is; `None`: it is a container image."""
     scheme, _, module = uri.partition("://")
-    if scheme == _PYTHON:
-        return module
-    raise InvalidParameterException(
-        f"environment.uri of {application.arn} is {uri!r}: container images are not run yet; update the application "
-        "to python://package.module for an installed package, or to an archive with its files"
-    )
+    return module if scheme == _PYTHON else None
 
 
 def check_environment(uri: str) -> None:

@@ -1,5 +1,8 @@
 """Data sources: stored objects that a job finds in its data folder."""
 
+import os
+import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -11,6 +14,7 @@ from ..schemas.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
+from .sandbox import DATA_SOURCES, Sandbox, protect, remove
 from .service import Service
 from .storage import unpack
 from .storage.base import ObjectInfo
@@ -40,26 +44,49 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
     return resolved
 
 
-def fetch_data_sources(sources: Sequence[Mapping[str, Any]], folder: Path, service: Service) -> Path | None:
-    """Fetches resolved data sources, each into a folder of its name.
+def fetch_data_sources(sources: Sequence[Mapping[str, Any]], sandbox: Sandbox, service: Service) -> Path | None:
+    """Fetches resolved data sources into a job's folders, read-only.
 
-    Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is
-    `plans/maps/flat.pgm`. An archive becomes a folder of its name: `maps/flat.zip` becomes
-    `plans/maps/flat`.
+    Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is `plans/maps/flat.pgm` in the
+    folder of data sources. An archive becomes a folder of its name: `maps/flat.zip` becomes `plans/maps/flat`.
+    A source with a destination is there instead, its archives unpacked into the destination itself; `plans` leads
+    there.
+
+    Returns:
+      The folder of data sources; `None` if there are none.
 
     Raises:
       LaunchError: an object is gone, has changed, or is no archive.
     """
-    for source in sources:
+    # A destination inside of another's is filled later, as it would be mounted over it.
+    for source in sorted(sources, key=lambda source: len(PurePosixPath(source.get("destination") or "/").parts)):
+        folder = _folder_of(source, sandbox)
         for item in source["s3Keys"]:
             place = f"s3://{source['s3Bucket']}/{item['s3Key']}"
             try:
-                _fetch(source, item, folder / source["name"], service)
+                _fetch(source, item, folder, service)
             except StorageAccessDeniedError as error:
                 raise LaunchError(f"{place}: {error}", "BadPermissionsS3Object") from error
             except (StorageError, BundleError) as error:
                 raise LaunchError(f"{place}: {error}", "InvalidS3Resource") from error
-    return folder if sources else None
+    for source in sources:
+        protect(sandbox.place(source.get("destination") or f"{DATA_SOURCES}/{source['name']}"))
+    return sandbox.place(DATA_SOURCES) if sources else None
+
+
+def _folder_of(source: Mapping[str, Any], sandbox: Sandbox) -> Path:
+    """The empty folder that a source is fetched into."""
+    usual = sandbox.place(f"{DATA_SOURCES}/{source['name']}")
+    destination = source.get("destination")
+    if not destination:
+        usual.mkdir(parents=True, exist_ok=True)
+        return usual
+    folder = sandbox.place(destination)
+    remove(folder)
+    folder.mkdir(parents=True)
+    # Relative, so that it leads to the same place where the folders are mounted in a container.
+    usual.symlink_to(os.path.relpath(folder, usual.parent))
+    return folder
 
 
 def _objects(config: Mapping[str, Any], place: str, service: Service) -> list[ObjectInfo]:
@@ -90,5 +117,20 @@ def _fetch(source: Mapping[str, Any], item: Mapping[str, Any], folder: Path, ser
     if fetched.etag != item["etag"]:
         raise LaunchError(f"s3://{bucket}/{key} has changed since the job was made", "MismatchedEtag")
     if source["type"] == "Archive":
-        unpack(path, path.with_name(path.name.removesuffix(".zip").removesuffix(".tar.gz")))
-        path.unlink()
+        _unpack(path, folder, has_destination=bool(source.get("destination")))
+
+
+def _unpack(archive: Path, folder: Path, *, has_destination: bool) -> None:
+    """Replaces a fetched archive by what is in it."""
+    if not has_destination:
+        unpack(archive, archive.with_name(archive.name.removesuffix(".zip").removesuffix(".tar.gz")))
+        archive.unlink()
+        return
+    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+        fetched = archive.rename(Path(scratch, "archive"))
+        for empty in [parent for parent in archive.parents if parent.is_relative_to(folder) and parent != folder]:
+            if not any(empty.iterdir()):
+                empty.rmdir()
+        unpacked = Path(scratch, "unpacked")
+        unpack(fetched, unpacked)
+        shutil.copytree(unpacked, folder, dirs_exist_ok=True)

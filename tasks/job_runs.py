@@ -1,8 +1,6 @@
 """Running one simulation job: prepare, run its process, store its outputs, settle its end; again after a restart."""
 
 import logging
-import shutil
-import subprocess
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -23,6 +21,7 @@ from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, member
 from .performing import Lease, perform_if_idle, perform_once
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
+from .sandbox import remove
 from .service import Service
 from .storage import publish, read_manifest, store_unfinished
 from .uploads import output_place, prepare_bucket
@@ -133,7 +132,7 @@ class JobRun:
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         self._lease.transition("prepare", runId=run_id)
         self._prepare_bucket(run_id)
-        plan = run_plan(self._lease.job, run_id, folder, self._service)
+        plan = run_plan(self._lease.job, run_id, folder, self._service, lambda: self._why_stop() is not None)
         self._lease.transition(
             "start",
             lastStartedAt=self._service.clock().isoformat(),
@@ -259,7 +258,7 @@ class JobRun:
         run: dict[str, Any] = {"runId": run_id, "startedAt": self._lease.job.document["lastStartedAt"], **about}
         try:
             run["outputs"] = self._store(run_id, about, finished=outcome.finished)
-            _remove(self._folder(run_id))
+            remove(self._folder(run_id))
         except (StorageError, OSError) as error:
             run["notStored"] = shorten(self._not_stored(run_id, error))
             _logger.warning("%s is restarted, but its %s", self._lease.job.arn, run["notStored"])
@@ -272,19 +271,14 @@ class JobRun:
             kept = {run["runId"] for run in document.get("earlierRuns", ()) if "outputs" not in run}
             for each in folder.parent.glob("*"):  # also what performers left that died
                 if each.name not in kept:
-                    _remove(each)
+                    remove(each)
         elif any(Path(folder, "output").glob("*")):
-            _remove(folder / "work")
-            _remove(folder / "data")
+            remove(folder / "work")
+            for root in folder.glob("*root"):
+                remove(root)
+            for copy in folder.glob("*-application"):
+                remove(copy)
         else:
-            _remove(folder)
+            remove(folder)
         with suppress(OSError):
             folder.parent.rmdir()
-
-
-def _remove(folder: Path) -> None:
-    """Removes a run's folder as far as that is possible."""
-    try:
-        shutil.rmtree(folder, ignore_errors=True)
-    except RecursionError:  # an application made folders a thousand levels deep, and rm does not mind
-        subprocess.run(["rm", "-rf", "--", str(folder)], check=False)

@@ -1,24 +1,29 @@
 """Turning a simulation job's request into a plan that this machine can carry out."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, LaunchError, ResourceNotFoundException, StorageError
+from ..schemas.errors import LaunchError, ResourceNotFoundException, StorageError
 from ..schemas.requirement_orders import unknown_room
 from ..schemas.requirements import JobRequirement, parse_requirements, rooms_of
-from ..schemas.simulation_run import ApplicationPlan, ApplicationRole, RunPlan
+from ..schemas.simulation_run import RunPlan
 from ..schemas.world import World
-from .applications import LATEST, find_application, python_package
-from .bundles import application_bundle, world_bundle
+from .application_plans import plan_applications
+from .bundles import world_bundle
 from .catalog import Resource
+from .compute import compute_limits
 from .data_sources import fetch_data_sources
+from .process_variables import process_variables
+from .sandbox import Sandbox
 from .service import Service
+from .surroundings import Surroundings
 
-_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
 
-
-def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunPlan:
+def run_plan(
+    job: Resource, run_id: str, folder: Path, service: Service, stopped: Callable[[], bool] = lambda: False
+) -> RunPlan:
     """Fetches everything a run needs and says where it is.
 
     Args:
@@ -26,6 +31,7 @@ def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunP
       run_id: id of this run of it.
       folder: the run's own folder, empty.
       service: where worlds, applications and data are stored.
+      stopped: asked while something takes long whether to give up.
 
     Raises:
       LaunchError: something cannot be had; carries the job's failure code.
@@ -34,7 +40,29 @@ def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunP
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
+    limits = compute_limits(request)
+    sandbox = run_sandbox(folder).create()
     world_dir = _world_dir(request, service)
+    sources = job.document.get("dataSources") or []
+    data_dir = fetch_data_sources(sources, sandbox, service)
+    variables = process_variables(sandbox, output_dir, world_dir, service.settings, os.environ)
+    applications = plan_applications(
+        request,
+        Surroundings(
+            job_id=job.id,
+            job_arn=job.arn,
+            run_id=run_id,
+            folder=folder,
+            sandbox=sandbox,
+            output_dir=output_dir,
+            world_dir=world_dir,
+            destinations=tuple(each["destination"] for each in sources if each.get("destination")),
+            limits=limits,
+            variables=variables,
+            service=service,
+            stopped=stopped,
+        ),
+    )
     return RunPlan(
         job_id=job.id,
         job_arn=job.arn,
@@ -42,11 +70,17 @@ def run_plan(job: Resource, run_id: str, folder: Path, service: Service) -> RunP
         seed=job.document["seed"],
         max_duration_s=float(request["maxJobDurationInSeconds"]),
         world_dir=world_dir,
-        data_dir=fetch_data_sources(job.document.get("dataSources") or [], folder / "data", service),
+        data_dir=data_dir,
+        root_dir=sandbox.root,
         work_dir=work_dir,
         output_dir=output_dir,
-        simulation_application=_application("simulation", request.get("simulationApplications"), service),
-        robot_application=_application("robot", request.get("robotApplications"), service),
+        simulation_application=applications.plans.get("simulation"),
+        robot_application=applications.plans.get("robot"),
+        programs=applications.programs,
+        ports=applications.ports,
+        compute=limits,
+        environment=variables,
+        failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=job.document["video"],
         requirements=_requirements(job, world_dir),
@@ -80,43 +114,6 @@ def world_arn(request: Mapping[str, Any]) -> str | None:
     return worlds[0].get("world")
 
 
-def _application(
-    role: ApplicationRole, configs: list[dict[str, Any]] | None, service: Service
-) -> ApplicationPlan | None:
-    if not configs:
-        return None
-    config, launch = configs[0], configs[0]["launchConfig"]
-    try:
-        application = find_application(config["application"], role, config.get("applicationVersion"), service)
-    except ResourceNotFoundException as error:
-        raise LaunchError(str(error), "ResourceNotFound") from error
-    path = None
-    package, version = launch.get("packageName"), application.document["version"]
-    if sources := application.document.get("sources"):
-        source, is_pinned = _for_this_machine(sources), version != LATEST
-        path = application_bundle(source, role.capitalize(), service, is_pinned=is_pinned)
-    else:
-        module = _package_of(application)
-        package = f"{module}.{package}" if package else module
-    return ApplicationPlan(
-        role=role,
-        name=application.name,
-        attribute=f"{package}.{launch.get('launchFile') or _FACTORIES[role]}",
-        path=path,
-        environment_variables=launch.get("environmentVariables") or {},
-    )
-
-
-def _package_of(application: Resource) -> str:
-    try:
-        return python_package(application)
-    except InvalidParameterException as error:  # it was made one after the job had been ordered
-        raise LaunchError(str(error), "InvalidInput") from error
-
-
-def _for_this_machine(sources: list[dict[str, Any]]) -> dict[str, Any]:
-    """The source for 64-bit x86; one without an architecture serves all."""
-    for source in sources:
-        if source.get("architecture", "X86_64") == "X86_64":
-            return source
-    return sources[0]
+def run_sandbox(folder: Path) -> Sandbox:
+    """The folders of a run's processes; `folder` is the run's own."""
+    return Sandbox(folder / "root")

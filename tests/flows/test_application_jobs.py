@@ -9,7 +9,7 @@ import pytest
 from application_calls import BUCKET, Applications
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.schemas.errors import ResourceNotFoundException
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
@@ -121,26 +121,33 @@ def test_a_version_that_is_not_there_cannot_be_ordered(service: Service, order: 
 
 
 @ROLES
-@pytest.mark.parametrize("launch", [{"command": ["/start.sh"]}, {"packageName": "p", "launchFile": "l"}])
-def test_a_container_image_is_kept_but_not_run_yet(
-    service: Service, order: Order, role: Any, name: str, launch: dict[str, Any]
+@pytest.mark.parametrize("launch", [{"command": ["/start.sh"]}, {"packageName": "p", "launchFile": "l"}, {}])
+def test_a_container_image_is_accepted_and_fails_at_once_where_no_engine_works(
+    service: Service,
+    order: Order,
+    simulate: Simulate,
+    monkeypatch: pytest.MonkeyPatch,
+    role: Any,
+    name: str,
+    launch: dict[str, Any],
 ) -> None:
+    monkeypatch.setenv("ROBOMAKER_CONTAINER_ENGINE", "/nowhere/docker")
     request = order()
     Applications.of(role, service).create("image", environment={"uri": "registry.example.com/my-app:latest"})
     request[f"{role.lower()}Applications"][0] |= {"application": "image", "launchConfig": launch}
 
-    with pytest.raises(InvalidParameterException, match="container images are not run yet"):
-        call("CreateSimulationJob", request, service)
-    assert service.catalog.list("simulation-job").resources == ()
+    job = simulate(request)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert "need docker or podman" in job["failureReason"]
+    assert "/nowhere/docker is not installed" in job["failureReason"]
 
 
-def test_an_application_that_became_an_image_after_the_order_fails_the_job(
-    service: Service, order: Order, prefect_server: str
+def test_an_application_that_became_an_image_after_the_order_is_one(
+    service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    job = call("CreateSimulationJob", order(), service)
+    monkeypatch.setenv("ROBOMAKER_CONTAINER_ENGINE", "/nowhere/docker")
+    request = order()
     Applications.of("Robot", service).update("watcher", environment={"uri": "my-app"})
 
-    ended = registry()["CreateSimulationJob"].perform(job["arn"], service)
-
-    assert (ended["status"], ended["failureCode"]) == ("Failed", "InvalidInput")
-    assert "container images are not run yet" in ended["failureReason"]
+    assert "need docker or podman" in simulate(request)["failureReason"]

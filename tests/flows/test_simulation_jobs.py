@@ -121,27 +121,14 @@ def test_a_job_reads_its_data_sources(service: Service, order: Order, simulate: 
             r"dataSources\[0\]\.s3Keys\[0\]",
         ),
         (
-            {"robotApplications": [{"application": "scout", "launchConfig": {"command": ["true"]}}]},
+            {"dataSources": [{"name": "x", "s3Bucket": "applications", "s3Keys": ["y"], "destination": "/home"}]},
             InvalidParameterException,
-            "launchConfig.command",
+            r"dataSources\[0\]\.destination: '/home'",
         ),
         (
-            {
-                "robotApplications": [
-                    {
-                        "application": "scout",
-                        "launchConfig": {},
-                        "tools": [{"name": "terminal", "command": "xterm"}],
-                    }
-                ]
-            },
+            {"robotApplications": [{"application": "watcher", "launchConfig": {}}]},
             InvalidParameterException,
-            r"robotApplications\[0\]\.tools: terminal",
-        ),
-        (
-            {"dataSources": [{"name": "x", "s3Bucket": "applications", "s3Keys": ["y"], "destination": "/opt/maps"}]},
-            InvalidParameterException,
-            r"dataSources\[0\]\.destination: '/opt/maps'",
+            r"robotApplications\[0\]\.launchConfig: command, or packageName and launchFile",
         ),
         ({"maxJobDurationInSeconds": 0}, InvalidParameterException, "maxJobDurationInSeconds"),
     ],

@@ -1,0 +1,157 @@
+"""The applications of a run, fetched and resolved: factories of the simulation's process, programs, containers."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..schemas.errors import LaunchError, ResourceNotFoundException
+from ..schemas.run_programs import PortPlan, ProgramPlan
+from ..schemas.simulation_run import ApplicationPlan, ApplicationRole
+from .applications import LATEST, find_application, python_package
+from .bundles import application_bundle
+from .catalog import Resource
+from .container_plans import plan_container
+from .launching import Code, Factory, Program, check_pair, resolve_launch
+from .sandbox import HOME
+from .surroundings import Surroundings, tool_plan
+
+_ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
+
+
+@dataclass
+class Applications:
+    """The applications of a run."""
+
+    plans: dict[ApplicationRole, ApplicationPlan] = field(default_factory=dict)
+    programs: list[ProgramPlan] = field(default_factory=list)
+    ports: list[PortPlan] = field(default_factory=list)
+
+
+def plan_applications(request: Mapping[str, Any], surroundings: Surroundings) -> Applications:
+    """Fetches a job's applications and resolves how they are started.
+
+    Args:
+      request: the job's request.
+      surroundings: what they find.
+
+    Raises:
+      LaunchError: something cannot be had or started; carries the job's failure code.
+      StorageError: the object store does not answer.
+    """
+    planned = Applications()
+    launches: dict[ApplicationRole, tuple[str, Factory | Program]] = {}
+    for role in _ROLES:
+        if configs := request.get(f"{role}Applications"):
+            launches[role] = _plan(role, configs[0], surroundings, planned)
+    check_pair(launches.get("simulation"), launches.get("robot"))
+    return planned
+
+
+def _plan(
+    role: ApplicationRole, config: Mapping[str, Any], surroundings: Surroundings, planned: Applications
+) -> tuple[str, Factory | Program]:
+    """Adds an application to what is planned; returns its name and what starts it."""
+    launch_config = config["launchConfig"]
+    try:
+        found = find_application(config["application"], role, config.get("applicationVersion"), surroundings.service)
+    except ResourceNotFoundException as error:
+        raise LaunchError(str(error), "ResourceNotFound") from error
+    planned.ports += _ports(launch_config)
+    if (uri := image_of(found)) is not None:
+        programs = plan_container(role, found, uri, config, surroundings)
+        planned.plans[role] = ApplicationPlan(role=role, name=found.name)
+        planned.programs += programs
+        return found.name, Program(tuple(programs[0].argv))
+    code = _code(role, found, surroundings)
+    launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
+    if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
+        code = Code(role, found.name, folder=_own_copy(code.folder, surroundings.folder / f"{role}-application"))
+        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
+    planned.plans[role] = ApplicationPlan(
+        role=role,
+        name=found.name,
+        attribute=launch.attribute if isinstance(launch, Factory) else None,
+        path=code.folder,
+        environment_variables=launch_config.get("environmentVariables") or {},
+    )
+    planned.programs += _programs(code, launch, config, surroundings)
+    return found.name, launch
+
+
+def image_of(application: Resource) -> str | None:
+    """The container image that an application is; `None`: it is an archive or an installed package."""
+    uri = (application.document.get("environment") or {}).get("uri")
+    return None if uri is None or python_package(uri) is not None else uri
+
+
+def _code(role: ApplicationRole, application: Resource, surroundings: Surroundings) -> Code:
+    if sources := application.document.get("sources"):
+        is_pinned = application.document["version"] != LATEST
+        source = _for_this_machine(sources)
+        folder = application_bundle(source, role.capitalize(), surroundings.service, is_pinned=is_pinned)
+        return Code(role, application.name, folder=folder)
+    return Code(role, application.name, module=python_package(application.document["environment"]["uri"]))
+
+
+def _for_this_machine(sources: list[dict[str, Any]]) -> dict[str, Any]:
+    """The source for 64-bit x86; one without an architecture serves all."""
+    for source in sources:
+        if source.get("architecture", "X86_64") == "X86_64":
+            return source
+    return sources[0]
+
+
+def _own_copy(bundle: Path, folder: Path) -> Path:
+    """A copy of a bundle that its programs may write to: the unpacked one is that of all jobs.
+
+    Blocks are shared where the file system can do that.
+    """
+    copied = subprocess.run(["cp", "-r", "--reflink=auto", "--", str(bundle), str(folder)], capture_output=True)
+    if copied.returncode:
+        why = copied.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise LaunchError(f"the bundle cannot be copied to {folder}: {' '.join(why)}", "InternalServiceError")
+    return folder
+
+
+def _programs(
+    code: Code, launch: Factory | Program, config: Mapping[str, Any], surroundings: Surroundings
+) -> list[ProgramPlan]:
+    """The application itself where it is a program, and its tools."""
+    variables = config["launchConfig"].get("environmentVariables") or {}
+    import_path = [str(code.folder)] if code.folder else []
+    if inherited := variables.get("PYTHONPATH") or surroundings.environ.get("PYTHONPATH"):
+        import_path.append(inherited)
+    environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
+    folder = code.folder or surroundings.sandbox.place(HOME)
+    programs = []
+    if isinstance(launch, Program):
+        _make_executable(Path(launch.argv[0]), code.folder)
+        programs.append(
+            ProgramPlan(
+                name=code.role,
+                role=code.role,
+                kind="application",
+                argv=list(launch.argv),
+                folder=folder,
+                environment=environment,
+            )
+        )
+    for tool in config.get("tools") or []:
+        argv = ["/bin/bash", "-c", tool["command"]]
+        programs.append(tool_plan(code.role, tool, argv, folder, environment))
+    return programs
+
+
+def _make_executable(path: Path, bundle: Path | None) -> None:
+    """Makes a file of our copy of a bundle executable: zip archives made by some tools do not say that it is."""
+    if bundle is not None and path.is_relative_to(bundle):
+        path.chmod(path.stat().st_mode | 0o111)
+
+
+def _ports(launch: Mapping[str, Any]) -> list[PortPlan]:
+    mappings = (launch.get("portForwardingConfig") or {}).get("portMappings") or []
+    return [PortPlan(job_port=each["jobPort"], application_port=each["applicationPort"]) for each in mappings]

@@ -1,0 +1,229 @@
+"""Container engines of this machine: which there is, and what it knows of an image."""
+
+import json
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..schemas.errors import LaunchError
+from ..schemas.simulation_run import ApplicationRole
+
+ENGINE_VARIABLE = "ROBOMAKER_CONTAINER_ENGINE"
+PULL_TIMEOUT_S = 1800.0
+_ENGINES = ("docker", "podman")
+_ANSWER_TIMEOUT_S = 20.0
+_POLL_S = 0.1
+_KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")
+_KEPT_BEGINNINGS = ("DOCKER_", "CONTAINER_", "CONTAINERS_", "REGISTRY_")
+
+Which = Callable[[str], str | None]
+"""Finds a program on the path."""
+
+
+class EngineError(Exception):
+    """An engine refused, or does not answer; the message is what it said last."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A container engine.
+
+    Args:
+      program: its path.
+      environment: what it is called with.
+    """
+
+    program: str
+    environment: Mapping[str, str]
+
+    def call(
+        self, *arguments: str, timeout_s: float = _ANSWER_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
+    ) -> str:
+        """Runs a command of the engine; returns what it printed.
+
+        Raises:
+          EngineError: it failed, took too long, or was `stopped`.
+        """
+        try:
+            process = subprocess.Popen(
+                [self.program, *arguments],
+                env=dict(self.environment),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise EngineError(f"{self.program} cannot be run: {error.strerror}") from error
+        return _finish(process, arguments, timeout_s, stopped)
+
+
+@dataclass(frozen=True)
+class Image:
+    """What an engine knows of an image that is on this machine."""
+
+    digests: tuple[str, ...]
+    """`sha256:…` of its manifest, one for each registry it came from."""
+
+    volumes: tuple[str, ...]
+    ports: tuple[str, ...]
+
+
+def engine_environment(environ: Mapping[str, str]) -> dict[str, str]:
+    """The variables of this process that an engine needs: how it is reached, where its credentials are."""
+    return {
+        name: value
+        for name, value in environ.items()
+        if name in _KEPT_VARIABLES or name.startswith(_KEPT_BEGINNINGS) or name == "LANG"
+    }
+
+
+def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
+    """The engine that a variable names, or the first of docker and podman that answers.
+
+    Args:
+      environ: environment variables; `ROBOMAKER_CONTAINER_ENGINE` names one.
+      which: finds a program on the path.
+
+    Raises:
+      LaunchError: there is none, or none answers; says what each said.
+    """
+    named = environ.get(ENGINE_VARIABLE)
+    said = []
+    for name in (named,) if named else _ENGINES:
+        if (program := which(name)) is None:
+            said.append(f"{name} is not installed")
+            continue
+        engine = Engine(program, engine_environment(environ))
+        try:
+            engine.call("version")
+        except EngineError as error:
+            said.append(f"{name} does not answer ({error})")
+        else:
+            return engine
+    raise LaunchError(
+        f"container images need docker or podman, and this machine has none that works: {'; '.join(said)}; "
+        f"install one, or say with {ENGINE_VARIABLE} where it is",
+        "InvalidInput",
+    )
+
+
+def get_image(
+    engine: Engine,
+    uri: str,
+    role: ApplicationRole,
+    *,
+    digest: str | None,
+    pull_timeout_s: float = PULL_TIMEOUT_S,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Image:
+    """Pulls an image and checks that a job may run it.
+
+    An image that no registry gives, but that is on this machine, is one that was built here. One that is named by
+    its digest and is here already is not asked for again.
+
+    Args:
+      engine: where it is to be.
+      uri: its name.
+      role: of the application, for failure codes.
+      digest: what it has to be; `None`: whatever the name means now.
+      pull_timeout_s: how long pulling may take.
+      stopped: asked several times a second whether to give up.
+
+    Raises:
+      LaunchError: it cannot be had, is another one, or breaks the rules for images.
+    """
+    code = role.capitalize()
+    image = _inspect(engine, uri)
+    if image is None or "@" not in uri:
+        try:
+            engine.call("pull", uri, timeout_s=pull_timeout_s, stopped=stopped)
+        except EngineError as error:
+            if image is None:
+                raise LaunchError(
+                    f"the image {uri} cannot be pulled: {error}", f"BadPermissions{code}Application"
+                ) from error
+        image = _inspect(engine, uri)
+    if image is None:
+        raise LaunchError(f"the image {uri} is not there after it was pulled", f"BadPermissions{code}Application")
+    if digest is not None and digest not in image.digests:
+        found = ", ".join(image.digests) or "no digest: it was built here"
+        raise LaunchError(
+            f"the image {uri} has changed since the version was made: {digest}, then {found}",
+            f"{code}ApplicationVersionMismatchedEtag",
+        )
+    for instruction, values in (("VOLUME", image.volumes), ("EXPOSE", image.ports)):
+        if values:
+            raise LaunchError(
+                f"the image {uri} has {instruction} {' '.join(values)}, which jobs do not allow; remove it from the "
+                "Dockerfile (ports are opened with portForwardingConfig)",
+                "InvalidInput",
+            )
+    return image
+
+
+def copy_out(engine: Engine, uri: str, name: str, folders: Mapping[str, Path]) -> None:
+    """Copies folders of an image to this machine; those that it does not have are left out.
+
+    What is mounted over a folder of an image hides what the image has there, such as a workspace below
+    `/home/robomaker`.
+
+    Args:
+      engine: where the image is.
+      uri: the image.
+      name: for the container that is made for this, and removed.
+      folders: by the path in the image, the folder here.
+
+    Raises:
+      LaunchError: the engine refuses.
+    """
+    try:
+        engine.call("create", "--name", name, uri, "nothing")
+        try:
+            for inside, here in folders.items():
+                try:
+                    engine.call("cp", "-a", f"{name}:{inside}/.", str(here), timeout_s=PULL_TIMEOUT_S)
+                except EngineError as error:
+                    if "o such" not in str(error) and "not find" not in str(error) and "not exist" not in str(error):
+                        raise
+        finally:
+            engine.call("rm", "-f", name)
+    except EngineError as error:
+        raise LaunchError(f"the image {uri} cannot be looked into: {error}", "InternalServiceError") from error
+
+
+def _inspect(engine: Engine, uri: str) -> Image | None:
+    """What is known of an image; `None` if it is not on this machine."""
+    try:
+        found: dict[str, Any] = json.loads(engine.call("image", "inspect", uri))[0]
+    except (EngineError, ValueError, LookupError):
+        return None
+    config = found.get("Config") or {}
+    names = [each.rpartition("@")[2].lower() for each in found.get("RepoDigests") or []]
+    return Image(tuple(names), tuple(config.get("Volumes") or ()), tuple(config.get("ExposedPorts") or ()))
+
+
+def _finish(
+    process: "subprocess.Popen[str]", arguments: tuple[str, ...], timeout_s: float, stopped: Callable[[], bool]
+) -> str:
+    deadline = time.monotonic() + timeout_s
+    while True:
+        try:
+            printed, complained = process.communicate(timeout=_POLL_S)
+            break
+        except subprocess.TimeoutExpired:
+            late = time.monotonic() >= deadline
+            if late or stopped():
+                process.kill()
+                process.communicate()
+                why = f"did not end within {timeout_s:g} s" if late else "was stopped"
+                raise EngineError(f"`{arguments[0]}` {why}") from None
+    if process.returncode:
+        last = (complained.strip() or printed.strip() or f"exit code {process.returncode}").splitlines()[-1]
+        raise EngineError(last)
+    return printed
