@@ -71,6 +71,7 @@ class Provenance(Model):
     model_sha256: str | None = Field(
         default=None, description="SHA-256 of the compiled model as MJB; absent: no physics, or not yet begun."
     )
+    positions: int = Field(default=0, description="How many positions the model has, `nq`.")
     joints: list[JointPlace] = Field(default=[], description="The model's joints.")
     digest: StateDigestSummary | None = Field(
         default=None, description="Digest of its states; absent until it ends, and of runs without physics."

@@ -6,7 +6,14 @@ import pytest
 
 from prefect_robomaker.schemas.settings import Settings
 
-pytest_plugins = ["endpoint_process", "performer_process", "prefect_server", "s3_server", "service_fixtures"]
+pytest_plugins = [
+    "endpoint_process",
+    "performer_process",
+    "prefect_server",
+    "s3_server",
+    "service_fixtures",
+    "swing_fixtures",
+]
 pytest.register_assert_rewrite("client_checks", "client_environments")
 
 

@@ -155,6 +155,7 @@ def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
     call.add_argument("--wait", action="store_true", help="carry a job to its end and print its final description")
     _add_output(call, ("json", "yaml"))
 
+    _add_replay(commands, shared)
     perform = _command(commands, shared, "perform", "carry a stored job or batch to its end", "")
     perform.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it")
     _add_output(perform, ("json", "yaml"))
@@ -224,6 +225,32 @@ def _add_world(commands: "_Commands[Parser]", shared: Parser) -> None:
     sheet.add_argument("--to", metavar="FOLDER", help="put both there (default: a folder in the data home)")
     _add_output(sheet, ("text", "json"))
     _add_open(sheet, "show the page in a browser (by default only on a desktop's terminal)")
+
+
+def _add_replay(commands: "_Commands[Parser]", shared: Parser) -> None:
+    run = "ARN or id of a simulation job, s3://BUCKET/PREFIX or a folder of outputs"
+    verify = _command(
+        commands,
+        shared,
+        "verify",
+        "run a simulation again and say whether all states are the same",
+        "Exit code 0: bit-identical; 1: diverged, when and in which joint; 3: not comparable, and why.\n"
+        "Neither the job nor its outputs are touched.",
+    )
+    verify.add_argument("run", metavar="RUN", help=run)
+    _add_output(verify, ("text", "json"))
+
+    repro = _command(
+        commands,
+        shared,
+        "repro",
+        "put a simulation into a folder, run it again with video, and write a pytest file for it",
+        "The folder has all that the run needs: world, application bundles, data, seed.",
+    )
+    repro.add_argument("run", metavar="RUN", help=run)
+    repro.add_argument("--to", metavar="FOLDER", help="put it there (default: repro-<job id>)")
+    repro.add_argument("--no-video", action="store_true", help="do not film the rerun")
+    _add_output(repro, ("text", "json"))
 
 
 def _operations_by_group() -> str:

@@ -63,6 +63,8 @@ class StateDigest:
         """Of the first model."""
         self.joints: list[JointPlace] = []
         """Of the first model."""
+        self.positions = 0
+        """How many the first model has."""
 
     def look(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Adds a link for the state in `data`.
@@ -111,6 +113,7 @@ class StateDigest:
             "last_s": self._last_s,
             "model_sha256": self.model_sha256,
             "joints": self.joints,
+            "positions": self.positions,
         }
 
     def restore(self, state: dict[str, Any], model: mujoco.MjModel | None) -> None:
@@ -129,7 +132,7 @@ class StateDigest:
         self._links, self._times, self._states = bytearray(), [], []
         self._state_due_s, self._written_bytes = state["state_due_s"], state["written_bytes"]
         self._looks, self._last_s = state["looks"], state["last_s"]
-        self.model_sha256, self.joints = state["model_sha256"], state["joints"]
+        self.model_sha256, self.joints, self.positions = state["model_sha256"], state["joints"], state["positions"]
         if model is not None:
             self._attach(model)
         self._bytes[:_CHAIN_BYTES] = state["chain"]
@@ -138,7 +141,7 @@ class StateDigest:
         """Takes in a model: the first, or another that an environment has made meanwhile."""
         model_sha256 = digest_of_model(model)
         if self._model is None:
-            self.model_sha256, self.joints = model_sha256, joints_of(model)
+            self.model_sha256, self.joints, self.positions = model_sha256, joints_of(model), int(model.nq)
             self._path.write_bytes(_MAGIC)
             self._written_bytes = len(_MAGIC)
         else:

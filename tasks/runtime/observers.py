@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
+from .loop import RunEnded
 from .provenance import ProvenanceKeeper
+from .requirements import RequirementsObserver
 from .results import Findings
 from .video import VideoWatcher
 
@@ -38,6 +40,23 @@ class Observer(Protocol):
         ...
 
 
+class EndAt:
+    """Ends a rerun where the first run was stopped from outside."""
+
+    def __init__(self, time_s: float) -> None:
+        self.next_time_s = time_s
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Ends the run, as the one that is repeated was ended most likely."""
+        del environment, time_s
+        raise RunEnded("duration limit")
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Has found nothing."""
+        del ended_by
+        return Findings()
+
+
 def make_observers(
     plan: RunPlan, video_backend: str | None, applications: Sequence[ApplicationPlan] = ()
 ) -> list[Observer]:
@@ -48,7 +67,9 @@ def make_observers(
         video_backend: How to render; None: no video.
         applications: What makes environment and agent, built-in ones included.
     """
-    observers: list[Observer] = [ProvenanceKeeper(plan, applications)]
+    observers: list[Observer] = [ProvenanceKeeper(plan, applications), RequirementsObserver(plan)]
     if plan.video != "none":
         observers.append(VideoWatcher(plan.output_dir, video_backend))
+    if plan.end_at_s is not None:
+        observers.append(EndAt(plan.end_at_s))
     return observers

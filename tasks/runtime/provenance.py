@@ -104,6 +104,7 @@ class ProvenanceKeeper:
             machine=machine_facts(),
             world_sha256=self._world_sha256,
             model_sha256=self._digest.model_sha256,
+            positions=self._digest.positions,
             joints=self._digest.joints,
             resumed_at_s=self._resumed_at_s,
             **members,

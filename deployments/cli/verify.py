@@ -1,0 +1,19 @@
+"""`robomaker verify`: runs a simulation again and says whether all states are the same."""
+
+import argparse
+import os
+import sys
+
+from ...schemas.settings import Settings
+from ...schemas.verification import EXIT_CODES
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints what came of it; the exit code says the same."""
+    from ...tasks.replays import verify_run
+    from ...tasks.service import Service
+
+    verification = verify_run(arguments.run, Service.open(Settings.from_environment(os.environ)))
+    text = verification.model_dump_json(indent=2) if arguments.output == "json" else str(verification)
+    sys.stdout.write(f"{text}\n")
+    return EXIT_CODES[verification.answer]

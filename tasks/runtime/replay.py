@@ -1,0 +1,215 @@
+"""Compares a run with its rerun, from what both wrote down."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.provenance import PROVENANCE_FILE, JointPlace, MachineFacts, Provenance
+from ...schemas.simulation_run import RunPlan, RunResult, VideoPolicy
+from ...schemas.verification import Divergence
+from .digest import DIGEST_FILE, StateTimeline, read_timeline
+from .results import RESULT_FILE
+
+STOPPED_FROM_OUTSIDE = ("duration limit", "canceled")
+"""Ends that depend on the clock of a wall; a rerun ends at the same simulated time."""
+
+_FACTS = {"python": "Python", "system": "the system", "libc": "the C library"}
+
+
+@dataclass(frozen=True)
+class RunOutputs:
+    """What a run wrote down, as far as it is there."""
+
+    provenance: Provenance
+    timeline: StateTimeline | None
+    """Absent when the run had no physics."""
+
+    result: RunResult | None
+    """Absent when the run failed."""
+
+
+def read_outputs(folder: Path) -> RunOutputs:
+    """Reads a run's outputs.
+
+    Raises:
+        FileNotFoundError: There is no `provenance.json`.
+        ValueError: A file is not what it should be.
+    """
+    provenance = Provenance.model_validate_json((folder / PROVENANCE_FILE).read_bytes())
+    digest, result = folder / DIGEST_FILE, folder / RESULT_FILE
+    return RunOutputs(
+        provenance=provenance,
+        timeline=read_timeline(digest) if digest.exists() else None,
+        result=RunResult.model_validate_json(result.read_bytes()) if result.exists() else None,
+    )
+
+
+def why_not_repeatable(plan: RunPlan) -> list[str]:
+    """Why no rerun of a plan need have the same states; empty when it has to."""
+    if not plan.has_episode:
+        return ["its applications are programs of their own: no seed repeats their timing"]
+    return [f"{each.name} is a program of its own: no seed repeats its timing" for each in plan.programs]
+
+
+def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
+    """What two machines differ in that can change the last bit of a number; the processor's name alone cannot."""
+    reasons = [
+        f"{words} is {getattr(one, name)} there and {getattr(other, name)} here"
+        for name, words in _FACTS.items()
+        if getattr(one, name) != getattr(other, name)
+    ]
+    if missing := sorted(set(one.cpu_features) - set(other.cpu_features)):
+        reasons.append(f"this processor lacks {', '.join(missing)}")
+    if more := sorted(set(other.cpu_features) - set(one.cpu_features)):
+        reasons.append(f"this processor also has {', '.join(more)}")
+    for name in sorted(one.versions.keys() | other.versions.keys()):
+        there, here = one.versions.get(name, "absent"), other.versions.get(name, "absent")
+        if there != here:
+            reasons.append(f"{name} is {there} there and {here} here")
+    return reasons
+
+
+def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
+    """What a rerun was given that the run was not: another world, other applications, another seed."""
+    there = {each.role: each.sha256 for each in one.applications}
+    reasons = [
+        f"the {each.role} application {each.name} is not what it was"
+        for each in other.applications
+        if there.get(each.role, each.sha256) != each.sha256
+    ]
+    if one.world_sha256 != other.world_sha256:
+        reasons.append("the world is not the one it ran in")
+    if one.plan.seed != other.plan.seed:
+        reasons.append(f"the seed was {one.plan.seed} and is {other.plan.seed}")
+    return reasons
+
+
+@dataclass(frozen=True)
+class JointNames:
+    """Which joint each number of a state belongs to."""
+
+    joints: Sequence[JointPlace]
+    positions: int
+    """How many positions there are; velocities follow."""
+
+    def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
+        """Joint and kind of the number at an index into positions and velocities."""
+        quantity: Literal["qpos", "qvel"] = "qpos" if index < self.positions else "qvel"
+        place = index if quantity == "qpos" else index - self.positions
+        owners = [joint for joint in self.joints if getattr(joint, quantity) <= place]
+        return (max(owners, key=lambda joint: getattr(joint, quantity)).name if owners else "unknown"), quantity
+
+
+def rerun_plan(plan: RunPlan, of: Provenance, folder: Path, video: VideoPolicy = "none") -> RunPlan:
+    """The plan of a rerun: the same run in folders of its own, ended where the first was stopped.
+
+    Args:
+        plan: The run, with the folders of this machine.
+        of: What the run wrote down.
+        folder: Where the rerun's own folders are made.
+        video: Whether the rerun is filmed.
+    """
+    stopped = of.ended_by in STOPPED_FROM_OUTSIDE and of.digest is not None
+    return plan.model_copy(
+        update={
+            "work_dir": folder / "work",
+            "output_dir": folder / "output",
+            "video": video,
+            "ports": [],
+            "checkpoint_dir": None,
+            # This machine may be slower, or busier.
+            "max_duration_s": plan.max_duration_s * 10 + 60,
+            "end_at_s": of.digest.until_s if stopped and of.digest else None,
+        }
+    )
+
+
+def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
+    """Finds where two runs part.
+
+    Args:
+        one: The run; one that was killed is compared as far as it got.
+        other: The rerun.
+
+    Returns:
+        The first difference; None when all states are equal.
+    """
+    here, there = one.provenance, other.provenance
+    if here.model_sha256 != there.model_sha256:
+        return Divergence(time_s=0.0, what="in the model itself: its environment built another one")
+    if one.timeline is None or other.timeline is None:
+        return None
+    names = JointNames(here.joints, here.positions)
+    return compare_timelines(one.timeline, other.timeline, names, whole=here.digest is not None)
+
+
+def compare_timelines(
+    one: StateTimeline, other: StateTimeline, names: JointNames, *, whole: bool = True
+) -> Divergence | None:
+    """Finds where two runs of one model part.
+
+    Args:
+        one: States of the run.
+        other: States of the rerun.
+        names: Names of the model's joints.
+        whole: Whether the run came to its end, so that the rerun has to end there too.
+    """
+    both = min(len(one.links), len(other.links))
+    at = next((i for i in range(both) if one.links[i] != other.links[i]), None)
+    if at is None:
+        if len(other.links) < len(one.links) or (whole and len(other.links) > len(one.links)):
+            return _other_end(one, other)
+        return None
+    time_s = float(min(one.times_s[at], other.times_s[at]))
+    until_s = float(one.times_s[at - 1]) if at else None
+    named = _name_joint(one.states, other.states, names, time_s)
+    if named is None:
+        what = "in no position or velocity that was kept: in controls, forces or solver state"
+        return Divergence(time_s=time_s, equal_until_s=until_s, what=what)
+    return named.model_copy(update={"time_s": time_s, "equal_until_s": until_s})
+
+
+def _other_end(one: StateTimeline, other: StateTimeline) -> Divergence:
+    ends = [float(each.times_s[-1]) if len(each.times_s) else 0.0 for each in (one, other)]
+    what = f"in its end: the run ended at {ends[0]:.3f} s, the rerun at {ends[1]:.3f} s"
+    return Divergence(time_s=min(ends), equal_until_s=min(ends), what=what)
+
+
+def _name_joint(
+    one: Sequence[NDArray[np.float64]],
+    other: Sequence[NDArray[np.float64]],
+    names: JointNames,
+    from_s: float,
+) -> Divergence | None:
+    """The joint that differs most in the first kept state that differs."""
+    for state, again in zip(one, other, strict=False):
+        if state[0] < from_s or len(state) != len(again) or state[0] != again[0]:
+            continue
+        different = np.flatnonzero((state != again) & ~(np.isnan(state) & np.isnan(again)))
+        if different.size:
+            return _difference(state, again, different, names)
+    return None
+
+
+def _difference(
+    state: NDArray[np.float64], again: NDArray[np.float64], different: NDArray[np.intp], names: JointNames
+) -> Divergence:
+    # Positions say more than velocities; where only velocities differ, they have to do.
+    positions = different[different <= names.positions]
+    candidates = positions if positions.size else different
+    index = int(candidates[np.argmax(np.abs(state[candidates] - again[candidates]))])
+    joint, quantity = names.of(index - 1)
+    value, value_again, time_s = float(state[index]), float(again[index]), float(state[0])
+    return Divergence(
+        time_s=time_s,
+        what=f"in joint {joint} ({quantity} {value!r} vs {value_again!r} at {time_s:.3f} s)",
+        joint=joint,
+        quantity=quantity,
+        value=value,
+        value_again=value_again,
+        value_time_s=time_s,
+    )

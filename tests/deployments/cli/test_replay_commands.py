@@ -1,0 +1,57 @@
+"""`robomaker verify` and `robomaker repro`: what they print, and their exit codes."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from swing_fixtures import outputs_of
+
+from prefect_robomaker.tasks.service import Service
+
+
+@pytest.fixture
+def home(service: Service) -> Path:
+    """The data home of the service that jobs are run with."""
+    return service.settings.home
+
+
+def test_verify_says_bit_identical(robomaker: Any, swing: Any) -> None:
+    shown = robomaker("verify", swing()["name"])
+    assert (shown.code, shown.out, shown.err) == (0, "bit-identical: 21 states over 4.000 s\n", "")
+
+
+def test_verify_says_when_and_where_it_diverged(robomaker: Any, swing: Any) -> None:
+    shown = robomaker("verify", swing(DRIFT_AT="60")["arn"], "-o", "json")
+    answer = json.loads(shown.out)
+    assert (shown.code, answer["answer"]) == (1, "diverged")
+    assert answer["divergence"]["time_s"] == pytest.approx(1.2)
+    assert answer["divergence"]["joint"] in ("shoulder", "elbow")
+    assert answer["digest"] != answer["digest_again"]
+
+
+def test_verify_says_why_not(robomaker: Any, swing: Any, service: Service) -> None:
+    path = outputs_of(service, swing()) / "provenance.json"
+    path.write_text(path.read_text().replace('"numpy": "', '"numpy": "0.'))
+    shown = robomaker("verify", path.parent)
+    assert shown.code == 3
+    assert shown.out.startswith("not comparable: numpy is 0.")
+    missing = robomaker("verify", "sim-000000000000")
+    assert missing.code != 0
+    assert "sim-000000000000" in missing.err
+
+
+def test_repro_says_what_to_run(robomaker: Any, swing: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = swing(LIMIT="0.5")
+    monkeypatch.chdir(tmp_path)
+    shown = robomaker("repro", job["arn"], "--no-video")
+    test = tmp_path / f"repro-{job['name']}" / f"test_repro_{job['name'].replace('-', '_')}.py"
+    assert shown.code == 0
+    assert shown.out.splitlines() == [
+        "The rerun ended with verdict FAIL (low), as the run did.",
+        f"Run it again: python -m pytest {test}",
+    ]
+    assert test.is_file()
+    again = robomaker("repro", job["arn"], "--to", test.parent)
+    assert (again.code, again.out) == (2, "")
+    assert "holds a reproduction already; name another folder" in again.err

@@ -1,0 +1,146 @@
+"""Runs that are run again: the same to the bit, or it is said from when on and where not, or why nobody can tell."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from swing_fixtures import outputs_of, upload_swinger
+
+from prefect_robomaker.schemas.errors import ConfigurationError, ResourceNotFoundException
+from prefect_robomaker.tasks.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.service import Service
+
+Simulate = Callable[..., dict[str, Any]]
+
+
+def changed(service: Service, job: dict[str, Any], file: str, change: Callable[[dict[str, Any]], None]) -> Path:
+    """A copy of a job's outputs in which a document says something else."""
+    folder = shutil.copytree(outputs_of(service, job), service.folder("scratch") / "changed")
+    document = json.loads((folder / file).read_text())
+    change(document)
+    (folder / file).write_text(json.dumps(document))
+    return folder
+
+
+def test_a_rerun_is_the_same_to_the_bit_and_touches_nothing(service: Service, swing: Simulate) -> None:
+    job = swing()
+    before = service.catalog.get(job["arn"])
+    files = {path: path.read_bytes() for path in outputs_of(service, job).rglob("*") if path.is_file()}
+
+    answers = [
+        verify_run(reference, service)
+        for reference in (
+            job["arn"],
+            job["name"],
+            str(outputs_of(service, job)),
+            f"s3://robomaker/simulation-jobs/{job['name']}/{before.document['runId']}",
+        )
+    ]
+
+    assert {answer.answer for answer in answers} == {"bit-identical"}
+    assert answers[0].digest == answers[0].digest_again
+    assert (answers[0].looks, answers[0].until_s) == (21, pytest.approx(4.0))
+    assert service.catalog.get(job["arn"]) == before
+    assert {path: path.read_bytes() for path in outputs_of(service, job).rglob("*") if path.is_file()} == files
+    assert list(service.folder("scratch").iterdir()) == []
+
+
+def test_chance_that_no_seed_repeats_is_found_and_its_joint_named(service: Service, swing: Simulate) -> None:
+    answer = verify_run(swing(DRIFT_AT="60")["arn"], service)
+
+    assert answer.answer == "diverged"
+    found = answer.divergence
+    assert found is not None
+    assert (found.equal_until_s, found.time_s) == (pytest.approx(1.0), pytest.approx(1.2))
+    assert found.joint in ("shoulder", "elbow")
+    assert found.value != found.value_again
+    assert f"diverged at t=1.200 s in joint {found.joint} (qpos {found.value!r} vs {found.value_again!r}" in str(answer)
+
+
+def test_a_run_that_its_duration_limit_ended_is_compared_up_to_there(service: Service, swing: Simulate) -> None:
+    answer = verify_run(swing(duration_s=1, TIME_LIMIT_S="3600", SLEEP_S="0.005")["arn"], service)
+    assert answer.answer == "bit-identical"
+    assert 0.5 < (answer.until_s or 0) < 20
+
+
+def test_a_run_that_crashed_crashes_again_in_the_same_state(service: Service, swing: Simulate) -> None:
+    job = swing(FAIL_AT="30")
+    assert job["failureCode"] == "SimulationApplicationCrash"
+    answer = verify_run(job["arn"], service)
+    assert (answer.answer, answer.until_s) == ("bit-identical", pytest.approx(0.58))
+
+
+def test_another_application_world_or_engine_cannot_be_compared(
+    service: Service, swing: Simulate, tmp_path: Path
+) -> None:
+    job = swing()
+
+    def older(document: dict[str, Any]) -> None:
+        document["machine"]["versions"]["mujoco"] = "3.16.0"
+        document["machine"]["cpu_features"] = ["avx512_bf16"]
+
+    answer = verify_run(str(changed(service, job, "provenance.json", older)), service)
+    assert answer.answer == "not comparable"
+    assert "this processor lacks avx512_bf16" in answer.reasons
+    assert any(reason.startswith("mujoco is 3.16.0 there and ") for reason in answer.reasons)
+    assert str(answer).startswith("not comparable: this processor lacks")
+
+    upload_swinger(service, tmp_path, b"new weights")
+    assert verify_run(job["arn"], service).reasons == [
+        "the simulation application swing is not what it was",
+        "the robot application pusher is not what it was",
+    ]
+    service.store.delete("applications", "swinger.tar.gz")
+    [reason] = verify_run(job["arn"], service).reasons
+    assert reason.startswith("it cannot be run here: ")
+
+
+def test_programs_of_their_own_cannot_be_compared(service: Service, swing: Simulate) -> None:
+    def with_program(document: dict[str, Any]) -> None:
+        program = {"name": "robot", "role": "robot", "kind": "application", "argv": ["true"], "folder": "/"}
+        document["plan"]["programs"] = [program]
+
+    answer = verify_run(str(changed(service, swing(), "provenance.json", with_program)), service)
+    assert answer.reasons == ["robot is a program of its own: no seed repeats its timing"]
+
+
+def test_what_is_no_run_is_said(service: Service, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="'nothing' is no run: name the ARN or the id of a simulation job"):
+        verify_run("nothing", service)
+    with pytest.raises(ConfigurationError, match=r"there is no provenance\.json in its outputs"):
+        verify_run(str(tmp_path), service)
+    with pytest.raises(ResourceNotFoundException):
+        verify_run("sim-000000000000", service)
+
+
+def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    job = swing(LIMIT="0.5")
+
+    made = reproduce_run(job["arn"], tmp_path / "repro", service)
+
+    assert made.same_ending
+    assert made.ending == "ended with verdict FAIL (low)"
+    assert made.video is not None
+    assert made.video.stat().st_size > 1000
+    assert made.test.name == f"test_repro_{job['name'].replace('-', '_')}.py"
+    # Somebody else's machine has neither this catalog nor this store, and the folder lies elsewhere.
+    elsewhere = made.folder.rename(tmp_path / "elsewhere")
+    shutil.rmtree(service.settings.home)
+    wrong = (elsewhere / made.test.name).read_text().replace("FAIL'", "PASS'")
+    (elsewhere / "test_wrong.py").write_text(wrong)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", made.test.name, "test_wrong.py"]
+    tested = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
+    assert "1 failed, 3 passed" in tested.stdout, tested.stdout + tested.stderr
+    assert "FAILED test_wrong.py::test_it_ends_as_it_did" in tested.stdout
+
+
+def test_a_folder_that_is_taken_is_left_alone(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    arn = swing()["arn"]
+    reproduce_run(arn, tmp_path / "repro", service, video="none")
+    with pytest.raises(ConfigurationError, match="holds a reproduction already"):
+        reproduce_run(arn, tmp_path / "repro", service)
