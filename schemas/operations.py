@@ -145,9 +145,8 @@ def video_of(request: SimulationJobOrder) -> VideoPolicy | None:
     for policy in choices(VideoPolicy):
         if tag == policy:
             return _agreed("video", VIDEO_TAG, request.video, policy)
-    raise InvalidParameterException(
-        f"tags.{VIDEO_TAG} is {tag!r}; it has to be {' or '.join(map(repr, choices(VideoPolicy)))}"
-    )
+    *others, last = map(repr, choices(VideoPolicy))
+    raise InvalidParameterException(f"tags.{VIDEO_TAG} is {tag!r}; it has to be {', '.join(others)} or {last}")
 
 
 def _agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:

@@ -10,6 +10,7 @@
 | `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
 | `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
 | `video.mp4`, `poster.png` | when asked for |
+| `last-10s.mp4` | of a run that failed, when asked for |
 | `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
 """
 
@@ -24,7 +25,7 @@ from .requirements import JobRequirements
 from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, PortPlan, ProgramPlan
 
 Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
-VideoPolicy = Annotated[Literal["none", "always"], ShapeName("VideoPolicy")]
+VideoPolicy = Annotated[Literal["none", "on-failure", "always"], ShapeName("VideoPolicy")]
 
 
 class ApplicationPlan(Model):
@@ -83,6 +84,12 @@ class RunPlan(Model):
     )
     record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
     video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
+    live_view_port: int | None = Field(
+        default=None,
+        ge=0,
+        le=65535,
+        description="Port on 127.0.0.1 of a page that shows the run while it goes on; 0: any free one; absent: none.",
+    )
     requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
 
     end_at_s: float | None = Field(

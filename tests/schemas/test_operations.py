@@ -119,7 +119,7 @@ def test_commands_may_have_several_lines() -> None:
         ("CreateSimulationJob", job(tags={"@": ""}), "tags.@: the key is '@'; it has to be of letters"),
         ("CreateSimulationJob", job(outputLocation={"s3Prefix": ""}), "outputLocation.s3Prefix: .* at least 1"),
         ("CreateSimulationJob", job(seed=-1), "seed: is -1; it has to be at least 0"),
-        ("CreateSimulationJob", job(video="on"), "video: is 'on'; it has to be 'none' or 'always'"),
+        ("CreateSimulationJob", job(video="on"), "video: is 'on'; it has to be 'none', 'on-failure' or 'always'"),
         (
             "CreateSimulationJob",
             app(launchConfig={"comand": ["x"]}),
@@ -295,7 +295,10 @@ def test_a_video_policy_comes_from_its_member_or_its_tag() -> None:
     assert policy() is None
     assert policy(video="none") == "none"
     assert policy(tags={"robomaker:video": "always"}) == "always"
-    with pytest.raises(InvalidParameterException, match="is 'sometimes'; it has to be 'none' or 'always'"):
+    assert policy(video="on-failure", tags={"robomaker:video": "on-failure"}) == "on-failure"
+    with pytest.raises(
+        InvalidParameterException, match="is 'sometimes'; it has to be 'none', 'on-failure' or 'always'"
+    ):
         policy(tags={"robomaker:video": "sometimes"})
     with pytest.raises(InvalidParameterException, match=r"video is 'none', but tags\.robomaker:video is 'always'"):
         policy(video="none", tags={"robomaker:video": "always"})
