@@ -112,7 +112,8 @@ def _find_program(code: Code, name: str, which: Which) -> str:
         path = code.folder / name
         if path.is_file() and path.resolve().is_relative_to(code.folder.resolve()):
             return str(_runnable(code, path))
-    if (found := which(name)) is not None:
+    is_relative = "/" in name and not name.startswith("/")  # to the bundle, not to wherever this process is
+    if not is_relative and (found := which(name)) is not None:
         return found
     where = (
         "neither in its bundle nor on the path of this machine" if code.folder else "not on the path of this machine"

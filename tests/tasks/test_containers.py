@@ -1,0 +1,158 @@
+"""Container engines: how they are found, what is asked of them, and what of an image is refused."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from fake_engine import FakeEngine
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.run_programs import ComputeLimits
+from prefect_robomaker.tasks.container_argv import Container, Mount, remove_argv, run_argv, tool_argv
+from prefect_robomaker.tasks.containers import Engine, copy_out, find_engine, get_image
+
+DIGEST, OTHER = f"sha256:{'a' * 64}", f"sha256:{'b' * 64}"
+
+
+@pytest.fixture
+def fake(tmp_path: Path) -> FakeEngine:
+    return FakeEngine(tmp_path / "engine")
+
+
+@pytest.fixture
+def engine(fake: FakeEngine) -> Engine:
+    return Engine(str(fake.program), {"PATH": "/usr/bin:/bin"})
+
+
+def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) -> None:
+    container = Container(
+        engine="/usr/bin/docker",
+        name="robomaker-sim-1-robot",
+        image="my/robot:1.0",
+        command=["ros2", "run"],
+        environment={"SPEED": "2", "A": "b c"},
+        mounts=[Mount(tmp_path, "/home/robomaker"), Mount(tmp_path / "d", "/data", read_only=True)],
+        limits=ComputeLimits(cpus=2, memory_bytes=4 << 30, processes=100, gpu=True),
+    )
+
+    assert run_argv(container) == [
+        *("/usr/bin/docker", "run", "--rm", "--name", "robomaker-sim-1-robot", "--network", "host"),
+        *("--cpus", "2", "--memory", str(4 << 30), "--pids-limit", "100", "--gpus", "all"),
+        *("-e", "A=b c", "-e", "SPEED=2"),
+        *("-v", f"{tmp_path}:/home/robomaker", "-v", f"{tmp_path}/d:/data:ro"),
+        *("my/robot:1.0", "ros2", "run"),
+    ]
+    assert remove_argv(container) == ["/usr/bin/docker", "rm", "-f", "robomaker-sim-1-robot"]
+
+
+def test_a_tool_waits_until_its_container_runs(fake: FakeEngine, tmp_path: Path) -> None:
+    fake.add_image("sleeper", command=["sleep", "60"])
+    container = Container(str(fake.program), "here", "sleeper", environment={"SPEED": "2"})
+    written = tmp_path / "written"
+    tool = subprocess.Popen(tool_argv(container, f"echo $SPEED > {written}"))
+    run = subprocess.Popen(run_argv(container))
+    try:
+        assert tool.wait(10) == 0
+        assert written.read_text() == "2\n"
+    finally:
+        subprocess.run(remove_argv(container), check=True)
+    assert run.wait(10) != 0
+    assert fake.running() == []
+
+
+def test_an_engine_that_answers_is_found(fake: FakeEngine) -> None:
+    environ = {"PATH": str(fake.folder), "DOCKER_HOST": "tcp://there", "AWS_SECRET_ACCESS_KEY": "secret"}
+
+    found = find_engine(environ, lambda name: shutil.which(name, path=f"{fake.folder}:/usr/bin:/bin"))
+
+    assert found.program == str(fake.program)
+    assert found.environment == {"PATH": str(fake.folder), "DOCKER_HOST": "tcp://there"}
+
+
+def test_engines_that_do_not_answer_are_named_with_what_they_said(fake: FakeEngine) -> None:
+    fake.lose_daemon()
+
+    with pytest.raises(LaunchError) as caught:
+        find_engine({}, lambda name: shutil.which(name, path=str(fake.folder)))
+
+    assert caught.value.failure_code == "InvalidInput"
+    assert "docker does not answer (Cannot connect to the Docker daemon" in str(caught.value)
+    assert "podman is not installed" in str(caught.value)
+    assert "ROBOMAKER_CONTAINER_ENGINE" in str(caught.value)
+
+
+def test_an_image_is_pulled(fake: FakeEngine, engine: Engine) -> None:
+    fake.add_image("my/robot:1.0", command=["true"], registry=True, digests=(DIGEST,))
+
+    assert get_image(engine, "my/robot:1.0", "robot", digest=DIGEST).digests == (DIGEST,)
+    assert ["pull", "my/robot:1.0"] in fake.calls()
+
+
+def test_an_image_that_no_registry_has_but_is_here_is_used(fake: FakeEngine, engine: Engine) -> None:
+    fake.add_image("built-here", command=["true"])
+
+    assert get_image(engine, "built-here", "robot", digest=None).digests == ()
+
+
+def test_an_image_named_by_its_digest_is_not_asked_for_again(fake: FakeEngine, engine: Engine) -> None:
+    fake.add_image(f"robot@{DIGEST}", command=["true"])
+
+    get_image(engine, f"robot@{DIGEST}", "robot", digest=None)
+
+    assert not any(call[0] == "pull" for call in fake.calls())
+
+
+@pytest.mark.parametrize("role", ["robot", "simulation"])
+def test_an_image_that_cannot_be_pulled_has_no_permissions(engine: Engine, role: str) -> None:
+    with pytest.raises(LaunchError, match="cannot be pulled: pull access denied") as caught:
+        get_image(engine, "secret/robot", role, digest=None)  # type: ignore[arg-type]
+    assert caught.value.failure_code == f"BadPermissions{role.capitalize()}Application"
+
+
+@pytest.mark.parametrize("role", ["robot", "simulation"])
+def test_an_image_with_another_digest_is_not_the_version(fake: FakeEngine, engine: Engine, role: str) -> None:
+    fake.add_image("robot", command=["true"], digests=(OTHER,))
+
+    with pytest.raises(LaunchError, match=f"{DIGEST}, then {OTHER}") as caught:
+        get_image(engine, "robot", role, digest=DIGEST)  # type: ignore[arg-type]
+    assert caught.value.failure_code == f"{role.capitalize()}ApplicationVersionMismatchedEtag"
+
+
+@pytest.mark.parametrize(
+    ("config", "words"), [({"Volumes": {"/data": {}}}, "VOLUME /data"), ({"ExposedPorts": {"80/tcp": {}}}, "EXPOSE 80")]
+)
+def test_volumes_and_exposed_ports_are_refused(
+    fake: FakeEngine, engine: Engine, config: dict[str, object], words: str
+) -> None:
+    fake.add_image("robot", command=["true"], **config)
+
+    with pytest.raises(LaunchError, match=words) as caught:
+        get_image(engine, "robot", "robot", digest=None)
+    assert caught.value.failure_code == "InvalidInput"
+
+
+def test_folders_of_an_image_are_copied_out_and_nothing_is_left(
+    fake: FakeEngine, engine: Engine, tmp_path: Path
+) -> None:
+    root = fake.add_image("robot", command=["true"])
+    (root / "home/robomaker/workspace").mkdir(parents=True)
+    (root / "home/robomaker/workspace/nav.py").write_text("drive()")
+    folders = {"/home/robomaker": tmp_path / "home", "/var/log": tmp_path / "log"}
+    for folder in folders.values():
+        folder.mkdir()
+
+    copy_out(engine, "robot", "robomaker-image", folders)
+
+    assert (tmp_path / "home/workspace/nav.py").read_text() == "drive()"
+    assert list((tmp_path / "log").iterdir()) == []
+    assert fake.running() == []
+
+
+def test_pulling_is_given_up_when_the_job_is_stopped(tmp_path: Path) -> None:
+    slow = tmp_path / "slow"
+    slow.write_text('#!/bin/sh\n[ "$1" = pull ] && exec sleep 60\nexit 1\n')
+    slow.chmod(0o755)
+
+    with pytest.raises(LaunchError, match="was stopped"):
+        get_image(Engine(str(slow), {"PATH": "/usr/bin:/bin"}), "robot", "robot", digest=None, stopped=lambda: True)
