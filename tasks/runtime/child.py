@@ -28,6 +28,8 @@ from .observers import Observer, make_observers
 from .progress import Phase, Progress
 from .provenance import machine_facts
 from .recording import McapRecorder, NullRecorder, RecordingError
+from .remote_agent import RobotProgramError
+from .remote_robot import RemoteRobot
 from .results import RESULT_FILE, Episode, make_result, versions, write_result
 
 RECORDING_FILE = "recording.mcap"
@@ -41,6 +43,8 @@ BUILT_IN_AGENT = ApplicationPlan(
 )
 _RUNTIME_FOLDER = str(Path(__file__).parent)
 _MAX_ERROR_CHARACTERS = 2000
+_SAY_ALL = LoadError | LaunchError | RobotProgramError
+"""Errors that say all: where this program found out is of no use to anybody."""
 versions()  # read once, before forking
 machine_facts()
 
@@ -111,8 +115,12 @@ def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     plan = run.plan
     recorder = McapRecorder(plan.output_dir / RECORDING_FILE) if plan.record else NullRecorder()
     observers = make_observers(plan, run.video_backend, _applications(plan))
+    robot = _applications(plan)[1]
+    remote = RemoteRobot(plan, robot.name, stop) if robot.attribute is None else None
+    if remote is not None:
+        observers.insert(0, remote)  # told of the end before others take their time for it
     try:
-        episode = _run(plan, recorder, progress, stop, observers)
+        episode = _run(plan, recorder, progress, stop, observers, remote)
     except BaseException:
         # What failed first is what counts; a full disk may keep the rest from being closed too.
         for observer in observers:
@@ -134,6 +142,7 @@ def _run(
     progress: Progress,
     stop: _StopSignal,
     observers: Sequence[Observer],
+    remote: RemoteRobot | None,
 ) -> Episode:
     simulation, robot = _applications(plan)
     context = SimulationContext(
@@ -149,7 +158,7 @@ def _run(
     robot_context = replace(context, environment={**simulation.environment_variables, **robot.environment_variables})
     return run_episode(
         lambda: _factory(simulation)(context),
-        lambda environment: _factory(robot)(robot_context, environment),
+        lambda environment: (remote.make_agent if remote else _factory(robot))(robot_context, environment),
         mark=progress.mark,
         stop=stop,
         recorder=recorder,
@@ -174,8 +183,8 @@ def _read_world(world_dir: Path | None) -> World | None:
 def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
     """Writes the traceback to the error log and the short form to the supervisor."""
     trace = _without_runtime(error.__traceback__)
-    if isinstance(error, LoadError | LaunchError) and error.__cause__ is None:
-        sys.stderr.write(f"{error}\n")  # it says all; where this program found out is of no use to anybody
+    if isinstance(error, _SAY_ALL) and error.__cause__ is None:
+        sys.stderr.write(f"{error}\n")
     else:
         traceback.print_exception(type(error), error, trace)
     runtime_fault = isinstance(error, RecordingError)
@@ -188,7 +197,7 @@ def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> 
 
 
 def _describe(error: BaseException, trace: TracebackType | None) -> str:
-    if isinstance(error, LoadError | LaunchError):
+    if isinstance(error, _SAY_ALL):
         return str(error)
     if isinstance(error, SystemExit):
         text = f"called sys.exit({error.code!r})"

@@ -21,6 +21,10 @@ class ActionError(ValueError):
     """What an environment's `step` raises when the action itself is wrong: the robot application is to blame."""
 
 
+class ObservationError(ValueError):
+    """What an agent raises when the time step itself is wrong: the simulation application is to blame."""
+
+
 class Recorder(Protocol):
     """Takes ROS 2 messages; does nothing when recording is off."""
 

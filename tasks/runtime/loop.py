@@ -11,7 +11,7 @@ import dm_env
 import mujoco
 from dm_control.rl.control import PhysicsError
 
-from .context import ActionError, Recorder
+from .context import ActionError, ObservationError, Recorder
 from .joint_states import JointStateWatcher
 from .physics import raw_physics
 from .progress import Phase
@@ -152,6 +152,9 @@ class _Loop:
                 except StopIteration:
                     self.ended_by = "agent"
                     return
+                except ObservationError:
+                    mark(step_phase)  # noticed by the agent, made by the environment
+                    raise
                 self.agent_runs = False
                 mark(step_phase)
                 try:

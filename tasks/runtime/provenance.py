@@ -75,7 +75,8 @@ class ProvenanceKeeper:
                 not read: it has no time left.
         """
         digest = self._digest.finish(self._data)
-        applications = [] if ended_by == "canceled" else [_digest_of(each) for each in self._applications]
+        imported = [each for each in self._applications if each.attribute is not None]  # not programs
+        applications = [] if ended_by == "canceled" else [_digest_of(each) for each in imported]
         self._write(digest=digest, ended_by=ended_by, applications=applications)
         return Findings(state_digest=digest.value if digest else None)
 

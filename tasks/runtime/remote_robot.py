@@ -1,0 +1,249 @@
+"""The robot's side of a run whose robot application is a program: waits for it, greets it, lets it act."""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import dm_env
+
+from ...schemas.errors import LaunchError
+from ...schemas.simulation_run import RunPlan
+from .agent_client import (
+    ACTION,
+    ACTION_HEADER,
+    END,
+    ERROR,
+    HELLO,
+    OBSERVATION_HEADER,
+    PROTOCOL,
+    VERSION,
+    ProtocolError,
+    words,
+)
+from .agent_protocol import MAX_WORDS_BYTES, Layout, RobotHello, read_hello, read_words
+from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Stop, Stopped
+from .context import SimulationContext
+from .loop import RunStopped
+from .remote_agent import RemoteAgent
+from .results import Findings
+
+CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
+CONNECT_TIMEOUT_S = 60.0
+
+_INVALID = "InvalidInput"
+_CRASH = "RobotApplicationCrash"
+_FAILED = "the run failed; the reason is the job's failureReason"
+_UNHEALTHY = "RobotApplicationHealthCheckFailure"
+_WORDS = {HELLO: MAX_WORDS_BYTES, END: MAX_WORDS_BYTES, ERROR: MAX_WORDS_BYTES}
+
+
+class RemoteRobot:
+    """The robot's side of a run whose robot application is a program.
+
+    It listens from the beginning, and is told of the end as an observer of the run (`observers.Observer`).
+    """
+
+    next_time_s = math.inf
+
+    def __init__(self, plan: RunPlan, robot: str, stop: Stop, *, clock: Clock = time.monotonic) -> None:
+        """Listens.
+
+        Args:
+            plan: The run.
+            robot: The robot application's name.
+            stop: Whether the run is to stop.
+            clock: Seconds, for time limits.
+
+        Raises:
+            LaunchError: It cannot.
+        """
+        self._plan = plan
+        self._robot = robot
+        self._stop = stop
+        self._clock = clock
+        self._socket: AgentSocket | None = AgentSocket(plan)
+        self._link: AgentLink | None = None
+        self._agent: RemoteAgent | None = None
+
+    def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> RemoteAgent:
+        """Waits for the robot's program and greets it.
+
+        Args:
+            context: The run, with the robot application's environment variables.
+            environment: What the robot is to act in.
+
+        Raises:
+            LaunchError: The environment is not of a kind that such a robot can act in, or the robot's program
+                did not connect in time or greeted wrongly.
+            RunStopped: The run was told to stop.
+        """
+        observation, action = _layouts(environment)
+        timestep_s = _control_timestep_s(environment)
+        greeting = words(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
+        try:
+            hello = self._greet(greeting, _connect_timeout_s(context.environment))
+        except Stopped:
+            raise RunStopped from None
+        if hello.mode == "free" and not timestep_s:
+            raise self._refusal("this environment cannot run free: it has no control_timestep()")
+        assert self._link is not None
+        # Only now is it known what else the robot may say.
+        self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
+        if hello.mode == "free":
+            self._link.limit_backlog(observation.size)
+        self._agent = RemoteAgent(
+            self._link,
+            hello,
+            observation,
+            action,
+            robot=self._robot,
+            simulated_time=_simulated_time(environment),
+            control_timestep_s=timestep_s,
+            clock=self._clock,
+        )
+        return self._agent
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Never called: there is nothing to look at besides what the agent is shown."""
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Tells the robot how the run ended, and closes everything.
+
+        Args:
+            ended_by: What ended the run; None when it failed.
+
+        Returns:
+            What the result says about the conversation.
+        """
+        self._stop_listening()
+        if self._agent is None:
+            if self._link is not None:
+                self._link.refuse(_FAILED)
+                self._link.close()
+            return Findings()
+        if ended_by is None:
+            self._agent.fail(_FAILED)
+        else:
+            self._agent.end(ended_by)
+        assert self._link is not None
+        self._link.close()
+        return self._agent.findings()
+
+    def _greet(self, greeting: bytes, timeout_s: float) -> RobotHello:
+        """Greets until a robot greets back; whoever leaves without a word was none."""
+        assert self._socket is not None
+        deadline_s = self._clock() + timeout_s
+        connected = False
+        try:
+            while True:
+                connection = self._socket.accept(deadline_s, self._stop, self._clock)
+                connected = True
+                self._link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
+                try:
+                    hello = self._exchange(self._link, greeting, deadline_s)
+                except (Closed, BrokenPipeError):
+                    self._link.close()
+                    continue
+                self._stop_listening()
+                return hello
+        except TimeoutError:
+            did = "connected, but did not greet" if connected else "did not connect"
+            text = f"the program of robot application {self._robot} {did} within {timeout_s:g} s"
+            if self._link is not None:
+                self._link.refuse(text)
+            raise LaunchError(
+                f"{text}; it has to connect to the Unix socket that ROBOMAKER_AGENT_SOCKET names, here "
+                f"{self._socket.path}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
+                _UNHEALTHY,
+            ) from None
+
+    def _exchange(self, link: AgentLink, greeting: bytes, deadline_s: float) -> RobotHello:
+        link.send(greeting, deadline_s - self._clock())
+        try:
+            kind, payload = link.receive(deadline_s - self._clock())
+            if kind == ERROR:
+                raise ProtocolError(f"it said: {read_words(payload).get('error')}")
+            if kind == END:
+                raise ProtocolError("it ended the run before it greeted")
+            return read_hello(payload)
+        except ProtocolError as error:
+            raise self._refusal(str(error)) from error
+
+    def _refusal(self, text: str) -> LaunchError:
+        if self._link is not None:
+            self._link.refuse(text)
+        return LaunchError(f"the program of robot application {self._robot}: {text}", _CRASH)
+
+    def _stop_listening(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+def _greeting(
+    plan: RunPlan, robot: str, control_timestep_s: float | None, observation: Layout, action: Layout
+) -> dict[str, Any]:
+    return {
+        "protocol": PROTOCOL,
+        "version": VERSION,
+        "job_id": plan.job_id,
+        "job_arn": plan.job_arn,
+        "run_id": plan.run_id,
+        "robot_application": robot,
+        "seed": plan.seed,
+        "world_dir": str(plan.world_dir) if plan.world_dir else None,
+        "data_dir": str(plan.data_dir) if plan.data_dir else None,
+        "control_timestep_s": control_timestep_s,
+        "observation": observation.describe(),
+        "action": action.describe(),
+    }
+
+
+def _layouts(environment: Any) -> tuple[Layout, Layout]:
+    layouts = []
+    for name, header in (("observation_spec", OBSERVATION_HEADER.size), ("action_spec", ACTION_HEADER.size)):
+        method = getattr(environment, name, None)
+        if not callable(method):
+            raise LaunchError(
+                f"the environment has no {name}(); a robot application that is a program needs it", _INVALID
+            )
+        try:
+            layouts.append(Layout(method(), header))
+        except ValueError as error:
+            raise LaunchError(f"the environment's {name}() cannot be sent: {error}", _INVALID) from error
+    observation, action = layouts
+    if action.left_out:
+        raise LaunchError(
+            f"the environment's action_spec() cannot be sent: {', '.join(action.left_out)} is no array of numbers",
+            _INVALID,
+        )
+    return observation, action
+
+
+def _control_timestep_s(environment: Any) -> float | None:
+    if not callable(getattr(environment, "control_timestep", None)):
+        return None
+    return float(environment.control_timestep())
+
+
+def _simulated_time(environment: Any) -> Callable[[], float]:
+    """The physics' time, looked up anew each time, since environments may replace their physics."""
+    if hasattr(getattr(environment, "physics", None), "data"):
+        return lambda: environment.physics.data.time
+    return lambda: math.nan
+
+
+def _connect_timeout_s(variables: Mapping[str, str]) -> float:
+    text = variables.get(CONNECT_TIMEOUT_VARIABLE)
+    if text is None:
+        return CONNECT_TIMEOUT_S
+    try:
+        timeout_s = float(text)
+    except ValueError:
+        timeout_s = math.nan
+    if not (math.isfinite(timeout_s) and timeout_s > 0):
+        raise LaunchError(
+            f"{CONNECT_TIMEOUT_VARIABLE}: {text!r} is no time limit; it has to be seconds above 0, such as 60", _INVALID
+        )
+    return timeout_s
