@@ -21,6 +21,13 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
             "environment": {"uri": f"python://{PACKAGE}.scout"},
         },
     ),
+    "walker": (
+        "robot-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "environment": {"uri": f"python://{PACKAGE}.walker"},
+        },
+    ),
     "indoor-navigation": (
         "simulation-application",
         {

@@ -1,6 +1,7 @@
 """The built-in simulation application: a furnished world with a robot in it."""
 
 import math
+import os
 
 from dm_control.rl.control import Environment
 
@@ -10,6 +11,7 @@ from ..context import SimulationContext
 from ..results import EnvironmentReport
 from .navigation_task import NavigationTask
 from .robot_scout import SCOUT
+from .robots.lookup import find_robot
 from .robots.robot import CONTROL_TIMESTEP_S, Robot
 from .scene import ScenePhysics, assemble
 
@@ -29,6 +31,8 @@ class IndoorNavigation(Environment):
         self._navigation = task
         self.robot = robot
         """The robot in the world; agents that plan ask it for its limits."""
+        if robot.video_camera is not None:
+            self.video_camera = f"{robot.prefix}{robot.video_camera}"
 
     def run_result(self) -> EnvironmentReport:
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
@@ -44,7 +48,8 @@ class IndoorNavigation(Environment):
 def make_environment(context: SimulationContext) -> IndoorNavigation:
     """Makes the environment of one run.
 
-    Actions and observations are described by the environment's specs. A run ends when the robot
+    The robot is that of the robot application (`robots/lookup.py`). Actions and observations are described by the
+    environment's specs. A run ends when the robot
     has been in every room and is told to stand still, when it is told to stand still for 10 s, when
     it tips over, or at the limit of simulated time: `ROBOMAKER_SIM_TIME_LIMIT_S` seconds from the
     environment variables, else what suits the size of the world.
@@ -53,7 +58,8 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
       context: the run; it has to have a world.
 
     Raises:
-      LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds.
+      LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds, or there is
+        no such robot.
     """
     if context.world is None or context.world_dir is None:
         raise LaunchError(
@@ -61,8 +67,8 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
             'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
             _INVALID,
         )
-    limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world)
-    robot = SCOUT
+    robot = find_robot(context.plan.robot_application, {**os.environ, **context.environment})
+    limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world, robot)
     try:
         physics = assemble(context.world_dir / "world.xml", robot)
     except ValueError as cause:
@@ -71,11 +77,12 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
     return IndoorNavigation(physics, task, robot)
 
 
-def _time_limit_s(text: str | None, world: World) -> float:
-    """The limit that was asked for, else about three times what Scout needs."""
+def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
+    """The limit that was asked for, else about three times what Scout needs, and more for slower robots."""
     if text is None:
         rooms = world.floorplan.rooms
-        return math.ceil(60 + 20 * len(rooms) + 2 * sum(room.area_m2 for room in rooms))
+        slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)
+        return math.ceil(slowness * (60 + 20 * len(rooms) + 2 * sum(room.area_m2 for room in rooms)))
     try:
         limit_s = float(text)
     except ValueError:

@@ -87,7 +87,7 @@ class LevelScan:
         corners = _corners(model, data, boxes)
         self._faces = Faces(corners, range_max_m)
         self._columns = Columns(_places(data, cylinders), model.geom_size[cylinders, 0].copy(), range_max_m)
-        others = np.where(fixed, visible & crossed, model.geom_bodyid != body_id)
+        others = visible & np.where(fixed, crossed, model.geom_bodyid != body_id)
         others[boxes] = others[cylinders] = False
         # What is boxed in, such as the water of a bath, is never seen.
         inner = np.flatnonzero(others & fixed & (model.geom_type == _BOX) & upright)

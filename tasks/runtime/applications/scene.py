@@ -3,6 +3,7 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,13 +15,19 @@ from numpy.typing import NDArray
 
 from .lidar import hide_geoms_from_lidar
 from .robot_scout import SCOUT
+from .robots.mapped_model import options_for_world
 from .robots.robot import Robot
+
+_logger = logging.getLogger(__name__)
 
 CONTACT_SAMPLE_STEPS = 5
 """Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
 
 _SCAN_TILT_TOLERANCE_M = 0.1
 """How far the lidar's plane may rise or sink in a room while the robot rocks; the bumper's sensors look from within."""
+
+_DRAWN_GROUPS = 3
+"""Geom groups below this are drawn by cameras."""
 
 
 class ScenePhysics(Physics):
@@ -67,7 +74,14 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
     """
     try:
         world = mujoco.MjSpec.from_file(str(world_xml))
-        world.worldbody.add_frame().attach_body(robot.build().body(robot.base), robot.prefix, "")
+        model = robot.build()
+        if dropped := options_for_world(model, world):
+            _logger.warning(
+                "%s: physics options are those of the world; the robot's own are not used: %s",
+                robot.name,
+                ", ".join(dropped),
+            )
+        world.worldbody.add_frame().attach_body(model.body(robot.base), robot.prefix, "")
         model = world.compile()
     except ValueError as cause:
         raise ValueError(f"{world_xml}: not a world that {robot.name.title()} can be put into: {cause}") from cause
@@ -77,4 +91,16 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
         physics.unseen_group = hide_geoms_from_lidar(
             physics.model.ptr, physics.data.ptr, robot.lidar_height_m, _SCAN_TILT_TOLERANCE_M
         )
+        _hide_from_itself(physics.model.ptr, robot.footprint_id(physics.model.ptr), physics.unseen_group)
     return physics
+
+
+def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:
+    """Takes a robot's own parts out of its range sensors' sight, and out of nobody else's."""
+    own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body_id]
+    if unseen_group is not None:
+        model.geom_group[own & (model.geom_group < _DRAWN_GROUPS)] = unseen_group
+    # Shapes for collisions only, which cameras leave out: rays go through what is wholly transparent.
+    hidden = own & (model.geom_group >= _DRAWN_GROUPS)
+    model.geom_matid[hidden] = -1
+    model.geom_rgba[hidden, 3] = 0.0
