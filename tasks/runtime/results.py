@@ -54,7 +54,7 @@ class Findings:
     """Numbers by name with unit."""
 
     requirements: list[Requirement] = field(default_factory=list)
-    """Judged requirements; one that is not satisfied makes the verdict FAIL."""
+    """Judged requirements; one that is not satisfied makes the verdict FAIL, one that broke ERROR."""
 
     state_digest: str | None = None
     """Digest of the run's states."""
@@ -119,18 +119,19 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     report = episode.report
     metrics = dict(report.metrics)
     remarks = dict(report.extra)
-    requirements = list(report.requirements)
+    added = [requirement for finding in findings for requirement in finding.requirements]
+    reached = _ended_at_its_goals(episode, added)
+    own = [item.model_copy(update={"counts": not reached}) for item in report.requirements]
     for finding in findings:
         metrics |= finding.metrics
         remarks |= finding.extra
-        requirements += finding.requirements
     finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
     if len(finite) < len(metrics):
         remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
     return RunResult(
-        verdict=_verdict(report.verdict, [item for finding in findings for item in finding.requirements]),
-        summary=report.summary,
-        requirements=requirements,
+        verdict=_verdict("NONE" if reached else report.verdict, added),
+        summary=_summary(report.summary, added, reached, episode.sim_time_s),
+        requirements=[*own, *added],
         metrics={"steps": float(episode.steps), **finite},
         rooms=report.rooms,
         collisions=report.collisions[:MAX_COLLISIONS],
@@ -146,8 +147,23 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     )
 
 
+def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
+    """Whether the job's goals ended the run, so that the environment judged one that was not let finish."""
+    return episode.ended_by == "requirements" and bool(added) and all(requirement.satisfied for requirement in added)
+
+
+def _summary(own: str, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
+    """The environment's sentence, and what it does not know."""
+    if reached:
+        return f"Ended at {sim_time_s:.1f} s with all goals reached."
+    broken = [f"{item.name}: {item.detail}" for item in added if not item.satisfied]
+    return " ".join(part for part in (own, f"Not met: {'; '.join(broken)}." if broken else "") if part)
+
+
 def _verdict(judged: Verdict, added: Sequence[Requirement]) -> Verdict:
-    """The environment's verdict together with requirements that it knows nothing of."""
+    """The environment's verdict together with requirements that it knows nothing of; ERROR beats FAIL."""
+    if judged == "ERROR" or any(requirement.error is not None for requirement in added):
+        return "ERROR"
     if not all(requirement.satisfied for requirement in added):
         return "FAIL"
     return "PASS" if added and judged == "NONE" else judged

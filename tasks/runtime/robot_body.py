@@ -23,6 +23,12 @@ def robot_body(model: mujoco.MjModel) -> int | None:
     return None
 
 
+def acting_roots(model: mujoco.MjModel) -> list[int]:
+    """Returns the root body of what each actuator moves, in the actuators' order; the world is none."""
+    moved = (_moved_body(model, actuator) for actuator in range(model.nu))
+    return [int(model.body_rootid[body]) for body in moved if body > 0]
+
+
 def radius_of(model: mujoco.MjModel, body: int) -> float:
     """Returns the radius in m of a ball around the body's reference position that holds it and what hangs on it.
 
@@ -39,7 +45,8 @@ def radius_of(model: mujoco.MjModel, body: int) -> float:
 
 def _moved_body(model: mujoco.MjModel, actuator: int) -> int:
     """The body that an actuator acts on; 0, the world, when that cannot be said."""
-    kind, target = model.actuator_trntype[actuator], int(model.actuator_trnid[actuator, 0])
+    # As a plain number: an enumeration's member is not equal to one of numpy.
+    kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
     if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
         return int(model.jnt_bodyid[target])
     if kind in (mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK):
@@ -49,6 +56,6 @@ def _moved_body(model: mujoco.MjModel, actuator: int) -> int:
     if kind == mujoco.mjtTrn.mjTRN_TENDON and model.tendon_num[target]:
         first = int(model.tendon_adr[target])
         wrapped = int(model.wrap_objid[first])
-        is_joint = model.wrap_type[first] == mujoco.mjtWrap.mjWRAP_JOINT
+        is_joint = int(model.wrap_type[first]) == mujoco.mjtWrap.mjWRAP_JOINT
         return int(model.jnt_bodyid[wrapped] if is_joint else model.site_bodyid[wrapped])
     return 0
