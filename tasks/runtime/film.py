@@ -6,6 +6,7 @@ from pathlib import Path
 import av
 
 from .cameras import Image
+from .video_files import unfinished
 
 
 class Film:
@@ -52,8 +53,3 @@ class Film:
         """Leaves nothing of it."""
         self._container.close()
         self._unfinished.unlink(missing_ok=True)
-
-
-def unfinished(path: Path) -> Path:
-    """Returns where a file is while it is being written."""
-    return path.with_name(f".{path.name}.unfinished")

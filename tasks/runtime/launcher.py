@@ -1,7 +1,7 @@
 """Starting runs and watching over them, from the process that performs simulation jobs."""
 
+import fcntl
 import json
-import os
 import socket
 import subprocess
 import sys
@@ -9,45 +9,27 @@ import threading
 import time
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from multiprocessing.connection import Connection
-from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
+from .cores import Cores
+from .endings import finish_outputs
 from .logs import log_tail
-from .outcomes import Exit, judge
-from .progress import Phase
-from .video_backends import best_video_backend
+from .outcomes import Exit, Judgement, judge
+from .run_request import DEFAULT_VARIABLES, RunRequest, kept_environment, make_request
+from .watch import Watch
 
-DURATION_GRACE_S = 3.0
-"""Time a run gets to finish its outputs when its duration limit is reached."""
-CANCEL_GRACE_S = 1.0
-"""Time a canceled run gets; all of it is gone within two seconds."""
-_POLL_S = 0.1
 _WARM_UP_TIMEOUT_S = 120.0
 _START_TIMEOUT_S = 30.0
-_KILL_TIMEOUT_S = 10.0
+_CLEAN_UP_TIMEOUT_S = 10.0
 _INTERNAL = "InternalServiceError"
 _FORKSERVER = "prefect_robomaker.tasks.runtime.forkserver"
-_KEPT_VARIABLES = frozenset(
-    {
-        *("PATH", "HOME", "USER", "LOGNAME", "SHELL", "LANG", "LANGUAGE", "TZ", "TMPDIR", "XDG_RUNTIME_DIR"),
-        *("LD_LIBRARY_PATH", "VIRTUAL_ENV", "PYTHONPATH", "PYTHONDONTWRITEBYTECODE"),
-        *("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES", "NVIDIA_DRIVER_CAPABILITIES"),
-        *("MUJOCO_EGL_DEVICE_ID", "__EGL_VENDOR_LIBRARY_DIRS", "LIBGL_DRIVERS_PATH"),
-    }
-)
-_DEFAULTS = {
-    # Runs are parallel to each other; threads inside numpy would only fight over the cores.
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    # The order of sets of strings is part of what a seed has to repeat.
-    "PYTHONHASHSEED": "0",
-    "MUJOCO_GL": "disable",
-}
+OnCrash = Callable[[str, str], None]
+"""Called with a failure code and a reason."""
 
 
 class Launcher:
@@ -60,6 +42,7 @@ class Launcher:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._server: _Server | None = None
+        self._cores = Cores()
 
     def start(self) -> None:
         """Starts the warm process, unless it runs already.
@@ -86,13 +69,21 @@ class Launcher:
         self.close()
 
     def run(
-        self, plan: RunPlan, stop: Callable[[], str | None], *, clock: Callable[[], float] = time.monotonic
+        self,
+        plan: RunPlan,
+        stop: Callable[[], str | None],
+        *,
+        on_crash: OnCrash | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
         """Carries out a run and waits until none of its processes is left.
 
         Args:
             plan: The run. Its folders are made when they are missing.
             stop: Asked about every 0.1 s whether to stop: None, or why (`canceled`, `timed out (batch)`).
+            on_crash: Called once, with failure code and reason, when something crashed in a run whose
+                failure behaviour is `Continue`. The run goes on until it is stopped or its duration
+                limit is reached, and fails then.
             clock: Seconds, for the duration limit.
 
         Returns:
@@ -104,15 +95,20 @@ class Launcher:
         """
         plan.work_dir.mkdir(parents=True, exist_ok=True)
         plan.output_dir.mkdir(parents=True, exist_ok=True)
-        request = _request(plan)
-        # Closing this end of the connection, for whatever reason, kills the run.
-        with self._connect() as channel:
-            channel.send_bytes(request)
-            _expect_start(channel)
-            started_at = datetime.now(UTC)
-            ended, stopped_for = _Watch(channel, plan.max_duration_s, stop, clock).until_end()
+        crash = _FirstCrash(plan, on_crash)
+        with self._cores.taken(plan.compute.cpus) as cores:
+            request = make_request(plan, cores)
+            # Closing this end of the connection, for whatever reason, kills the run.
+            with self._connect() as channel:
+                channel.send_bytes(request.model_dump_json().encode())
+                _expect_start(channel)
+                started_at = datetime.now(UTC)
+                ended, stopped_for = Watch(channel, plan.max_duration_s, stop, crash.on_crash, clock).until_end()
         ended_at = datetime.now(UTC)
-        judgement = judge(ended, stopped_for, plan, log_tail(plan.output_dir))
+        if ended is None:
+            _clean_up(request)
+        judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
+        finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
         return RunOutcome(
             status=judgement.status,
             failure_code=judgement.failure_code,
@@ -120,7 +116,7 @@ class Launcher:
             started_at=started_at,
             ended_at=ended_at,
             timed_out=judgement.timed_out,
-            finished=ended is not None and ended.ended_by is not None,
+            finished=finished,
         )
 
     def _connect(self) -> Connection:
@@ -142,12 +138,12 @@ class _Server:
     """The warm process, seen from outside."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours, theirs = map(_above_standard, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
         with theirs:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", _FORKSERVER, str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
-                env={**_DEFAULTS, **_kept_environment()},
+                env={**DEFAULT_VARIABLES, **kept_environment()},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -175,6 +171,12 @@ class _Server:
             raise LaunchError(f"the process that runs are forked from does not listen: {error}", _INTERNAL) from error
 
 
+def _above_standard(connection: socket.socket) -> socket.socket:
+    """Moves a socket out of the way of standard input, output and error, which may be closed here."""
+    with connection:
+        return socket.socket(fileno=fcntl.fcntl(connection.fileno(), fcntl.F_DUPFD_CLOEXEC, 3))
+
+
 def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> None:
     control.close()
     try:
@@ -184,118 +186,56 @@ def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> N
         process.wait()
 
 
-class _Watch:
-    """Watches one run: its end, its duration, whoever wants it stopped."""
+class _FirstCrash:
+    """What crashed first in a run that goes on nevertheless."""
 
-    def __init__(
-        self, channel: Connection, max_duration_s: float, stop: Callable[[], str | None], clock: Callable[[], float]
-    ) -> None:
-        self._channel = channel
-        self._stop = stop
-        self._clock = clock
-        self._deadline = clock() + max_duration_s
-        self._stopped_for: str | None = None
-        self._due: list[tuple[float, dict[str, Any]]] = []
-        """What is still to be sent, with the time from which on."""
+    def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
+        self._plan = plan
+        self._on_crash = on_crash
+        self._judgement: Judgement | None = None
 
-    def until_end(self) -> tuple[Exit | None, str | None]:
-        """Returns how the process ended (None: unknown) and why it was stopped (None: it was not)."""
-        while not self._channel.poll(self._patience()):
-            if self._stopped_for is None:
-                self._look_for_reason_to_stop()
-            self._send_what_is_due()
-            if self._stopped_for is not None and not self._due:
-                self._channel.poll(_KILL_TIMEOUT_S)
-                break
-        return _read_exit(self._channel), self._stopped_for
+    def on_crash(self, crashed: Exit) -> None:
+        """Judges it while its log is fresh, and passes that on."""
+        self._judgement = judgement = judge_with_log(crashed, None, self._plan)
+        if self._on_crash is not None:
+            self._on_crash(judgement.failure_code or _INTERNAL, judgement.failure_reason or "")
 
-    def _patience(self) -> float:
-        next_s = self._due[0][0] if self._due else self._deadline
-        return min(_POLL_S, max(0.0, next_s - self._clock()))
-
-    def _look_for_reason_to_stop(self) -> None:
-        if self._clock() >= self._deadline:
-            self._begin_stop("duration limit", "duration limit", DURATION_GRACE_S)
-        elif (reason := self._stop()) is not None:
-            self._begin_stop(reason, "canceled", CANCEL_GRACE_S)
-
-    def _begin_stop(self, reason: str, told: str, grace_s: float) -> None:
-        self._stopped_for = reason
-        now = self._clock()
-        # Asked twice: the second time interrupts application code that does not return.
-        self._due = [(now, {"stop": told}), (now + grace_s / 2, {"stop": told}), (now + grace_s, {"kill": True})]
-
-    def _send_what_is_due(self) -> None:
-        while self._due and self._clock() >= self._due[0][0]:
-            _, message = self._due.pop(0)
-            try:
-                self._channel.send_bytes(json.dumps(message).encode())
-            except OSError:
-                return  # it has just ended; the loop sees that next
+    def judge(self, stopped_for: str | None) -> Judgement | None:
+        """Returns how the run ended if something had crashed in it: failed, unless it was canceled after that."""
+        if self._judgement is None or stopped_for in (None, "duration limit"):
+            return self._judgement
+        return judge(None, stopped_for, self._plan)
 
 
-def _request(plan: RunPlan) -> bytes:
-    backend = best_video_backend() if plan.video != "none" else None
-    variables: dict[str, str] = {}
-    for application in (plan.robot_application, plan.simulation_application):
-        variables |= application.environment_variables if application else {}
-    if backend in ("egl", "osmesa"):
-        variables.setdefault("MUJOCO_GL", backend)
-    environment = {
-        **_DEFAULTS,
-        **_kept_environment(),
-        **plan.environment,
-        **variables,
-        "PWD": str(plan.work_dir),
-        "AWS_ROBOMAKER_SIMULATION_JOB_ID": plan.job_id,
-        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": plan.job_arn,
-        "AWS_ROBOMAKER_SIMULATION_RUN_ID": plan.run_id,
-    }
-    # Paths become absolute here, where relative ones still mean what the caller meant.
-    plain = _absolute_paths(plan)
-    request = {
-        "plan": plain.model_dump(mode="json"),
-        "environment": environment,
-        "import_path": [str(Path(entry).absolute()) for entry in sys.path],
-        "video_backend": backend,
-    }
-    return json.dumps(request).encode()
+def judge_with_log(ended: Exit | None, stopped_for: str | None, plan: RunPlan) -> Judgement:
+    """Judges an end (see `outcomes.judge`) with the log of the program that it is about."""
+    program = ended.crash.program if ended is not None and ended.crash is not None else None
+    return judge(ended, stopped_for, plan, log_tail(plan.output_dir, program))
 
 
-def _absolute_paths(plan: RunPlan) -> RunPlan:
-    folders = {
-        name: value.absolute()
-        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir")
-        if (value := getattr(plan, name)) is not None
-    }
-    applications = {
-        name: application.model_copy(update={"path": application.path.absolute()})
-        for name in ("simulation_application", "robot_application")
-        if (application := getattr(plan, name)) is not None and application.path is not None
-    }
-    return plan.model_copy(update={**folders, **applications})
-
-
-def _kept_environment() -> dict[str, str]:
-    """This process's variables that runs may see: no credentials, no settings of services."""
-    return {key: value for key, value in os.environ.items() if key in _KEPT_VARIABLES or key.startswith("LC_")}
+def _clean_up(request: RunRequest) -> None:
+    """Does what the run's supervisor would have done, had it lived."""
+    for program in request.plan.programs:
+        if program.cleanup_argv is not None:
+            with suppress(OSError, subprocess.TimeoutExpired):
+                subprocess.run(
+                    program.cleanup_argv,
+                    env=request.program_environment(program),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    timeout=_CLEAN_UP_TIMEOUT_S,
+                    check=False,
+                )
 
 
 def _expect_start(channel: Connection) -> None:
     try:
         if channel.poll(_START_TIMEOUT_S):
-            channel.recv_bytes()
+            message = json.loads(channel.recv_bytes())
+            if message["event"] == "refused":
+                raise LaunchError(message["reason"], message["code"])
             return
     except (EOFError, OSError) as error:
         raise LaunchError("the run's supervisor ended before the run began", _INTERNAL) from error
     raise LaunchError(f"the run did not begin within {_START_TIMEOUT_S:g} s", _INTERNAL)
-
-
-def _read_exit(channel: Connection) -> Exit | None:
-    try:
-        message = json.loads(channel.recv_bytes()) if channel.poll() else None
-    except (EOFError, OSError):
-        return None
-    if message is None:
-        return None
-    return Exit(message["exit_code"], message["signal"], Phase(message["phase"]), message["report"])

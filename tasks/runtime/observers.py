@@ -12,7 +12,10 @@ from .loop import RunEnded
 from .provenance import ProvenanceKeeper
 from .requirements import RequirementsObserver
 from .results import Findings
+from .state_log_writer import StateLogger
 from .video import VideoWatcher
+from .video_files import STATE_LOG_FOLDER
+from .video_settings import settings_of
 
 
 class Observer(Protocol):
@@ -67,9 +70,17 @@ def make_observers(
         video_backend: How to render; None: no video.
         applications: What makes environment and agent, built-in ones included.
     """
-    observers: list[Observer] = [ProvenanceKeeper(plan, applications), RequirementsObserver(plan)]
-    if plan.video != "none":
-        observers.append(VideoWatcher(plan.output_dir, video_backend))
+    # Films come before requirements, so that they show the state that ended the run.
+    observers = [ProvenanceKeeper(plan, applications), *_films(plan, video_backend), RequirementsObserver(plan)]
     if plan.end_at_s is not None:
         observers.append(EndAt(plan.end_at_s))
     return observers
+
+
+def _films(plan: RunPlan, video_backend: str | None) -> list[Observer]:
+    """What a video policy needs while the run goes on; the rest is made afterwards (`failure_films`)."""
+    if plan.video == "none":
+        return []
+    settings = settings_of(plan)
+    log = StateLogger(plan.work_dir / STATE_LOG_FOLDER, settings.rate_hz)
+    return [log, VideoWatcher(plan.output_dir, video_backend, settings)] if plan.video == "always" else [log]

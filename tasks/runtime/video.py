@@ -16,13 +16,10 @@ from .film import Film
 from .filming import RAYS, Filming
 from .physics import raw_physics
 from .results import Findings
+from .video_files import NO_PHYSICS, POSTER_FILE, VIDEO_FILE
 from .video_settings import DEFAULTS, VideoSettings
 
-VIDEO_FILE = "video.mp4"
-POSTER_FILE = "poster.png"
-CLIP_FILE = "last-10s.mp4"
 POSTER_TIME_S = 2.0
-NO_PHYSICS = "the environment has no `physics` to film"
 
 
 class VideoWatcher:

@@ -57,7 +57,7 @@ def settings_of(plan: RunPlan) -> VideoSettings:
     Raises:
         LaunchError: See `video_settings`.
     """
-    variables: dict[str, str] = {}
+    variables = dict(plan.environment)
     for application in (plan.robot_application, plan.simulation_application):
         variables |= application.environment_variables if application else {}
     return video_settings(variables)

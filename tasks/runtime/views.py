@@ -96,7 +96,9 @@ class FollowView:
         self._model, self._body = model, body
         self._radius_m = radius_of(model, body)
         self._distance_m = _DISTANCE_RADII * self._radius_m
-        roams = model.body_jntnum[body] and model.jnt_type[model.body_jntadr[body]] == mujoco.mjtJoint.mjJNT_FREE
+        # As a plain number: an enumeration's member is not equal to one of numpy.
+        first = int(model.jnt_type[model.body_jntadr[body]]) if model.body_jntnum[body] else None
+        roams = first == mujoco.mjtJoint.mjJNT_FREE.value
         self._side_deg = 0.0 if roams else _SIDE_DEG
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FREE
@@ -183,7 +185,7 @@ class TopView:
 
 def fixed_extent(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[_Vector, _Vector] | None:
     """Returns the lowest and highest corner of what is fixed and shown; None when that is at most a floor."""
-    solid = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    solid = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE.value
     fixed = model.body_weldid[model.geom_bodyid] == 0
     shown = SHOWN_GROUPS[np.clip(model.geom_group, 0, 5)].astype(bool) & (model.geom_rgba[:, 3] > 0)
     geoms = np.flatnonzero(solid & fixed & shown)
