@@ -11,11 +11,14 @@ from .partition_batch import as_partition
 from .partition_climb import climb_to_partition
 from .partition_shortlist import AREA_MARGIN, Shortlist, Variants, shortlist
 
-_CHOICE_TEMPERATURE = 0.2
-_CHOICE_MARGIN = 4.0
+_CHOICE_TEMPERATURE = 0.6
+_CHOICE_MARGIN = 1.0
+"""What a plan may cost more than the best one, to be drawn because it grants more wishes."""
+
+_ODD_SHARE = 0.08
+_ODD_MARGIN = 5.0
 _MOST_CHOICES = 60
-_ODD_ONES = 0.006
-"""Weight of every choice, however costly: one world in ten or so is unlike the others."""
+"""One world in twelve may have any plan that is not bad: for variety, also at the expense of a wish."""
 
 _POOR = 3.0
 """Cost of the best plan of rectangles above which L-shaped rooms are tried as well."""
@@ -60,17 +63,20 @@ def _only_room(brief: Brief, dice: Random) -> Partition:
 
 
 def _choice(best: Shortlist, dice: Random) -> int:
-    """The number of one of the good plans, the better the likelier.
+    """The number of one of the good plans: of those that grant the most wishes, the better the likelier.
 
     None of them misses the footprint or a requested connection that the best one grants.
     """
     rooms = len(best.judge.areas)
     kept = np.delete(best.misses, range(1, rooms + 1), axis=0)
-    fine = ~(kept & ~kept[:, :1]).any(axis=0) & (best.cost <= best.cost[0] + _CHOICE_MARGIN)
-    choices = np.flatnonzero(fine)[:_MOST_CHOICES]
+    fine = np.flatnonzero(~(kept & ~kept[:, :1]).any(axis=0) & (best.cost <= best.cost[0] + _ODD_MARGIN))
+    if dice.random() < _ODD_SHARE:
+        return dice.choice(fine[:_MOST_CHOICES].tolist())
+    near = fine[best.cost[fine] <= best.cost[0] + _CHOICE_MARGIN]
+    missed = best.misses[:, near].sum(axis=0)
+    choices = near[missed == missed.min()]
     costs = best.cost[choices].tolist()
-    weights = [_ODD_ONES + exp((costs[0] - cost) / _CHOICE_TEMPERATURE) for cost in costs]
-    return dice.choices(choices.tolist(), weights)[0]
+    return dice.choices(choices.tolist(), [exp((costs[0] - cost) / _CHOICE_TEMPERATURE) for cost in costs])[0]
 
 
 def _bent(best: Shortlist, number: int, dice: Random) -> Partition:

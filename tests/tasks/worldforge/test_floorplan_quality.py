@@ -80,7 +80,9 @@ def test_compatible_wishes_are_mostly_granted(plans: list[Floorplan]) -> None:
     assert max(areas) <= 0.1
     ratios = [abs(np.log((room.aspect_ratio or 0) / room.desired_aspect_ratio)) for room in rooms]
     assert np.median(ratios) < 0.06
-    assert np.percentile(ratios, 90) < 0.2
+    assert np.percentile(ratios, 90) < 0.15
+    wishes = [wish for plan in plans for wish in plan.wishes if "with aspect ratio" in wish.wish]
+    assert np.mean([wish.outcome == "satisfied" for wish in wishes]) > 0.93
     footprints = [wish for plan in plans for wish in plan.wishes if "footprint" in wish.wish]
     assert np.mean([wish.outcome == "satisfied" for wish in footprints]) > 0.95
 
