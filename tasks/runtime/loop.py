@@ -11,6 +11,7 @@ import dm_env
 import mujoco
 from dm_control.rl.control import PhysicsError
 
+from .checkpoints import Checkpointer, LoopState, RunParts
 from .context import ActionError, ObservationError, Recorder
 from .joint_states import JointStateWatcher
 from .physics import raw_physics
@@ -68,6 +69,7 @@ def run_episode(
     stop: Stop,
     recorder: Recorder,
     watchers: Sequence[PhysicsWatcher] = (),
+    checkpoints: Checkpointer | None = None,
     wall_clock: Callable[[], float] = time.perf_counter,
 ) -> Episode:
     """Makes an environment and an agent and runs them until one of them, or `stop`, ends it.
@@ -83,6 +85,7 @@ def run_episode(
         recorder: Gets clock and joint states of environments with a `physics` that do not set
             `records_itself`.
         watchers: Look at the physics of environments that have one.
+        checkpoints: Makes checkpoints, and continues from one if there is one.
         wall_clock: Seconds of real time.
 
     Returns:
@@ -90,6 +93,7 @@ def run_episode(
 
     Raises:
         PhysicsError: The physics diverged.
+        CheckpointError: The last checkpoint cannot be continued from.
         Exception: Whatever environment or agent raise.
     """
     loop = _Loop(mark, stop, wall_clock)
@@ -104,7 +108,10 @@ def run_episode(
             raise TypeError(f"the agent is {_shown(agent)}; it has to be a function of a time step")
         if recorder.enabled and not getattr(environment, "records_itself", False):
             watchers = (JointStateWatcher(recorder), *watchers)
-        loop.run(environment, agent, watchers)
+        parts = RunParts(environment, agent, watchers, recorder)
+        if checkpoints is not None:
+            checkpoints.begin(parts)
+        loop.run(parts, checkpoints)
     except RunStopped:
         loop.ended_by = stop.reason
     except RunEnded as end:
@@ -131,20 +138,28 @@ class _Loop:
         self._steps = 0
         self._clock = _SimulatedClock(None, ())
         self._wall_time_s = 0.0
+        self._earlier_s = 0.0
+        """Of the wall-clock time, what earlier attempts took."""
 
-    def run(self, environment: dm_env.Environment, agent: Agent, watchers: Sequence[PhysicsWatcher]) -> None:
-        mark, stop = self._mark, self._stop
+    def run(self, parts: RunParts, checkpoints: Checkpointer | None = None) -> None:
+        mark, stop, environment, agent = self._mark, self._stop, parts.environment, parts.agent
         agent_phase, step_phase = int(Phase.AGENT), int(Phase.STEP)
         mark(Phase.RESET)
         began = self._wall_clock()
         try:
             timestep = _checked_timestep(environment.reset(), "reset")
-            self._clock = clock = _SimulatedClock(environment, watchers)
-            clock.tick()
+            self._clock = clock = _SimulatedClock(environment, parts.watchers)
+            if checkpoints is not None and checkpoints.resumes:
+                timestep = self._resume(checkpoints.resume(parts))
+            else:
+                clock.tick()
             while not timestep.last():
                 if stop.reason:
                     self.ended_by = stop.reason
                     return
+                if checkpoints is not None and checkpoints.due(clock.time_s):
+                    wall_time_s = self._earlier_s + self._wall_clock() - began
+                    checkpoints.save(parts, LoopState(timestep, self._steps, clock.time_s, wall_time_s))
                 mark(agent_phase)
                 self.agent_runs = True
                 try:
@@ -166,7 +181,12 @@ class _Loop:
                 clock.tick()
             self.ended_by = "environment"
         finally:
-            self._wall_time_s = self._wall_clock() - began
+            self._wall_time_s = self._earlier_s + self._wall_clock() - began
+
+    def _resume(self, state: LoopState) -> dm_env.TimeStep:
+        """Goes on from where an earlier attempt was."""
+        self._steps, self._clock.time_s, self._earlier_s = state.steps, state.time_s, state.wall_time_s
+        return state.timestep
 
     def annotate(self, error: Exception) -> None:
         """Adds where in the run an exception came from."""
