@@ -13,9 +13,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 import numpy as np
-from pydantic import Field
 
-from ...schemas.base import Model
 from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from ...schemas.world import World
@@ -31,6 +29,7 @@ from .recording import McapRecorder, NullRecorder, RecordingError
 from .remote_agent import RobotProgramError
 from .remote_robot import RemoteRobot
 from .results import RESULT_FILE, Episode, make_result, versions, write_result
+from .run_request import RunRequest
 
 RECORDING_FILE = "recording.mcap"
 BUILT_IN_ENVIRONMENT = ApplicationPlan(
@@ -49,26 +48,16 @@ versions()  # read once, before forking
 machine_facts()
 
 
-class RunRequest(Model):
-    """What a run's process is given."""
-
-    plan: RunPlan = Field(description="The run.")
-    environment: dict[str, str] = Field(description="The whole environment of the process.")
-    import_path: list[str] = Field(description="`sys.path` of the process that asked.")
-    video_backend: str | None = Field(default=None, description="How to render; None: no video.")
-
-
-def run_child(request: bytes, progress: Progress) -> int:
+def run_child(run: RunRequest, progress: Progress) -> int:
     """Carries a run out in this process, which belongs to it alone.
 
     Args:
-        request: A `RunRequest` as JSON.
+        run: What to do.
         progress: Where to say how far it is and how it ended.
 
     Returns:
         The process's exit code: 0 when the run ended as a run should.
     """
-    run = RunRequest.model_validate_json(request)
     stop = _StopSignal(progress)
     try:
         redirect_output(run.plan.output_dir)
@@ -78,8 +67,9 @@ def run_child(request: bytes, progress: Progress) -> int:
         _report_failure(error, run.plan, progress)
         return 1
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(Exception):  # the application may have closed or replaced it, or the disk is full
+                stream.flush()
     return 0
 
 

@@ -8,6 +8,9 @@ output. Here nothing is inherited but a cleaned environment.
 Started as `python -P -m prefect_robomaker.tasks.runtime.forkserver FD`. The socket FD carries one
 message to the launcher (`ready`, or why not), then one message per run from the launcher, with the
 run's own connection attached. When the launcher's end closes, the process ends.
+
+A supervisor that is killed leaves the processes of its run to this process, which kills them before the
+launcher can see that the run has ended.
 """
 
 import gc
@@ -17,10 +20,14 @@ import signal
 import socket
 import sys
 import traceback
-from multiprocessing.connection import Connection
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+
+from .processes import adopt_orphans, kill_children
 
 READY = b"ready"
 _MODULES = (
+    "asyncio",
     "numpy",
     "mujoco",
     "dm_control.mujoco",
@@ -42,26 +49,64 @@ def main() -> None:
     except Exception:
         control.send(traceback.format_exc().encode()[-4000:])
         return
-    from .child import run_child
-    from .supervisor import supervise
-
-    # Supervisors report to the launcher; nobody here waits for them.
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    adopt_orphans()
     gc.collect()
     gc.freeze()  # keeps the collector from touching, and so copying, the shared pages in each run
     control.send(READY)
-    while True:
-        message, descriptors, _, _ = socket.recv_fds(control, 1, 1)
-        if not message:
-            return
-        (descriptor,) = descriptors
-        if os.fork() == 0:
+    _Supervisors(control).serve()
+
+
+class _Supervisors:
+    """The supervisors that were forked and have not ended.
+
+    Args:
+        control: The socket that carries a message for each run.
+    """
+
+    def __init__(self, control: socket.socket) -> None:
+        self._control = control
+        self._alive: dict[int, tuple[int, int]] = {}
+        """By pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
+        the launcher until the run's last process is gone."""
+
+    def serve(self) -> None:
+        """Forks and buries until the launcher is gone."""
+        while True:
+            ready = wait([self._control, *self._alive])
+            for pidfd in self._alive.keys() & set(ready):
+                self._bury(pidfd)
+            if self._control in ready:
+                message, descriptors, _, _ = socket.recv_fds(self._control, 1, 1)
+                if not message:
+                    return
+                self._fork(descriptors[0])
+
+    def _fork(self, descriptor: int) -> None:
+        pid = os.fork()
+        if pid == 0:
             try:
-                control.close()
-                supervise(Connection(descriptor), run_child)
+                self._become_supervisor(descriptor)
             finally:
                 os._exit(0)
+        self._alive[os.pidfd_open(pid)] = pid, descriptor
+
+    def _become_supervisor(self, descriptor: int) -> None:
+        from .child import run_child
+        from .supervisor import supervise
+
+        self._control.close()
+        for pidfd, (_, other) in self._alive.items():
+            os.close(pidfd)
+            os.close(other)
+        supervise(Connection(descriptor), run_child)
+
+    def _bury(self, pidfd: int) -> None:
+        pid, descriptor = self._alive.pop(pidfd)
+        with suppress(ChildProcessError):  # reaped with another one
+            os.waitpid(pid, 0)
+        kill_children(spared={pid for pid, _ in self._alive.values()})
+        os.close(pidfd)
         os.close(descriptor)
 
 

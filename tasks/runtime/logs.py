@@ -35,14 +35,24 @@ def redirect_output(output_dir: Path) -> None:
         stream.reconfigure(encoding="utf-8", errors="backslashreplace", line_buffering=True)
 
 
-def log_tail(output_dir: Path) -> tuple[str, list[str]]:
+def program_logs(program: str) -> tuple[str, str]:
+    """Names of the logs of one of the run's programs, in `logs/`: standard output, standard error."""
+    return f"{program}.{STDOUT_LOG}", f"{program}.{STDERR_LOG}"
+
+
+def log_tail(output_dir: Path, program: str | None = None) -> tuple[str, list[str]]:
     """Returns the name of the log that says most about a failure, and its last lines without colours.
 
     That is the error log, or the output log when nothing was written to the error log.
+
+    Args:
+        output_dir: The run's output folder.
+        program: One of its programs; None: the run's own process.
     """
-    name, lines = STDERR_LOG, _last_lines(output_dir / LOG_FOLDER / STDERR_LOG)
+    stdout, stderr = program_logs(program) if program else (STDOUT_LOG, STDERR_LOG)
+    name, lines = stderr, _last_lines(output_dir / LOG_FOLDER / stderr)
     if not lines:
-        name, lines = STDOUT_LOG, _last_lines(output_dir / LOG_FOLDER / STDOUT_LOG)
+        name, lines = stdout, _last_lines(output_dir / LOG_FOLDER / stdout)
     return f"{LOG_FOLDER}/{name}", lines
 
 

@@ -1,8 +1,9 @@
 """How a run's end is judged: Completed, Failed with whose fault and why, or Canceled."""
 
+import os
 import signal
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from ...schemas.simulation_run import ApplicationRole, RunPlan
@@ -11,6 +12,8 @@ from .progress import Phase
 MAX_REASON_CHARACTERS = 1024
 _MAX_HEAD_CHARACTERS = 600
 _MAX_TAIL_LINES = 12
+ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
+"""What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
 _BATCH_TIMEOUT = "timed out (batch)"
 _CRASH_CODES: dict[ApplicationRole | None, str] = {
     "robot": "RobotApplicationCrash",
@@ -20,18 +23,48 @@ _CRASH_CODES: dict[ApplicationRole | None, str] = {
 
 
 @dataclass(frozen=True)
+class Crash:
+    """Something other than the run's process that ended when it should not have, or went over a limit."""
+
+    role: ApplicationRole
+    """The application that it is or belongs to."""
+
+    what: str
+    """What happened, in words: `exited with code 3`."""
+
+    program: str | None = None
+    """Name of the program; None: the run's process."""
+
+    is_tool: bool = False
+
+
+@dataclass(frozen=True)
 class Exit:
-    """How a run's process ended, as its supervisor saw it."""
+    """How a run ended, as its supervisor saw it."""
 
     exit_code: int | None
+    """Exit code of the run's process; 0 where the run has none and ended by itself."""
+
     signal: int | None
     phase: Phase
     report: dict[str, Any]
+    crash: Crash | None = None
+    """What crashed besides the run's process and counts instead."""
 
     @property
     def ended_by(self) -> str | None:
         """What ended the loop of a run that finished its outputs; None for others."""
         return self.report.get("ended_by") if self.exit_code == 0 else None
+
+    def to_message(self) -> dict[str, Any]:
+        """The end as plain values."""
+        return asdict(self)
+
+    @classmethod
+    def from_message(cls, message: dict[str, Any]) -> "Exit":
+        """Reads what `to_message` made."""
+        crash = Crash(**message["crash"]) if message["crash"] else None
+        return cls(message["exit_code"], message["signal"], Phase(message["phase"]), message["report"], crash)
 
 
 @dataclass(frozen=True)
@@ -57,9 +90,13 @@ def judge(
         log: Name and last lines of its log.
 
     Returns:
-        The judgement. A run that was told to stop but had already ended by itself is judged by that.
+        The judgement. A run that was told to stop but had already ended by itself, or crashed, is judged
+        by that.
     """
-    if ended is not None and ended.ended_by in ("environment", "agent", "requirements"):
+    if ended is not None and ended.crash is not None:
+        head = f"{_subject(ended.crash, plan)} {ended.crash.what}"
+        return Judgement("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
+    if ended is not None and ended.ended_by in ENDS_BY_THEMSELVES:
         return Judgement("Completed")
     if stopped_for == "duration limit":
         return Judgement("Completed", timed_out=True)
@@ -95,10 +132,28 @@ def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
     return "\n".join([head + title, *reversed(kept)])
 
 
+def how_it_ended(status: int) -> str:
+    """A wait status in words: `exited with code 3`, `was killed by SIGSEGV`."""
+    if os.WIFSIGNALED(status):
+        return f"was killed by {signal_name(os.WTERMSIG(status))}"
+    return f"exited with code {os.WEXITSTATUS(status)}"
+
+
+def _subject(crash: Crash, plan: RunPlan) -> str:
+    application = _application(crash.role, plan)
+    if crash.program is None:
+        return application
+    if crash.is_tool:
+        return f"Tool {crash.program.removeprefix(f'{crash.role}-')} of {application[0].lower()}{application[1:]}"
+    return f"{application} (program {crash.program})"
+
+
 def _who(phase: Phase, plan: RunPlan) -> str:
-    if phase.role is None:
-        return "The runtime"
-    if phase.role == "robot":
+    return "The runtime" if phase.role is None else _application(phase.role, plan)
+
+
+def _application(role: ApplicationRole, plan: RunPlan) -> str:
+    if role == "robot":
         name = plan.robot_application.name if plan.robot_application else "scout"
         return f"Robot application {name}"
     name = plan.simulation_application.name if plan.simulation_application else "indoor-navigation"
@@ -109,11 +164,12 @@ def _what(ended: Exit) -> str:
     if "error" in ended.report:
         return ended.report["error"]
     if ended.signal is not None:
-        return f"killed by {_signal_name(ended.signal)}"
+        return f"killed by {signal_name(ended.signal)}"
     return f"the process ended itself with exit code {ended.exit_code} before the run was over"
 
 
-def _signal_name(number: int) -> str:
+def signal_name(number: int) -> str:
+    """Name of a signal, `SIGSEGV`."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -12,7 +12,7 @@ _SIZE = 64 * 1024
 _PHASE, _STOP, _LENGTH, _REPORT = 0, 1, 4, 8
 _UINT = struct.Struct("<I")
 
-STOP_REASONS = ("", "duration limit", "canceled")
+STOP_REASONS = ("", "duration limit", "canceled", "agent")
 """Why a run is told to stop, in the words of `RunResult.ended_by`."""
 
 

@@ -177,7 +177,7 @@ class TestFailures:
             ("UnableToReset", OK, SIMULATION, ["environment.reset()", "cannot reset"]),
             ("unable", OK, SIMULATION, ["making the environment", "KeyError: 'no such map'"]),
             ("diverging", OK, SIMULATION, ["PhysicsError", "mjWARN_BADQPOS"]),
-            ("NoMessage", OK, SIMULATION, ["run_result()", "verdict", "'PASS', 'FAIL' or 'NONE'"]),
+            ("NoMessage", OK, SIMULATION, ["run_result()", "verdict", "'PASS', 'FAIL'"]),
             ("exiting_3", OK, SIMULATION, ["exit code 3", "environment.step()"]),
             ("segfaulting", OK, SIMULATION, ["killed by SIGSEGV", "environment.step()"]),
             ("filling", OK, SIMULATION, ["File too large"]),
@@ -222,7 +222,7 @@ class TestFailures:
     def test_no_recording_unless_asked(self, launcher: Launcher, make_plan: Plan) -> None:
         plan = make_plan(record=False)
         launcher.run(plan, never)
-        assert sorted(path.name for path in plan.output_dir.iterdir()) == ["logs", "result.json"]
+        assert sorted(path.name for path in plan.output_dir.iterdir()) == ["logs", "provenance.json", "result.json"]
 
 
 class TestStopping:

@@ -1,0 +1,86 @@
+"""Logs that cannot fill the disk.
+
+Programs write straight into their log files, so logging costs them nothing and nothing stands between
+them and the disk that could break. A supervisor looks at the sizes from time to time: a log that has
+become too long is cut back to its beginning and gets a line that says so. What is written after that is
+kept until the next look, so that the end of a log, which says why a program died, is there too.
+"""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+MAX_LOG_BYTES = 100_000_000
+"""How much of one log is kept from its beginning."""
+MAX_END_BYTES = 64 * 1024
+"""How much of its end is kept besides."""
+_SLACK_BYTES = 4 * 1024 * 1024
+
+
+class CappedLog:
+    """One log file, open for appending; made when it is not there.
+
+    Args:
+        path: The file. Links are not followed.
+        max_bytes: How much of it is kept from its beginning.
+
+    Raises:
+        OSError: It cannot be opened.
+    """
+
+    def __init__(self, path: Path, max_bytes: int = MAX_LOG_BYTES) -> None:
+        flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
+        self.descriptor = os.open(path, flags, 0o644)
+        self._max_bytes = max_bytes
+        self._kept_bytes: int | None = None
+        """Length of beginning and remark, once it was cut."""
+
+    def note(self, text: str) -> None:
+        """Appends a line of our own; a full disk loses it."""
+        with suppress(OSError):
+            os.write(self.descriptor, f"robomaker: {text}\n".encode())
+
+    def look(self) -> None:
+        """Cuts the log back if it has become too long."""
+        size = os.fstat(self.descriptor).st_size
+        if self._kept_bytes is None:
+            if size > self._max_bytes:
+                self._cut(self._max_bytes)
+        elif size > self._kept_bytes + _SLACK_BYTES:
+            self._keep_end(size)
+
+    def close(self) -> None:
+        """Cuts the log for the last time; nobody may write to it any more."""
+        size = os.fstat(self.descriptor).st_size
+        if self._kept_bytes is None and size > self._max_bytes:
+            end = self._end(size)
+            self._cut(self._max_bytes)
+            self._append(end)
+        elif self._kept_bytes is not None and size > self._kept_bytes + MAX_END_BYTES:
+            self._keep_end(size)
+        os.close(self.descriptor)
+
+    def _cut(self, length: int) -> None:
+        with suppress(OSError):
+            os.ftruncate(self.descriptor, length)
+            remark = (
+                f"\nrobomaker: this log became longer than {self._max_bytes:,} bytes; from here only its end is kept\n"
+            )
+            self._append(remark.encode())
+            self._kept_bytes = length + len(remark)
+
+    def _keep_end(self, size: int) -> None:
+        assert self._kept_bytes is not None
+        end = self._end(size)
+        with suppress(OSError):
+            os.ftruncate(self.descriptor, self._kept_bytes)
+            self._append(end)
+
+    def _end(self, size: int) -> bytes:
+        with suppress(OSError):
+            return os.pread(self.descriptor, MAX_END_BYTES, size - MAX_END_BYTES)
+        return b""
+
+    def _append(self, data: bytes) -> None:
+        with suppress(OSError):
+            os.write(self.descriptor, data)

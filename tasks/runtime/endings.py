@@ -1,0 +1,80 @@
+"""What a run's end leaves in its output folder."""
+
+import os
+import stat
+from datetime import datetime
+
+from pydantic import ValidationError
+
+from ...schemas.simulation_run import RunPlan, RunResult
+from .outcomes import Exit, Judgement
+from .results import RESULT_FILE, versions, write_result
+
+INVALID_RESULT_FILE = "result.invalid.json"
+"""What an application wrote as `result.json`, if it is none."""
+_MAX_RESULT_BYTES = 16 * 1024 * 1024
+
+
+def finish_outputs(plan: RunPlan, ended: Exit | None, judgement: Judgement, times: tuple[datetime, datetime]) -> bool:
+    """Makes the output folder say what happened.
+
+    A run that only had programs gets a `result.json`, unless one of them wrote a valid one; one with an
+    episode loses the one it wrote if the run failed nevertheless.
+
+    Args:
+        plan: The run.
+        ended: How it ended; None when its supervisor disappeared.
+        judgement: What was made of that.
+        times: When it began and ended.
+
+    Returns:
+        Whether the outputs are whole.
+    """
+    if plan.has_episode:
+        if judgement.status == "Failed":
+            (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
+            return False
+        return ended is not None and ended.ended_by is not None
+    if judgement.status == "Failed":
+        return False
+    try:
+        _result_of_programs(plan, judgement, times)
+    except OSError:  # the disk is full
+        return False
+    return True
+
+
+def _result_of_programs(plan: RunPlan, judgement: Judgement, times: tuple[datetime, datetime]) -> None:
+    if _is_result(plan):
+        return
+    path = plan.output_dir / RESULT_FILE
+    extra = {}
+    if os.path.lexists(path):
+        path.replace(path.with_name(INVALID_RESULT_FILE))
+        extra = {"invalid_result": f"an application wrote a {RESULT_FILE} that is none; it is {INVALID_RESULT_FILE}"}
+    began, ended = times
+    stopped_by = "duration limit" if judgement.timed_out else "canceled"
+    result = RunResult(
+        verdict="NONE",
+        sim_time_s=0.0,
+        wall_time_s=(ended - began).total_seconds(),
+        real_time_factor=0.0,
+        ended_by="application" if judgement.status == "Completed" and not judgement.timed_out else stopped_by,
+        seed=plan.seed,
+        versions=versions(),
+        extra=extra | {"started_at": began.isoformat(), "ended_at": ended.isoformat()},
+    )
+    write_result(result, plan.output_dir)
+
+
+def _is_result(plan: RunPlan) -> bool:
+    """Whether an application wrote a valid `result.json`; links and other things than files are none."""
+    path = plan.output_dir / RESULT_FILE
+    try:
+        about = path.lstat()
+        if not stat.S_ISREG(about.st_mode) or about.st_size > _MAX_RESULT_BYTES:
+            return False
+        RunResult.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return False
+    return True

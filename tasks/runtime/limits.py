@@ -1,0 +1,124 @@
+"""What a run may use of the machine, and finding out when it uses more.
+
+Cores are a matter of the kernel. Memory and the number of processes are counted over the whole tree of
+processes ten times a second, which needs no rights and costs about a thousandth of a core; where
+control groups can be made (`cgroups.py`), the kernel counts processes besides.
+"""
+
+import os
+import resource
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...schemas.run_programs import ComputeLimits
+from .processes import ProcessState, descendants_of, proportional_bytes
+
+METER_INTERVAL_S = 0.1
+_OOM_SCORE = 500
+"""Where memory runs out for the whole machine, the kernel takes runs before those who perform them."""
+_MANY = 64
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A limit that a run went over."""
+
+    text: str
+    """Limit and use, in words."""
+
+    session: int
+    """The session of processes that used most."""
+
+
+def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
+    """Confines this process, and whatever it starts, as far as the kernel does that itself.
+
+    Args:
+        limits: The run's limits.
+        cores: Numbers of the cores it may use; None: all.
+    """
+    if cores is not None:
+        with suppress(OSError):  # a core may have been taken away in the meantime
+            os.sched_setaffinity(0, cores)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(str(_OOM_SCORE))
+    if limits.processes is not None:
+        _bound_forks(limits.processes)
+
+
+def _bound_forks(processes: int) -> None:
+    """A last resort against fork bombs, well above the limit because it counts all processes of the user.
+
+    It holds nobody who is root; they need control groups.
+    """
+    with suppress(OSError, ValueError, IndexError):
+        there = int(Path("/proc/loadavg").read_text().split()[3].split("/")[1])
+        _, hard = resource.getrlimit(resource.RLIMIT_NPROC)
+        bound = there + max(4 * processes, 4096)
+        if hard == resource.RLIM_INFINITY or bound < hard:
+            resource.setrlimit(resource.RLIMIT_NPROC, (bound, bound))
+
+
+class Meter:
+    """Measures all processes below this one.
+
+    Args:
+        limits: What they may use.
+        others: Processes below this one that are no part of the run.
+    """
+
+    def __init__(self, limits: ComputeLimits, others: frozenset[int] = frozenset()) -> None:
+        self.interval_s = METER_INTERVAL_S
+        """When to look next; soon while the number of processes grows fast."""
+
+        self._limits = limits
+        self._others = others
+        self._count = 0
+
+    def look(self) -> Excess | None:
+        """Returns the limit that is exceeded, if one is."""
+        states = []
+        count = 0
+        limit = self._limits.processes
+        for state in descendants_of(os.getpid()):
+            if state.pid in self._others or state.state == "Z":
+                continue
+            states.append(state)
+            count += state.threads
+            if limit is not None and count > limit:  # a bomb is not counted to its end
+                use = f"{limit} processes and threads at once are allowed, and there were more"
+                return Excess(use, _most(states, {state.pid: state.threads for state in states}))
+        self.interval_s = METER_INTERVAL_S / 10 if count > self._count + _MANY else METER_INTERVAL_S
+        self._count = count
+        return self._memory_excess(states)
+
+    def _memory_excess(self, states: list[ProcessState]) -> Excess | None:
+        limit = self._limits.memory_bytes
+        # Resident memory counts shared pages once per process: never too little, and cheap.
+        if limit is None or sum(state.resident_bytes for state in states) <= limit:
+            return None
+        exact = {state.pid: _exact_bytes(state) for state in states}
+        total = sum(exact.values())
+        if total <= limit:
+            return None
+        use = f"{_in_mib(limit)} MiB of memory are allowed, and it used {_in_mib(total)} MiB"
+        return Excess(use, _most(states, exact))
+
+
+def _exact_bytes(state: ProcessState) -> int:
+    exact = proportional_bytes(state.pid)
+    return state.resident_bytes if exact is None else exact
+
+
+def _most(states: list[ProcessState], use: dict[int, int]) -> int:
+    """The session whose processes use most together."""
+    totals: dict[int, int] = {}
+    for state in states:
+        totals[state.session] = totals.get(state.session, 0) + use[state.pid]
+    return max(totals, key=totals.__getitem__)
+
+
+def _in_mib(count: int) -> int:
+    return round(count / 2**20)

@@ -1,0 +1,159 @@
+"""Processes as the kernel shows them: who descends from whom, what they use, how none of them is left.
+
+A supervisor adopts processes whose parents died (it is a *child subreaper*), so everything that a run
+started hangs below it, whatever forked twice or made a session of its own.
+"""
+
+import ctypes
+import os
+import signal
+import time
+from collections.abc import Container, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_POLL_S = 0.002
+_PAGE_BYTES = os.sysconf("SC_PAGESIZE")
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclass(frozen=True)
+class ProcessState:
+    """One process, from `/proc/<pid>/stat` (proc(5))."""
+
+    pid: int
+    state: str
+    """One letter; `Z` waits to be reaped."""
+
+    parent: int
+    group: int
+    session: int
+    threads: int
+    resident_bytes: int
+    """Resident memory, with pages that it shares with others."""
+
+
+def adopt_orphans() -> None:
+    """Makes this process the parent of descendants whose parents die."""
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def die_with_parent() -> None:
+    """Has the kernel kill this process when its parent ends, however that happens."""
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def process_state(pid: int) -> ProcessState | None:
+    """Reads one process's state; None when there is no such process."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_bytes()
+    except OSError:
+        return None
+    # "pid (name) state parent …"; the name may itself contain parentheses and blanks.
+    fields = text.rpartition(b")")[2].split()
+    return ProcessState(
+        pid=pid,
+        state=fields[0].decode(),
+        parent=int(fields[1]),
+        group=int(fields[2]),
+        session=int(fields[3]),
+        threads=int(fields[17]),
+        resident_bytes=int(fields[21]) * _PAGE_BYTES,
+    )
+
+
+def proportional_bytes(pid: int) -> int | None:
+    """Memory of a process in which a page shared by n processes counts 1/n (`Pss`); None when not to be had.
+
+    Exact, but the kernel walks all page tables for it: milliseconds for a large process.
+    """
+    try:
+        text = Path(f"/proc/{pid}/smaps_rollup").read_bytes()
+    except OSError:
+        return None
+    for line in text.splitlines():
+        if line.startswith(b"Pss:"):
+            return int(line.split()[1]) * 1024
+    return None
+
+
+def children_of(pid: int) -> list[int]:
+    """Returns the direct children of a process, those waiting to be reaped included."""
+    try:
+        threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - a list of names, four times faster
+        lists = [Path(f"/proc/{pid}/task/{thread}/children").read_bytes() for thread in threads]
+    except FileNotFoundError:
+        if Path("/proc/self/task", str(os.getpid()), "children").exists():
+            return []  # the process has just gone
+        return _children_from_all(pid)  # the kernel was built without such lists
+    except OSError:
+        return []
+    return [int(child) for children in lists for child in children.split()]
+
+
+def descendants_of(pid: int) -> Iterator[ProcessState]:
+    """Yields all processes below one, parents first."""
+    waiting = children_of(pid)
+    while waiting:
+        child = waiting.pop()
+        state = process_state(child)
+        if state is not None:
+            yield state
+            waiting += children_of(child)
+
+
+def kill_children(spared: Container[int] = ()) -> dict[int, int]:
+    """Kills all children and everything below them, and waits until they are gone.
+
+    Whole process groups are killed at once, which a process that does nothing but fork cannot outrun.
+
+    Args:
+        spared: Children that are left alone; their process groups have to be their own.
+
+    Returns:
+        The wait status of every process that was reaped, spared ones that ended by themselves included.
+    """
+    own, own_group = os.getpid(), os.getpgrp()
+    ended: dict[int, int] = {}
+    while True:
+        left = [child for child in children_of(own) if child not in spared]
+        if not left:
+            return ended
+        for child in left:
+            _kill_group_of(child, own_group)
+        # The children of killed processes become children of this one, so all are found in the end.
+        if not _reap(ended):
+            time.sleep(_POLL_S)
+
+
+def _kill_group_of(child: int, own_group: int) -> None:
+    """Kills a child with its group; the numbers cannot mean others, because nobody else reaps the child."""
+    state = process_state(child)
+    with suppress(ProcessLookupError, PermissionError):
+        if state is not None and state.group not in (own_group, 0):
+            os.killpg(state.group, signal.SIGKILL)
+        os.kill(child, signal.SIGKILL)
+
+
+def _reap(ended: dict[int, int]) -> bool:
+    """Takes note of all children that have ended; returns whether there were any."""
+    before = len(ended)
+    with suppress(ChildProcessError):
+        while (reaped := os.waitpid(-1, os.WNOHANG))[0]:
+            ended[reaped[0]] = reaped[1]
+    return len(ended) > before
+
+
+def _children_from_all(pid: int) -> list[int]:
+    numbers = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+    states = (process_state(number) for number in numbers)
+    return [state.pid for state in states if state is not None and state.parent == pid]
+
+
+def _prctl(option: int, value: int) -> None:
+    if _LIBC.prctl(option, value, 0, 0, 0) != 0:
+        error = ctypes.get_errno()
+        raise OSError(error, f"prctl({option}) failed: {os.strerror(error)}")

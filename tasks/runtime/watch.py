@@ -1,0 +1,93 @@
+"""Watching one run from the process that ordered it: its end, its duration, whoever wants it stopped."""
+
+import json
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+from .outcomes import Exit
+
+DURATION_GRACE_S = 3.0
+"""Time a run gets to finish its outputs when its duration limit is reached."""
+CANCEL_GRACE_S = 1.0
+"""Time a canceled run gets; all of it is gone within two seconds."""
+_POLL_S = 0.1
+_KILL_TIMEOUT_S = 10.0
+
+
+class Watch:
+    """Watches one run until it ends.
+
+    Args:
+        channel: Connection to the run's supervisor.
+        max_duration_s: The run's duration limit.
+        stop: Asked about every 0.1 s whether to stop it.
+        on_crash: Told when something crashed and the run goes on.
+        clock: Seconds.
+    """
+
+    def __init__(
+        self,
+        channel: Connection,
+        max_duration_s: float,
+        stop: Callable[[], str | None],
+        on_crash: Callable[[Exit], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._channel = channel
+        self._stop = stop
+        self._on_crash = on_crash
+        self._clock = clock
+        self._deadline = clock() + max_duration_s
+        self._stopped_for: str | None = None
+        self._due: list[tuple[float, dict[str, Any]]] = []
+        """What is still to be sent, with the time from which on."""
+
+    def until_end(self) -> tuple[Exit | None, str | None]:
+        """Returns how the run ended (None: unknown) and why it was stopped (None: it was not)."""
+        while True:
+            patience = _KILL_TIMEOUT_S if self._was_killed else self._patience()
+            if self._channel.poll(patience):
+                message = self._receive()
+                if message is None or message["event"] == "exited":
+                    return Exit.from_message(message["exit"]) if message else None, self._stopped_for
+                self._on_crash(Exit.from_message(message["exit"]))
+            elif self._was_killed:
+                return None, self._stopped_for
+            if self._stopped_for is None:
+                self._look_for_reason_to_stop()
+            self._send_what_is_due()
+
+    @property
+    def _was_killed(self) -> bool:
+        return self._stopped_for is not None and not self._due
+
+    def _receive(self) -> dict[str, Any] | None:
+        try:
+            return json.loads(self._channel.recv_bytes())
+        except (EOFError, OSError):
+            return None
+
+    def _patience(self) -> float:
+        next_s = self._due[0][0] if self._due else self._deadline
+        return min(_POLL_S, max(0.0, next_s - self._clock()))
+
+    def _look_for_reason_to_stop(self) -> None:
+        if self._clock() >= self._deadline:
+            self._begin_stop("duration limit", "duration limit", DURATION_GRACE_S)
+        elif (reason := self._stop()) is not None:
+            self._begin_stop(reason, "canceled", CANCEL_GRACE_S)
+
+    def _begin_stop(self, reason: str, told: str, grace_s: float) -> None:
+        self._stopped_for = reason
+        now = self._clock()
+        # Asked twice: the second time interrupts application code that does not return.
+        self._due = [(now, {"stop": told}), (now + grace_s / 2, {"stop": told}), (now + grace_s, {"kill": True})]
+
+    def _send_what_is_due(self) -> None:
+        while self._due and self._clock() >= self._due[0][0]:
+            _, message = self._due.pop(0)
+            try:
+                self._channel.send_bytes(json.dumps(message).encode())
+            except OSError:
+                return  # it has just ended; the loop sees that next
