@@ -16,11 +16,13 @@ from .cdr import encode
 from .mcap_file import RECORD_HEAD_BYTES, TIMES_OFFSET, Rows, message_record
 
 _NANOSECONDS = 1_000_000_000
-_DOUBLE = 8
+_DOUBLE, _FLOAT = 8, 4
+_DOUBLES, _FLOATS = "<f8", "<f4"
 _COVARIANCE = 36 * _DOUBLE
 _ZERO = ros.Time(0, 0)
 
 Numbers = NDArray[np.float64]
+AnyNumbers = NDArray[np.floating[Any]]
 
 
 class Columns(NamedTuple):
@@ -35,8 +37,8 @@ class Columns(NamedTuple):
     stamp: int
     """Where in it the stamp is."""
 
-    numbers: Mapping[str, tuple[int, int]]
-    """By name, where in it a row of doubles begins and how many there are."""
+    numbers: Mapping[str, tuple[int, int, str]]
+    """By name, where in it a row of numbers begins, how many there are, and their type."""
 
 
 def clock() -> Columns:
@@ -51,7 +53,7 @@ def transform(frame_id: str, child_frame_id: str) -> Columns:
     """
     transform = ros.TransformStamped(ros.Header(_ZERO, frame_id), child_frame_id, ros.Transform())
     template = encode(ros.TFMessage((transform,)))
-    return Columns(ros.TFMessage, template, 8, {"pose": (len(template) - 7 * _DOUBLE, 7)})
+    return Columns(ros.TFMessage, template, 8, {"pose": (len(template) - 7 * _DOUBLE, 7, _DOUBLES)})
 
 
 def odometry(frame_id: str, child_frame_id: str) -> Columns:
@@ -62,7 +64,7 @@ def odometry(frame_id: str, child_frame_id: str) -> Columns:
     template = encode(ros.Odometry(ros.Header(_ZERO, frame_id), child_frame_id, ros.Pose(), ros.Twist()))
     twist = len(template) - _COVARIANCE - 6 * _DOUBLE
     pose = twist - _COVARIANCE - 7 * _DOUBLE
-    return Columns(ros.Odometry, template, 4, {"pose": (pose, 7), "twist": (twist, 6)})
+    return Columns(ros.Odometry, template, 4, {"pose": (pose, 7, _DOUBLES), "twist": (twist, 6, _DOUBLES)})
 
 
 def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
@@ -82,7 +84,23 @@ def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
     velocity = effort - _DOUBLE - values
     position = velocity - _DOUBLE - values
     places = {"position": position, "velocity": velocity, "effort": effort}
-    return Columns(ros.JointState, template, 4, {name: (place, len(names)) for name, place in places.items()})
+    numbers = {name: (place, len(names), _DOUBLES) for name, place in places.items()}
+    return Columns(ros.JointState, template, 4, numbers)
+
+
+def laser_scan(scan: ros.LaserScan) -> Columns:
+    """Returns the columns of `sensor_msgs/LaserScan` without intensities.
+
+    Its numbers are `ranges`.
+
+    Args:
+        scan: Such a scan, for all that does not change.
+    """
+    template = encode(scan._replace(header=scan.header._replace(stamp=_ZERO), intensities=ros.NO_INTENSITIES))
+    count = len(scan.ranges)
+    # After the ranges there is only the length of the intensities.
+    place = len(template) - _FLOAT - count * _FLOAT
+    return Columns(ros.LaserScan, template, 4, {"ranges": (place, count, _FLOATS)})
 
 
 class Series(Protocol):
@@ -93,7 +111,7 @@ class Series(Protocol):
         """What a row of messages has, and on which topics."""
         ...
 
-    def take(self) -> tuple[Numbers, Sequence[Sequence[Numbers]]]:
+    def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:
         """Returns what came since the last time: simulated times, and for each topic its numbers, a row per time."""
         ...
 
@@ -109,32 +127,25 @@ class RowEncoder:
         """
         self._starts: dict[int, int] = {}
         self._template = b""
-        self._stamps: list[str] = []
-        self._times: list[str] = []
-        self._numbers: list[list[str]] = []
-        fields: dict[str, tuple[Any, int]] = {}
+        self._rows = bytearray()
+        self._times: list[slice] = []
+        self._stamps: list[slice] = []
+        self._numbers: list[list[tuple[slice, str]]] = []
         for channel, item in columns:
             start = self._starts[channel] = len(self._template)
             data = start + RECORD_HEAD_BYTES
             self._template += message_record(channel, 0, item.template)
-            fields[f"{channel} times"] = (("<u8", (2,)), start + TIMES_OFFSET)
-            fields[f"{channel} stamp"] = ("<u8", data + item.stamp)
-            for name, (place, count) in item.numbers.items():
-                fields[f"{channel} {name}"] = (("<f8", (count,)), data + place)
-            self._times.append(f"{channel} times")
-            self._stamps.append(f"{channel} stamp")
-            self._numbers.append([f"{channel} {name}" for name in item.numbers])
-        self._layout = np.dtype(
-            {
-                "names": [*fields],
-                "formats": [kind for kind, _ in fields.values()],
-                "offsets": [place for _, place in fields.values()],
-                "itemsize": len(self._template),
-            }
-        )
+            for first in (start + TIMES_OFFSET, start + TIMES_OFFSET + _DOUBLE):
+                self._times.append(slice(first, first + _DOUBLE))
+            self._stamps.append(slice(data + item.stamp, data + item.stamp + _DOUBLE))
+            places = []
+            for place, count, kind in item.numbers.values():
+                width = count * np.dtype(kind).itemsize
+                places.append((slice(data + place, data + place + width), kind))
+            self._numbers.append(places)
 
-    def encode(self, times_s: Numbers, values: Sequence[Sequence[Numbers]]) -> Rows:
-        """Returns rows, the same bytes as encoding message by message.
+    def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
+        """Returns rows, the same bytes as encoding message by message; they hold until the next call.
 
         Args:
             times_s: Simulated times of the rows, not negative.
@@ -143,14 +154,22 @@ class RowEncoder:
         times_ns = np.rint(times_s * _NANOSECONDS).astype(np.int64)
         seconds, nanoseconds = np.divmod(times_ns, _NANOSECONDS)
         stamps = seconds + (nanoseconds << 32)  # int32 and uint32 after one another, little end first
-        raw = bytearray(self._template * len(times_ns))
-        rows = np.frombuffer(raw, self._layout)
-        for name in self._times:
-            rows[name] = times_ns[:, np.newaxis]
-        for name in self._stamps:
-            rows[name] = stamps
-        for names, columns in zip(self._numbers, values, strict=True):
-            for name, column in zip(names, columns, strict=True):
-                rows[name] = column
-        del rows
-        return Rows(times_ns, bytes(raw), self._starts)
+        size, count = len(self._template), len(times_ns)
+        if len(self._rows) < count * size:
+            self._rows = bytearray(self._template * count)
+        # What does not change is there from the last time.
+        raw = memoryview(self._rows)[: count * size]
+        rows = np.frombuffer(raw, np.uint8).reshape(count, size)
+        for values_of_all, places in ((times_ns, self._times), (stamps, self._stamps)):
+            parts = _bytes_of(values_of_all.astype("<i8"))
+            for place in places:
+                rows[:, place] = parts
+        for places, columns in zip(self._numbers, values, strict=True):
+            for (place, kind), column in zip(places, columns, strict=True):
+                rows[:, place] = _bytes_of(column.astype(kind, copy=False))
+        return Rows(times_ns, raw, self._starts)
+
+
+def _bytes_of(values: NDArray[Any]) -> NDArray[np.uint8]:
+    """Numbers as bytes, a row per time."""
+    return np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)

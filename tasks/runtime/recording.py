@@ -12,7 +12,7 @@ from .cdr import encode
 from .columns import RowEncoder, Series
 from .mcap_file import McapFile, Rows
 
-_CHUNK_BYTES = 256 * 1024
+_CHUNK_BYTES = 768 * 1024
 """Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""
 _FLUSH_INTERVAL_S = 2.0
 """Wall-clock time after which a chunk is finished even when it is not full."""

@@ -18,8 +18,8 @@ STATE_RATE_HZ = 50.0
 BASE_FRAME = "base_link"
 ODOMETRY_FRAME = "odom"
 
-_MAX_SAMPLES = 512
-_MAX_BYTES = 256 * 1024
+_MAX_SAMPLES = 1024
+_MAX_BYTES = 768 * 1024
 """What waits for a chunk at most, as messages."""
 _XYZW = (4, 5, 6, 3)
 """Where among a free joint's positions the parts of its quaternion are, in the order of ROS."""
@@ -78,11 +78,9 @@ class StateSeries:
         self._motion = {0: None, 1: _free_motion, 3: _planar_motion}[len(base)]
         row_bytes = sum(len(columns.template) for _, columns in self.topics)
         self._capacity = max(1, min(_MAX_SAMPLES, _MAX_BYTES // row_bytes))
-        self._count = 0
-        self._times = np.empty(self._capacity)
-        self._positions = np.empty((self._capacity, len(self._qpos)))
-        self._velocities = np.empty((self._capacity, len(self._qvel)))
-        self._forces = np.empty((self._capacity, len(self._qvel)))
+        self._times: list[float] = []
+        self._samples: tuple[list[bytes], list[bytes], list[bytes]] = ([], [], [])
+        """Positions, velocities and forces."""
 
     @property
     def data(self) -> mujoco.MjData:
@@ -98,36 +96,38 @@ class StateSeries:
         Raises:
             RecordingError: The file cannot be written.
         """
-        count = self._count
-        self._times[count] = self._data.time
-        self._positions[count] = self._qpos
-        self._velocities[count] = self._qvel
-        self._forces[count] = self._force
-        self._count = count + 1
-        recorder.flush_when_due(full=self._count == self._capacity)
+        positions, velocities, forces = self._samples
+        positions.append(self._qpos.tobytes())
+        velocities.append(self._qvel.tobytes())
+        forces.append(self._force.tobytes())
+        times = self._times
+        times.append(self._data.time)
+        recorder.flush_when_due(full=len(times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[Numbers]]]:
-        """Returns what was sampled since the last time: times, and for each topic its numbers.
-
-        The arrays hold until the next sample.
-        """
-        count, self._count = self._count, 0
+        """Returns what was sampled since the last time: times, and for each topic its numbers, a row per time."""
+        times, self._times = self._times, []
+        samples, self._samples = self._samples, ([], [], [])
+        # A signal may have interrupted the last sample.
+        positions, velocities, forces = (
+            np.frombuffer(b"".join(rows[: len(times)])).reshape(len(times), width)
+            for rows, width in zip(samples, (len(self._qpos), len(self._qvel), len(self._force)), strict=True)
+        )
         values: list[list[Numbers]] = [[]]
         if self._motion is not None:
             pose, twist = self._motion(
-                self._positions[:count].take(self._base_positions, axis=1),
-                self._velocities[:count].take(self._base_velocities, axis=1),
+                positions.take(self._base_positions, axis=1), velocities.take(self._base_velocities, axis=1)
             )
             values += [[pose], [pose, twist]]
         if self._joint_positions.size:
             values.append(
                 [
-                    self._positions[:count].take(self._joint_positions, axis=1),
-                    self._velocities[:count].take(self._joint_velocities, axis=1),
-                    self._forces[:count].take(self._joint_velocities, axis=1),
+                    positions.take(self._joint_positions, axis=1),
+                    velocities.take(self._joint_velocities, axis=1),
+                    forces.take(self._joint_velocities, axis=1),
                 ]
             )
-        return self._times[:count], values
+        return np.array(times), values
 
 
 def hinges_and_slides(model: mujoco.MjModel) -> NDArray[np.intp]:
@@ -168,6 +168,14 @@ def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Nu
 
 def _turned_back(quaternions: Numbers, vectors: Numbers) -> Numbers:
     """Vectors of the world as they are seen from frames with these orientations (x, y, z, w)."""
-    axis, w = -quaternions[:, :3], quaternions[:, 3:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + w * twice + np.cross(axis, twice)
+    x, y, z, w = (-quaternions[:, 0], -quaternions[:, 1], -quaternions[:, 2], quaternions[:, 3])
+    east, north, up = vectors.T
+    across = 2.0 * (y * up - z * north), 2.0 * (z * east - x * up), 2.0 * (x * north - y * east)
+    return np.stack(
+        (
+            east + w * across[0] + (y * across[2] - z * across[1]),
+            north + w * across[1] + (z * across[0] - x * across[2]),
+            up + w * across[2] + (x * across[1] - y * across[0]),
+        ),
+        axis=1,
+    )

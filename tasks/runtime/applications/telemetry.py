@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 
 from .. import messages as ros
 from ..context import Recorder
+from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
 from . import lidar
 from .robots.robot import Robot
+
+_ROUNDING_S = 1e-6
+"""Forgives rounding in sums of time steps."""
 
 
 class RobotState(NamedTuple):
@@ -48,6 +52,7 @@ class Telemetry:
         self._scan_period_s = scan_period_s
         self._robot = robot
         self._series: StateSeries | None = None
+        self._scans: ScanSeries | None = None
 
     def start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Publishes what does not change, and the first state.
@@ -57,7 +62,7 @@ class Telemetry:
           data: its state, after `mj_forward`.
         """
         self._data = data
-        self._start_s, self._samples, self._due_s = data.time, 0, data.time
+        self._start_s, self._samples, self._due_s = data.time, 0, data.time - _ROUNDING_S
         self._publish_static(model, data)
         if self._series is None or self._series.data is not data:
             if self._series is not None:
@@ -68,10 +73,9 @@ class Telemetry:
 
     def sample(self) -> None:
         """Samples the state when it is time; to be called at least as often as that is."""
-        # A microsecond forgives rounding in sums of time steps.
-        if self._data.time >= self._due_s - 1e-6:
+        if self._data.time >= self._due_s:
             self._samples += 1
-            self._due_s = self._start_s + self._samples / STATE_RATE_HZ
+            self._due_s = self._start_s + self._samples / STATE_RATE_HZ - _ROUNDING_S
             assert self._series is not None
             self._series.sample(self._recorder)
 
@@ -108,8 +112,14 @@ class Telemetry:
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
         """Publishes a measurement of the lidar."""
-        scan = ros.LaserScan(
-            header=ros.Header(ros.Time.from_seconds(time_s), "base_scan"),
+        if self._scans is None:
+            self._scans = ScanSeries("/scan", self._scan(ranges))
+            self._recorder.add_series(self._scans)
+        self._scans.add(self._recorder, time_s, ranges)
+
+    def _scan(self, ranges: NDArray[np.float32]) -> ros.LaserScan:
+        return ros.LaserScan(
+            header=ros.Header(ros.Time(0, 0), "base_scan"),
             angle_min=lidar.SCAN_ANGLE_MIN_RAD,
             angle_max=lidar.SCAN_ANGLE_MIN_RAD + (lidar.SCAN_RAYS - 1) * lidar.SCAN_ANGLE_INCREMENT_RAD,
             angle_increment=lidar.SCAN_ANGLE_INCREMENT_RAD,
@@ -119,4 +129,3 @@ class Telemetry:
             range_max=lidar.SCAN_RANGE_MAX_M,
             ranges=ranges,
         )
-        self._recorder.write("/scan", scan, time_s)

@@ -1,12 +1,15 @@
 import io
 import zlib
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
-from prefect_robomaker.tasks.runtime.mcap_file import McapFile
+from prefect_robomaker.tasks.runtime.mcap_file import McapFile, Rows, message_record
 
 TIMES_NS = [5, 3, 9, 1, 7, 2, 8, 4, 6, 10]
 
@@ -82,3 +85,31 @@ def test_a_file_without_messages_is_whole() -> None:
     assert summary is not None
     assert summary.statistics is not None
     assert summary.statistics.message_count == 0
+
+
+@given(
+    st.lists(st.lists(st.integers(0, 9), min_size=1, max_size=6).map(sorted), max_size=3),
+    st.lists(st.tuples(st.integers(0, 9), st.integers(1, 5), st.integers(0, 4)), max_size=8),
+)
+def test_rows_and_messages_are_merged_in_order_of_time(blocks: list[list[int]], singles: list[tuple[int, ...]]) -> None:
+    stream, waiting, expected = io.BytesIO(), [], []
+    file = McapFile(stream, "ros2", "tests", 10_000, lambda: [waiting.pop(0) for _ in list(waiting)])
+    channels = [file.add_channel(f"/{number}", "std_msgs/msg/Byte", "byte data", {}) for number in range(6)]
+    for block, times in enumerate(blocks):
+        # A row has a message for each of two channels.
+        records = [(first, time_ns, bytes([block, time_ns, first])) for time_ns in times for first in channels[:2]]
+        expected += [(time_ns, channel, data) for channel, time_ns, data in records]
+        raw = b"".join(message_record(*record) for record in records)
+        starts = {channels[0]: 0, channels[1]: len(raw) // len(records)}
+        waiting.append(Rows(np.array(times), raw, starts))
+    for time_ns, channel, size in singles:
+        data = bytes([channel]) * size
+        file.add_message(channel, time_ns, data)
+        expected.append((time_ns, channel, data))
+    file.finish()
+    stream.seek(0)
+    in_file = [(m.log_time, c.id, m.data) for _, c, m in NonSeekingReader(stream).iter_messages(log_time_order=False)]
+    assert in_file == sorted(expected, key=lambda item: item[0])
+    stream.seek(0)
+    by_index = [(m.log_time, c.id, m.data) for _, c, m in make_reader(stream).iter_messages()]
+    assert sorted(by_index) == sorted(in_file)
