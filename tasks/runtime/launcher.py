@@ -18,6 +18,7 @@ from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
 from .cores import Cores
 from .endings import finish_outputs
+from .failure_films import film_failure
 from .logs import log_tail
 from .outcomes import Exit, Judgement, judge
 from .run_request import DEFAULT_VARIABLES, RunRequest, kept_environment, make_request
@@ -109,7 +110,7 @@ class Launcher:
             _clean_up(request)
         judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
         finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
-        return RunOutcome(
+        outcome = RunOutcome(
             status=judgement.status,
             failure_code=judgement.failure_code,
             failure_reason=judgement.failure_reason,
@@ -118,6 +119,8 @@ class Launcher:
             timed_out=judgement.timed_out,
             finished=finished,
         )
+        film_failure(plan, outcome, stop, {**DEFAULT_VARIABLES, **kept_environment()})
+        return outcome
 
     def _connect(self) -> Connection:
         """Has a supervisor forked; returns the connection to it."""

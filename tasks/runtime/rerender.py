@@ -106,7 +106,7 @@ def _pictures_of(
 ) -> Iterator[Image]:
     model = mujoco.MjModel.from_binary_path(str(segment.model_path))
     # Nothing sleeps here: whatever sleeps would stay where the model has it.
-    model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP
+    model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
     data = mujoco.MjData(model)
     # Each frame shows the first state that is not before it, as it does when filming during the run.
     due_s = np.arange(begin, last + 1) / settings.rate_hz - _TOLERANCE_S

@@ -9,7 +9,10 @@ from pydantic import Field
 from ...schemas.base import Model
 from ...schemas.run_programs import ProgramPlan
 from ...schemas.simulation_run import RunPlan
+from .agent_client import SOCKET_VARIABLE
+from .agent_socket import agent_socket_path
 from .video_backends import best_video_backend
+from .video_settings import settings_of
 
 DEFAULT_VARIABLES = {
     # Runs are parallel to each other; threads inside numpy would only fight over the cores.
@@ -43,8 +46,16 @@ class RunRequest(Model):
         """The whole environment of one of the plan's programs."""
         plan = self.plan
         of_role = plan.robot_application if program.role == "robot" else plan.simulation_application
-        own = {**(of_role.environment_variables if of_role else {}), **program.environment}
-        return {**self.environment, **own, "PWD": str(program.folder), **_fixed_variables(plan)}
+        environment = {
+            **self.environment,
+            **(of_role.environment_variables if of_role else {}),
+            **program.environment,
+            "PWD": str(program.folder),
+            **_fixed_variables(plan),
+        }
+        if plan.has_episode and program.role == "robot":
+            environment.setdefault(SOCKET_VARIABLE, str(agent_socket_path(plan)))
+        return environment
 
 
 def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
@@ -53,13 +64,19 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
     Args:
         plan: The run. Relative paths are those of this process.
         cores: Processor cores it may use; None: all.
+
+    Raises:
+        LaunchError: The variables ask for a video that cannot be.
     """
     plan = _with_absolute_paths(plan)
-    backend = best_video_backend() if plan.video != "none" else None
+    films_now = plan.video == "always"
+    if plan.video != "none":
+        settings_of(plan)  # what is wrong with them is said before anything is started
+    backend = best_video_backend() if films_now or plan.live_view_port is not None else None
     variables: dict[str, str] = {}
     for application in (plan.robot_application, plan.simulation_application):
         variables |= application.environment_variables if application else {}
-    if backend in ("egl", "osmesa"):
+    if films_now and backend in ("egl", "osmesa"):
         variables.setdefault("MUJOCO_GL", backend)
     home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
     return RunRequest(
@@ -68,6 +85,7 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
             **DEFAULT_VARIABLES,
             **kept_environment(),
             **home,
+            **plan.environment,
             **variables,
             "PWD": str(plan.work_dir),
             **_fixed_variables(plan),
