@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
+from .failure_state import FailureKeeper
 from .loop import RunEnded
 from .provenance import ProvenanceKeeper
 from .requirements import RequirementsObserver
@@ -54,6 +55,12 @@ class EndAt:
         del environment, time_s
         raise RunEnded("duration limit")
 
+    def state(self) -> None:
+        """Has nothing to keep."""
+
+    def restore(self, state: None, environment: Any) -> None:
+        """Has nothing to put back."""
+
     def close(self, ended_by: str | None) -> Findings:
         """Has found nothing."""
         del ended_by
@@ -71,7 +78,9 @@ def make_observers(
         applications: What makes environment and agent, built-in ones included.
     """
     # Films come before requirements, so that they show the state that ended the run.
-    observers = [ProvenanceKeeper(plan, applications), *_films(plan, video_backend), RequirementsObserver(plan)]
+    films = _films(plan, video_backend)
+    keepers = [ProvenanceKeeper(plan, applications), FailureKeeper(plan.output_dir)]
+    observers: list[Observer] = [*keepers, *films, RequirementsObserver(plan)]
     if plan.end_at_s is not None:
         observers.append(EndAt(plan.end_at_s))
     return observers

@@ -61,6 +61,29 @@ class RequirementsObserver:
             raise RunEnded
         self.next_time_s = min(check.next_time_s for check in self._checks)
 
+    def state(self) -> dict[str, Any]:
+        """All scores so far, for a run that is continued elsewhere."""
+        return {
+            "rules": self._rules,
+            "due_s": [check.next_time_s for check in self._checks],
+            "next_time_s": self.next_time_s,
+            "time_s": self._time_s,
+        }
+
+    def restore(self, state: dict[str, Any], environment: Any) -> None:
+        """Goes on from where `state` was taken.
+
+        Raises:
+            LaunchError: A requirement cannot be judged.
+        """
+        self._rules, self._time_s = state["rules"], state["time_s"]
+        if self._rules:
+            self._read_world([rule.requirement for rule in self._rules])
+            self._bind(environment)
+            for check, due_s in zip(self._checks, state["due_s"], strict=True):
+                check.next_time_s = due_s
+        self.next_time_s = state["next_time_s"]
+
     def close(self, ended_by: str | None) -> Findings:
         """Judges the run; nothing of a run that failed.
 
@@ -91,9 +114,12 @@ class RequirementsObserver:
 
     def _begin(self, environment: Any) -> None:
         requirements = merged(self._plan.requirements, _own_requirements(environment))
+        self._read_world(requirements)
+        self._rules = make_rules(requirements)
+
+    def _read_world(self, requirements: Sequence[JobRequirement]) -> None:
         if self._plan.world_dir is not None and _needs_world(requirements):
             self._world = World.model_validate_json((self._plan.world_dir / "world.json").read_bytes())
-        self._rules = make_rules(requirements)
 
     def _bind(self, environment: Any) -> None:
         """Ties the rules to the model, which environments may replace."""

@@ -1,6 +1,7 @@
 """Requirements in real physics: small models, whole runs of the loop."""
 
 import itertools
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -343,3 +344,32 @@ def test_nothing_is_asked_for(judge: Callable[..., RunResult]) -> None:
 def test_actuators_tell_who_acts() -> None:
     assert robot_body(mujoco.Physics.from_xml_string(MODEL).model.ptr) == 2
     assert robot_body(mujoco.Physics.from_xml_string(FLYING).model.ptr) == 2
+
+
+def test_a_run_that_is_continued_is_judged_as_a_whole(tmp_path: Path) -> None:
+    """Half of the run is seen by one observer, half by another in another process."""
+    requirements = [
+        {"kind": "goal", "name": "start", "x": 0.0, "y": 0.0, "within_m": 0.1},
+        {"kind": "goal", "name": "later", "x": 1.0, "y": 0.0, "within_m": 0.3, "after": "start"},
+        {"kind": "no_collision", "name": "soft", "max_force_N": 1000.0},
+    ]
+    plan = RunPlan(
+        job_id="sim-1", job_arn="arn:aws:robomaker:us-east-1:111122223333:simulation-job/sim-1", run_id="run-1",
+        seed=1, max_duration_s=60.0, work_dir=tmp_path, output_dir=tmp_path, requirements=requirements,
+    )  # fmt: skip
+    made = environment()
+    made.reset()
+    first = RequirementsObserver(plan)
+    observer = first
+    for step in range(50):
+        made.step(np.array((5.0, 0.0)))
+        time_s = made.physics.time()
+        if time_s >= observer.next_time_s - 1e-6:
+            observer.watch(made, time_s)
+        if step == 15:
+            kept = pickle.dumps(observer.state())
+            observer = RequirementsObserver(plan)
+            observer.restore(pickle.loads(kept), made)
+    judged = observer.close("agent").requirements
+    assert [item.satisfied for item in judged] == [True, True, True]
+    assert [item.satisfied for item in first.close("agent").requirements] != [True, True, True]

@@ -1,0 +1,154 @@
+"""What a run leaves behind whose physics breaks."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import dm_env
+import mujoco
+import numpy as np
+import pytest
+from dm_control.rl.control import PhysicsError
+
+from prefect_robomaker.schemas.failure_state import FailureState
+from prefect_robomaker.tasks.runtime.digest import digest_of_model
+from prefect_robomaker.tasks.runtime.failure_state import FailureKeeper
+from prefect_robomaker.tasks.runtime.loop import run_episode
+from prefect_robomaker.tasks.runtime.recording import NullRecorder
+
+MODEL = """
+<mujoco>
+  <option timestep="0.005"{option}/>
+  <worldbody>
+    <geom name="ground" type="plane" size="9 9 .1"/>
+    <body name="crate" pos="3 0 .1"><freejoint name="crate"/><geom name="crate" type="box" size=".1 .1 .1"/></body>
+    <body name="arm" pos="0 0 1">
+      <joint name="elbow" type="hinge" axis="0 1 0"/><geom name="arm" type="capsule" size=".03" fromto="0 0 0 .3 0 0"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="push" joint="elbow" gear="1"/></actuator>
+</mujoco>
+"""
+
+
+class Raw(dm_env.Environment):
+    """Calls MuJoCo itself; something happens in each step."""
+
+    def __init__(self, happens: Callable[[mujoco.MjData, int], None], option: str = "") -> None:
+        model = mujoco.MjModel.from_xml_string(MODEL.format(option=option))
+        self.physics = SimpleNamespace(model=model, data=mujoco.MjData(model))
+        self._happens, self._count = happens, 0
+
+    def reset(self) -> Any:
+        mujoco.mj_forward(self.physics.model, self.physics.data)
+        return dm_env.restart(0)
+
+    def step(self, action: Any) -> Any:
+        self._count += 1
+        self._happens(self.physics.data, self._count)
+        mujoco.mj_step(self.physics.model, self.physics.data, 4)
+        return (dm_env.termination if self._count == 100 else dm_env.transition)(0.0, 0)
+
+    action_spec = observation_spec = lambda self: None
+
+
+def run(environment: Any, folder: Path) -> Any:
+    keeper = FailureKeeper(folder)
+    try:
+        episode = run_episode(
+            lambda: environment, lambda environment: lambda timestep: None, mark=lambda phase: None,
+            stop=SimpleNamespace(reason=""), recorder=NullRecorder(), watchers=[keeper],
+        )  # fmt: skip
+    except BaseException:
+        keeper.close(None)
+        raise
+    return keeper.close(episode.ended_by)
+
+
+@pytest.fixture(autouse=True)
+def _scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")  # MuJoCo writes MUJOCO_LOG.TXT
+
+
+def push(data: mujoco.MjData, count: int) -> None:
+    """From 1 s on an ever larger force, until it is too much."""
+    data.ctrl[0] = 0.1 if count < 50 else 1e3 * 10.0 ** (count - 50)
+
+
+def test_the_state_before_it_diverged_is_kept(tmp_path: Path) -> None:
+    with pytest.raises(PhysicsError, match="diverged"):
+        run(Raw(push), tmp_path)
+    state = FailureState.model_validate_json((tmp_path / "failure-state.json").read_bytes())
+    assert state.began_anew
+    (warning,) = state.warnings
+    assert warning.warning in ("mjWARN_BADQACC", "mjWARN_BADQVEL", "mjWARN_BADQPOS")
+    assert (warning.joint, warning.body) == ("elbow", "arm")
+    assert state.joints[0].joint == "elbow"
+    assert state.time_s == pytest.approx(state.step * 0.005)
+    assert state.time_s >= 1.0
+    assert state.control["push"] >= 0.1
+    assert {state.contacts[0].first, state.contacts[0].second} == {"ground", "crate"}
+    # A crate of 8 kg rests on four corners.
+    assert sum(contact.normal_force_N or 0 for contact in state.contacts) == pytest.approx(8 * 9.81, rel=0.02)
+
+
+def test_the_state_can_be_loaded_and_breaks_again(tmp_path: Path) -> None:
+    """What the documentation shows."""
+    with pytest.raises(PhysicsError):
+        run(Raw(push), tmp_path)
+    state = FailureState.model_validate_json((tmp_path / "failure-state.json").read_bytes())
+
+    model = mujoco.MjModel.from_binary_path(str(tmp_path / state.model_file))
+    data = mujoco.MjData(model)
+    vector = np.load(tmp_path / state.state_file)
+    mujoco.mj_setState(model, data, vector, mujoco.mjtState.mjSTATE_INTEGRATION)
+
+    assert digest_of_model(model) == state.model_sha256
+    assert data.time == state.time_s
+    assert data.ctrl[0] == state.control["push"]
+    assert data.qpos[-1] == state.joints[0].qpos[0]
+    data.ctrl[0] = 1e12
+    mujoco.mj_step(model, data, 20)
+    assert any(warning.number for warning in data.warning)
+
+
+def test_an_environment_that_goes_on_with_nan(tmp_path: Path) -> None:
+    def poison(data: mujoco.MjData, count: int) -> None:
+        if count == 20:
+            data.qvel[2] = np.nan
+        if count == 21:
+            raise RuntimeError("the environment noticed")
+
+    flag = '><flag autoreset="disable"/></option><option'
+    with pytest.raises(RuntimeError, match="noticed"):
+        run(Raw(poison, flag), tmp_path)
+    state = FailureState.model_validate_json((tmp_path / "failure-state.json").read_bytes())
+    assert not state.began_anew
+    assert 2 in state.not_finite["qvel"]
+    assert state.warnings[0].joint == "crate"
+    assert np.isfinite(np.load(tmp_path / "failure-state.npy")).all()
+
+
+def test_warnings_that_end_nothing_are_counted(tmp_path: Path) -> None:
+    def bad_control(data: mujoco.MjData, count: int) -> None:
+        data.ctrl[0] = np.nan if count in (10, 20) else 0.0
+
+    findings = run(Raw(bad_control), tmp_path)
+    # MuJoCo takes such a control for 0 in each of the step's four.
+    assert findings.extra == {"mujoco_warnings": {"mjWARN_BADCTRL": 8}}
+    assert findings.metrics == {"mujoco_warnings": 8.0}
+    assert not (tmp_path / "failure-state.json").exists()
+
+
+def test_a_run_without_trouble_says_nothing_and_a_crash_of_code_leaves_no_state(tmp_path: Path) -> None:
+    findings = run(Raw(lambda data, count: None), tmp_path)
+    assert (findings.extra, findings.metrics) == ({}, {})
+
+    def crash(data: mujoco.MjData, count: int) -> None:
+        raise ValueError("no fault of the physics")
+
+    with pytest.raises(ValueError, match="no fault"):
+        run(Raw(crash), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["work"]
