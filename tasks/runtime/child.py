@@ -18,6 +18,7 @@ from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from ...schemas.world import World
 from . import gl
+from .checkpoints import Checkpointer, CheckpointError, discard_checkpoints
 from .context import SimulationContext
 from .loading import LoadError, load_factory
 from .logs import redirect_output
@@ -95,22 +96,41 @@ def _take_on(run: RunRequest) -> None:
     os.environ.update(run.environment)
     os.chdir(run.plan.work_dir)
     sys.path[:] = run.import_path
-    # Applications should use the context's generator; those that use the global ones are repeatable too.
-    random.seed(run.plan.seed)
-    np.random.seed(run.plan.seed % 2**32)  # noqa: NPY002
+    _seed(run.plan.seed)
     gl.follow_environment()
 
 
+def _seed(seed: int) -> None:
+    """Applications should use the context's generator; those that use the global ones are repeatable too."""
+    random.seed(seed)
+    np.random.seed(seed % 2**32)  # noqa: NPY002
+
+
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
+    """Continues the run from its last checkpoint if there is one, else begins it."""
+    try:
+        _attempt(run, progress, stop)
+    except CheckpointError as error:
+        assert run.plan.checkpoint_dir is not None
+        sys.stderr.write(f"The run begins anew: its last checkpoint cannot be continued from: {error}\n")
+        discard_checkpoints(run.plan.checkpoint_dir)
+        _seed(run.plan.seed)
+        _attempt(run, progress, stop)
+
+
+def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     plan = run.plan
-    recorder = McapRecorder(plan.output_dir / RECORDING_FILE) if plan.record else NullRecorder()
+    rng = np.random.default_rng(plan.seed)
+    checkpoints = Checkpointer(plan, rng) if plan.checkpoint_dir and plan.checkpoint_every_s else None
+    resumes = checkpoints is not None and checkpoints.resumes
+    recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else NullRecorder()
     observers = make_observers(plan, run.video_backend, _applications(plan))
     robot = _applications(plan)[1]
     remote = RemoteRobot(plan, robot.name, stop) if robot.attribute is None else None
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
     try:
-        episode = _run(plan, recorder, progress, stop, observers, remote)
+        episode = _run(plan, rng, recorder, progress, stop, observers, remote, checkpoints)
     except BaseException:
         # What failed first is what counts; a full disk may keep the rest from being closed too.
         for observer in observers:
@@ -118,6 +138,8 @@ def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
                 observer.close(None)
         with suppress(RecordingError):
             recorder.close()
+        if checkpoints is not None:
+            checkpoints.close()
         raise
     progress.mark(Phase.FINISHING)
     findings = [observer.close(episode.ended_by) for observer in observers]
@@ -128,16 +150,18 @@ def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
 
 def _run(
     plan: RunPlan,
+    rng: np.random.Generator,
     recorder: McapRecorder | NullRecorder,
     progress: Progress,
     stop: _StopSignal,
     observers: Sequence[Observer],
     remote: RemoteRobot | None,
+    checkpoints: Checkpointer | None,
 ) -> Episode:
     simulation, robot = _applications(plan)
     context = SimulationContext(
         plan=plan,
-        rng=np.random.default_rng(plan.seed),
+        rng=rng,
         world=_read_world(plan.world_dir),
         world_dir=plan.world_dir,
         data_dir=plan.data_dir,
@@ -153,6 +177,7 @@ def _run(
         stop=stop,
         recorder=recorder,
         watchers=observers,
+        checkpoints=checkpoints,
     )
 
 

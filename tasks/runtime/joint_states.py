@@ -28,3 +28,12 @@ class JointStateWatcher:
         series.sample(self._recorder)
         # From now rather than from the time it was due: control steps may be longer than the interval.
         self.next_time_s = time_s + 1.0 / STATE_RATE_HZ
+
+    def state(self) -> float:
+        """See `checkpoints.ResumableObserver`."""
+        return self.next_time_s
+
+    def restore(self, state: float, environment: Any) -> None:
+        """See `checkpoints.ResumableObserver`."""
+        del environment
+        self.next_time_s = state

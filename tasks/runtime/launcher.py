@@ -16,6 +16,7 @@ from types import TracebackType
 
 from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
+from .checkpoints import wall_time_used_s
 from .cores import Cores
 from .endings import finish_outputs
 from .failure_films import film_failure
@@ -97,6 +98,7 @@ class Launcher:
         plan.work_dir.mkdir(parents=True, exist_ok=True)
         plan.output_dir.mkdir(parents=True, exist_ok=True)
         crash = _FirstCrash(plan, on_crash)
+        left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:
             request = make_request(plan, cores)
             # Closing this end of the connection, for whatever reason, kills the run.
@@ -104,7 +106,7 @@ class Launcher:
                 channel.send_bytes(request.model_dump_json().encode())
                 _expect_start(channel)
                 started_at = datetime.now(UTC)
-                ended, stopped_for = Watch(channel, plan.max_duration_s, stop, crash.on_crash, clock).until_end()
+                ended, stopped_for = Watch(channel, left_s, stop, crash.on_crash, clock).until_end()
         ended_at = datetime.now(UTC)
         if ended is None:
             _clean_up(request)

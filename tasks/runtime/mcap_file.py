@@ -7,7 +7,7 @@ Messages, of which there are thousands, are packed here, or come as rows of read
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import zstandard
@@ -173,6 +173,33 @@ class McapFile:
         self._write_chunk(chunk, entries)
         for channel, column in entries.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(column)
+
+    def state(self) -> dict[str, Any]:
+        """Writes what is pending; returns what `restore` needs to go on after it."""
+        self.flush()
+        return {
+            "introductions": bytes(self._introductions),
+            "schemas": dict(self._schemas),
+            "channels": list(self._channels),
+            "counts": dict(self._counts),
+            "chunk_indexes": list(self._chunk_indexes),
+            "position": self._stream.tell(),
+        }
+
+    def restore(self, state: Mapping[str, Any], stream: Stream) -> None:
+        """Goes on in a file as it was when `state` was called; what is pending here is dropped.
+
+        Args:
+            state: From `state`.
+            stream: The file, which ends at the `position` of the state.
+        """
+        for _ in self._take_rows():
+            pass  # what came before belongs to another beginning
+        self._stream = stream
+        self._messages, self._waiting_bytes = [], 0
+        self._introductions = bytearray(state["introductions"])
+        self._schemas, self._channels = dict(state["schemas"]), list(state["channels"])
+        self._counts, self._chunk_indexes = dict(state["counts"]), list(state["chunk_indexes"])
 
     def finish(self) -> None:
         """Writes what is pending, and the indexes that end the file; the stream stays open."""

@@ -1,11 +1,13 @@
 """Recordings: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open."""
 
+import errno
 import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from . import messages as ros
 from .cdr import encode
@@ -55,6 +57,12 @@ class NullRecorder:
     def flush_when_due(self, full: bool = False) -> None:
         """Does nothing."""
 
+    def state(self) -> None:
+        """Has nothing to keep."""
+
+    def restore(self, state: None) -> None:
+        """Does nothing."""
+
     def close(self) -> None:
         """Does nothing."""
 
@@ -69,11 +77,12 @@ class McapRecorder:
 
     enabled: bool = True
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, resume: bool = False) -> None:
         """Opens the file.
 
         Args:
             path: The file to write; one that exists is replaced.
+            resume: The file is left as it is, and nothing is recorded, until `restore` is called.
 
         Raises:
             RecordingError: The file cannot be opened.
@@ -82,7 +91,7 @@ class McapRecorder:
         self._series: list[tuple[Series, RowEncoder]] = []
         self._path = path
         with self._explained():
-            self._stream = _Unbuffered(path)
+            self._stream = _Nowhere() if resume else _Unbuffered(path)
             self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES, self._take_rows)
         self._closed = False
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
@@ -144,6 +153,34 @@ class McapRecorder:
             with self._explained():
                 self._file.flush()
 
+    def state(self) -> dict[str, Any]:
+        """Writes what is pending; returns what `restore` needs.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        with self._explained():
+            return {"file": self._file.state(), "kinds": {topic: kind for topic, (_, kind) in self._channels.items()}}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from where `state` was called; what the file has beyond is cut off.
+
+        Series that were added since are recorded from now on.
+
+        Raises:
+            RecordingError: The file is shorter than it was then, or cannot be written.
+        """
+        file = state["file"]
+        with self._explained():
+            self._stream = _Unbuffered(self._path, file["position"])
+            self._file.restore(file, self._stream)
+        numbers = {channel.topic: channel.id for channel in file["channels"]}
+        self._channels = {topic: (numbers[topic], kind) for topic, kind in state["kinds"].items()}
+        series, self._series = self._series, []
+        for each, _ in series:
+            self.add_series(each)
+        self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
+
     def close(self) -> None:
         """Writes what is pending and the index, then closes the file; a second call does nothing.
 
@@ -202,9 +239,19 @@ class McapRecorder:
 class _Unbuffered:
     """A binary output stream without a buffer of its own, so that a finished chunk leaves the process."""
 
-    def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
-        self._position = 0
+    def __init__(self, path: Path, keep_bytes: int = 0) -> None:
+        """Opens a file, of which the beginning is kept.
+
+        Raises:
+            OSError: It is shorter than that, or cannot be opened.
+        """
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._position = keep_bytes
+        if os.fstat(self._descriptor).st_size < keep_bytes:
+            os.close(self._descriptor)
+            raise OSError(errno.ENODATA, f"it has less than the {keep_bytes} bytes that it had at the checkpoint")
+        os.ftruncate(self._descriptor, keep_bytes)
+        os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
 
     def write(self, data: bytes) -> int:
         view = memoryview(data)
@@ -219,3 +266,16 @@ class _Unbuffered:
 
     def close(self) -> None:
         os.close(self._descriptor)
+
+
+class _Nowhere:
+    """A stream that forgets."""
+
+    def write(self, data: bytes) -> int:
+        return len(data)
+
+    def tell(self) -> int:
+        return 0
+
+    def close(self) -> None:
+        """There is nothing to close."""

@@ -1,7 +1,9 @@
 """A driven double pendulum, chaotic and quick: its environment and its agent can be continued."""
 
 import os
+import signal
 import time
+from pathlib import Path
 
 import dm_env
 import numpy as np
@@ -44,6 +46,9 @@ class Swing(control.Task):
             physics.named.data.qpos["elbow"] += 1e-9 * os.urandom(1)[0]
         if self.steps == int(self.variables.get("FAIL_AT", "-1")):
             raise RuntimeError("the rope broke")
+        if self.steps == int(self.variables.get("KILL_AT", "-1")) and not Path("killed").exists():
+            Path("killed").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(float(self.variables.get("SLEEP_S", "0")))
 
     def after_step(self, physics):

@@ -1,0 +1,165 @@
+"""Runs that are killed and go on from their last checkpoint as if nothing had been."""
+
+import json
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from prefect_robomaker.schemas.provenance import Provenance
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime import checkpoints
+from prefect_robomaker.tasks.runtime.checkpoints import CheckpointError, last_checkpoint, resumable_plan
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+SWINGER = Path(__file__).parents[2] / "replays"
+
+
+@pytest.fixture
+def swing(make_plan: Callable[..., RunPlan], tmp_path: Path) -> Callable[..., RunPlan]:
+    """Plans a run of the pendulum with checkpoints every half second simulated."""
+
+    def plan(run_id: str = "run-1", variables: dict[str, str] | None = None, **members: Any) -> RunPlan:
+        applications = {
+            f"{role}_application": ApplicationPlan(
+                role=role,
+                name=role,
+                attribute=f"swinger.{factory}",
+                path=SWINGER,
+                environment_variables=variables or {},
+            )
+            for role, factory in (("simulation", "make_environment"), ("robot", "make_agent"))
+        }
+        kept = {"checkpoint_dir": tmp_path / run_id / "checkpoints", "checkpoint_every_s": 0.5}
+        return make_plan(run_id=run_id, **{**applications, **kept, **members})
+
+    return plan
+
+
+def result_of(plan: RunPlan) -> RunResult:
+    return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
+
+
+def messages_of(plan: RunPlan) -> list[tuple[str, int, bytes]]:
+    with (plan.output_dir / "recording.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        messages = [(channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()]
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == len(messages)
+    return messages
+
+
+def broken_and_resumed(launcher: Launcher, plan: RunPlan) -> RunPlan:
+    """Runs a plan that is killed on the way, and goes on as whoever finds it does."""
+    outcome = launcher.run(plan, lambda: None)
+    assert outcome.status == "Failed"
+    assert not outcome.finished
+    assert plan.checkpoint_dir is not None
+    found, _ = resumable_plan(plan.checkpoint_dir)
+    assert launcher.run(found, lambda: None).status == "Completed"
+    return found
+
+
+def test_a_killed_run_goes_on_to_the_bit(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
+    slow = {"SLEEP_S": "0.001"}
+    whole, broken = swing("whole", slow), swing("broken", {**slow, "KILL_AT": "150"})
+    assert launcher.run(whole, lambda: None).status == "Completed"
+    broken_and_resumed(launcher, broken)
+
+    one, other = result_of(whole), result_of(broken)
+    assert one.state_digest == other.state_digest
+    assert (one.verdict, one.metrics, one.requirements, one.sim_time_s) == (
+        other.verdict, other.metrics, other.requirements, other.sim_time_s,
+    )  # fmt: skip
+    assert messages_of(whole) == messages_of(broken)
+    provenance = Provenance.model_validate_json((broken.output_dir / "provenance.json").read_bytes())
+    [resumed_at_s] = provenance.resumed_at_s
+    assert 0.5 <= resumed_at_s <= 3.0
+    # The agent was made twice, but what was written before stays.
+    assert (broken.output_dir / "logs" / "stdout.log").read_text() == "agent begins\n" * 2
+    assert len(list((broken.checkpoint_dir or Path()).glob("checkpoint-*.bin"))) == 2
+
+
+def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
+    plan = swing(variables={"SLEEP_S": "0.005", "KILL_AT": "120", "TIME_LIMIT_S": "3600"}, max_duration_s=1.5)
+    assert launcher.run(plan, lambda: None).status == "Failed"
+    used_s = checkpoints.wall_time_used_s(plan)
+    assert 0.25 < used_s < 1.5
+    outcome = launcher.run(plan, lambda: None)
+    assert outcome.timed_out
+    took_s = (outcome.ended_at - outcome.started_at).total_seconds()
+    assert took_s < 1.5 - used_s + 1.0
+    assert result_of(plan).wall_time_s > took_s
+
+
+def test_a_checkpoint_that_was_cut_off_is_passed_over(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
+    plan = swing(variables={"SLEEP_S": "0.003", "KILL_AT": "190"})
+    launcher.run(plan, lambda: None)
+    assert plan.checkpoint_dir is not None
+    older, newer = sorted(plan.checkpoint_dir.glob("checkpoint-*.bin"))
+    os.truncate(newer, newer.stat().st_size - 1)
+    found = last_checkpoint(plan.checkpoint_dir)
+    assert found is not None
+    assert found[0] == older
+    whole = swing("whole", {"SLEEP_S": "0.001"})
+    launcher.run(whole, lambda: None)
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert result_of(plan).state_digest == result_of(whole).state_digest
+
+
+@pytest.mark.parametrize("broken", ["recording.mcap", "digest.bin", "pickle"])
+def test_what_cannot_be_continued_begins_anew_and_says_why(
+    launcher: Launcher, swing: Callable[..., RunPlan], broken: str
+) -> None:
+    plan = swing(variables={"SLEEP_S": "0.001", "KILL_AT": "150"})
+    launcher.run(plan, lambda: None)
+    assert plan.checkpoint_dir is not None
+    if broken == "pickle":
+        newest = sorted(plan.checkpoint_dir.glob("checkpoint-*.bin"))[-1]
+        header = json.loads(newest.read_bytes().partition(b"\n")[0])
+        payload = pickle.dumps({"data": None})
+        about = {"payload_bytes": len(payload), "payload_crc32": checkpoints.zlib.crc32(payload)}
+        newest.write_bytes(json.dumps({**header, **about}).encode() + b"\n" + payload)
+    else:
+        os.truncate(plan.output_dir / broken, 10)
+    whole = swing("whole", {"SLEEP_S": "0.001"})
+    launcher.run(whole, lambda: None)
+
+    assert launcher.run(plan, lambda: None).status == "Completed"
+
+    assert result_of(plan).state_digest == result_of(whole).state_digest
+    assert messages_of(plan) == messages_of(whole)
+    said = (plan.output_dir / "logs" / "stderr.log").read_text()
+    assert "The run begins anew: its last checkpoint cannot be continued from: " in said
+
+
+def test_what_has_not_opted_in_is_named(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
+    plan = swing(variables={"CLOSED": "1"})
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert plan.checkpoint_dir is not None
+    with pytest.raises(CheckpointError, match=r"^the environment \(ClosedSwinging\) has no state\(\) and restore\(\)$"):
+        resumable_plan(plan.checkpoint_dir)
+
+
+def test_a_run_that_somebody_else_carries_out_is_left_alone(tmp_path: Path, swing: Callable[..., RunPlan]) -> None:
+    plan = swing()
+    first = checkpoints.Checkpointer(plan, None)  # type: ignore[arg-type]
+    with pytest.raises(CheckpointError, match="another process still runs it"):
+        checkpoints.Checkpointer(plan, None)  # type: ignore[arg-type]
+    first.close()
+    checkpoints.Checkpointer(plan, None).close()  # type: ignore[arg-type]
+
+
+def test_without_checkpoints_nothing_is_kept(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
+    plan = swing(checkpoint_every_s=None)
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert plan.checkpoint_dir is not None
+    assert not plan.checkpoint_dir.exists()
+    with pytest.raises(CheckpointError, match="no checkpoints of it are on this machine"):
+        resumable_plan(plan.checkpoint_dir)
