@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.errors import (
 )
 from prefect_robomaker.tasks.service import Service
 
-BUILTIN = {"Robot": "scout", "Simulation": "indoor-navigation"}
+BUILTIN = {"Robot": ("walker", "scout"), "Simulation": ("indoor-navigation",)}
 OGRE = {"name": "OGRE", "version": "1.x"}
 DIGEST = "sha256:" + "0123456789abcdef" * 4
 
@@ -270,9 +270,9 @@ def test_lists_have_one_entry_per_application_newest_first_or_all_versions(appli
     made = applications.create("two")
     applications.version("one")
     applications.version("one")
-    builtin = (BUILTIN[applications.role], "$LATEST")
+    builtin = [(name, "$LATEST") for name in BUILTIN[applications.role]]
 
-    assert applications.listed() == [("two", "$LATEST"), ("one", "$LATEST"), builtin]
+    assert applications.listed() == [("two", "$LATEST"), ("one", "$LATEST"), *builtin]
     everything = [("one", "2"), ("one", "1"), *applications.listed()]
     assert applications.listed(versionQualifier="ALL") == everything
     assert applications.listed(versionQualifier="ALL", maxResults=2) == everything
@@ -325,7 +325,7 @@ def test_a_list_of_the_impossible_is_refused(applications: Applications, members
 
 
 def test_what_is_built_in_can_be_versioned_but_stays(applications: Applications) -> None:
-    name = BUILTIN[applications.role]
+    name = BUILTIN[applications.role][0]
     before = applications.describe(name)
 
     assert applications.version(name)["environment"] == before["environment"]

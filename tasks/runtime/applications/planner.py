@@ -14,6 +14,9 @@ from .path_smoothing import smooth
 COMFORT_M = 0.38
 """Clearance from which more clearance is worth no detour."""
 
+_LEAST_COMFORT_M = 0.1
+"""By how much that is more than the robot's radius, however large it is."""
+
 _NARROWNESS_COST = 5.0
 """How many times more a way costs that just fits, added to one that is comfortable."""
 
@@ -140,7 +143,8 @@ class GridPlanner:
         if kind not in self._grids:
             needed_m = self._radius_m + _MARGIN_M[kind]
             clearance = self._known_clearance if kind == "pushing" else self._clearance
-            lacking = np.clip((COMFORT_M - clearance) / (COMFORT_M - needed_m), 0.0, 1.0)
+            comfort_m = max(COMFORT_M, needed_m + _LEAST_COMFORT_M)
+            lacking = np.clip((comfort_m - clearance) / (comfort_m - needed_m), 0.0, 1.0)
             costs = 1.0 + _NARROWNESS_COST * lacking**2
             if kind == "pushing":
                 costs = costs + _PUSHING_COST * (self._clearance < self._radius_m)

@@ -73,16 +73,7 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
       ValueError: MuJoCo cannot make a model of it; the message has its reason.
     """
     try:
-        world = mujoco.MjSpec.from_file(str(world_xml))
-        model = robot.build()
-        if dropped := options_for_world(model, world):
-            _logger.warning(
-                "%s: physics options are those of the world; the robot's own are not used: %s",
-                robot.name,
-                ", ".join(dropped),
-            )
-        world.worldbody.add_frame().attach_body(model.body(robot.base), robot.prefix, "")
-        model = world.compile()
+        model = _compile(world_xml, robot)
     except ValueError as cause:
         raise ValueError(f"{world_xml}: not a world that {robot.name.title()} can be put into: {cause}") from cause
     physics = ScenePhysics.from_model(wrapper.MjModel(model))
@@ -93,6 +84,18 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
         )
         _hide_from_itself(physics.model.ptr, robot.footprint_id(physics.model.ptr), physics.unseen_group)
     return physics
+
+
+def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
+    world, own = mujoco.MjSpec.from_file(str(world_xml)), robot.build()
+    for geom in own.geoms:
+        if geom.group < _DRAWN_GROUPS:
+            geom.group = 0  # leaves a group over for what range sensors do not see
+    if dropped := options_for_world(own, world):
+        said = "physics options are those of the world, the robot's own are not used"
+        _logger.warning("%s: %s: %s", robot.name, said, ", ".join(dropped))
+    world.worldbody.add_frame().attach_body(own.body(robot.base), robot.prefix, "")
+    return world.compile()
 
 
 def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:

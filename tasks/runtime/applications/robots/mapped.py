@@ -30,7 +30,8 @@ _logger = logging.getLogger(__name__)
 _OVERHANG_M = 0.01
 """By which parts may stick out of the footprint before a warning."""
 
-_SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+_SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+"""Kinds of joints with one coordinate; numpy's numbers are equal to MuJoCo's names from one side only."""
 
 
 def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Robot:
@@ -46,14 +47,14 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
     """
     builder = ModelBuilder(mapping, files)
     # The first model shows what there is; the others' footprint is where the floor really is.
-    first = stand_alone(builder.build(), mapping.base, files)
+    first = stand_alone(builder.build(), files)
     planar = planar_joints(mapping, first, files.mapping.name)
     home = _home(mapping, builder, first)
     data = _standing(first, mapping, home)
     if planar:
         builder.carrier = first.body(int(first.jnt_bodyid[first.joint(planar[2]).id])).name
         builder.footprint_z_m = -float(data.body(builder.carrier).xpos[2])
-    model = stand_alone(builder.build(), mapping.base, files)
+    model = stand_alone(builder.build(), files)
     data = _standing(model, mapping, home)
     limits = _limits(mapping)
     _warn_of_overhang(mapping, model, data, files.mapping.name)
@@ -109,7 +110,7 @@ def _standing(model: mujoco.MjModel, mapping: RobotModel, home: Mapping[str, flo
 
 
 def _single_joints(model: mujoco.MjModel) -> list[str]:
-    return [model.joint(index).name for index in range(model.njnt) if model.jnt_type[index] in _SINGLE]
+    return [model.joint(index).name for index in range(model.njnt) if int(model.jnt_type[index]) in _SINGLE]
 
 
 def _joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, ...]:
@@ -152,7 +153,7 @@ def _imu(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, s
         raise invalid(where, "sensors.imu: give at (a body or site), or both gyro and accelerometer (names of sensors)")
     kinds = {"gyro": mujoco.mjtSensor.mjSENS_GYRO, "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER}
     for field, name in (("gyro", imu.gyro), ("accelerometer", imu.accelerometer)):
-        there = [model.sensor(i).name for i in range(model.nsensor) if model.sensor_type[i] == kinds[field]]
+        there = [model.sensor(i).name for i in range(model.nsensor) if int(model.sensor_type[i]) == int(kinds[field])]
         if name not in there:
             hint = alternatives(name, there, f"{field} sensors")
             raise invalid(where, f"sensors.imu.{field}: there is no {field} {name!r}; {hint}")

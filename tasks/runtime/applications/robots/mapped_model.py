@@ -25,6 +25,7 @@ GYRO, ACCELEROMETER = "imu_gyro", "imu_accelerometer"
 
 _SLIDING_FRICTION = (0.01, 0.005, 0.0001)
 _FREE = mujoco.mjtJoint.mjJNT_FREE
+_SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SCOUT_RADIUS_M = 0.17
 """Of the robot whose follow camera others' is scaled from."""
 
@@ -65,7 +66,7 @@ class ModelBuilder:
           LaunchError: a file or a name is wrong.
         """
         spec = load_model(self._files.model, self._files.root)
-        base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
+        base = self._keep_robot_only(spec)
         for key in list(spec.keys):
             spec.delete(key)  # it is as long as all joints of the file, which are not all here
         self._free(spec, base)
@@ -103,8 +104,22 @@ class ModelBuilder:
         return {
             joint.name: float(qpos[joint.qposadr[0]])
             for joint in joints
-            if joint.name and model.jnt_type[joint.id] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+            if joint.name and int(model.jnt_type[joint.id]) in _SINGLE
         }
+
+    def _keep_robot_only(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
+        """Takes away floors, lights and whatever else the model's file has besides the robot; returns its base."""
+        base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
+        if base.parent.name != "world":
+            root = base
+            while root.parent.name != "world":
+                root = root.parent
+            raise invalid(self.where, f"base: {base.name!r} hangs on other bodies; name the outermost, {root.name!r}")
+        world = spec.worldbody
+        for part in [*world.bodies, *world.geoms, *world.lights, *world.cameras, *world.sites]:
+            if part is not base and not (isinstance(part, type(base)) and part.name == base.name):
+                spec.delete(part)
+        return base
 
     def _free(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
         for joint in list(base.joints):
@@ -159,17 +174,14 @@ class ModelBuilder:
             _add_camera(base, FOLLOW_CAMERA, place, (0.72, 0, 0.69), 62.0)
 
 
-def stand_alone(spec: mujoco.MjSpec, base: str, files: RobotFiles) -> mujoco.MjModel:
-    """Compiles a robot on nothing but itself, as it comes into a world.
+def stand_alone(spec: mujoco.MjSpec, files: RobotFiles) -> mujoco.MjModel:
+    """Compiles a robot without a world.
 
     Raises:
       LaunchError: MuJoCo cannot.
     """
-    empty = mujoco.MjSpec()
-    options_for_world(spec, empty)
     try:
-        empty.worldbody.add_frame().attach_body(spec.body(base), "", "")
-        return empty.compile()
+        return spec.compile()
     except ValueError as cause:
         raise invalid(files.model, f"MuJoCo cannot make a model of it: {' '.join(str(cause).split())}") from cause
 

@@ -85,6 +85,10 @@ def _add_leg(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, x: float, y: 
     outwards = math.copysign(LEGS.offset_m, y)
     hip = body.add_body(name=f"{name}_abduction", pos=[x, y, 0])
     hip.add_geom(type=_GEOM.mjGEOM_SPHERE, size=[0.020, 0, 0], mass=0.06, rgba=_DARK, contype=0, conaffinity=0)
+    hip.add_geom(
+        type=_GEOM.mjGEOM_CAPSULE, fromto=[0, 0, 0, 0, outwards, 0], size=[0.011, 0, 0], mass=0, rgba=_DARK,
+        contype=0, conaffinity=0,
+    )  # fmt: skip
     thigh = hip.add_body(name=f"{name}_hip", pos=[0, outwards, 0])
     _limb(thigh, LEGS.thigh_m, 0.013, 0.08, _SHELL)
     shank = thigh.add_body(name=f"{name}_knee", pos=[0, 0, -LEGS.thigh_m])
