@@ -245,8 +245,11 @@ class _Unbuffered:
         Raises:
             OSError: It is shorter than that, or cannot be opened.
         """
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        fresh = 0 if keep_bytes else os.O_TRUNC
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | fresh, 0o644)
         self._position = keep_bytes
+        if fresh:
+            return
         if os.fstat(self._descriptor).st_size < keep_bytes:
             os.close(self._descriptor)
             raise OSError(errno.ENODATA, f"it has less than the {keep_bytes} bytes that it had at the checkpoint")
