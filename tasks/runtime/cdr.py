@@ -14,6 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import messages as ros
+from .display_cdr import DISPLAY_ENCODERS
+from .display_messages import DisplayMessage
+
+Message = ros.Message | DisplayMessage
+"""What can be recorded."""
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
 _TIME = struct.Struct("<iI")
@@ -26,7 +31,7 @@ _ZEROS = {n: bytes(8 * n) for n in (9, 36)}
 _STAMP_SIZE = _TIME.size
 
 
-def encode(message: ros.Message) -> bytes:
+def encode(message: Message) -> bytes:
     """Returns a message's CDR bytes with their encapsulation header.
 
     Raises:
@@ -195,4 +200,5 @@ _ENCODERS: dict[type, Callable[[Any], bytes]] = {
     ros.LaserScan: _laser_scan,
     ros.JointState: _joint_state,
     ros.Imu: _imu,
+    **DISPLAY_ENCODERS,
 }

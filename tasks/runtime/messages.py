@@ -2,7 +2,8 @@
 
 Named tuples with the members of the ROS 2 messages, in their order; `cdr.encode` turns them into
 bytes and `recording.McapRecorder` writes them. The messages that can be recorded by themselves carry
-`ROS_TYPE` and `DEFINITION` (the text a reader needs to decode them without a ROS installation).
+`ROS_TYPE`, `DEFINITION` (the text a reader needs to decode them without a ROS installation) and `TYPE_HASH`
+(REP 2011; the same from Humble to Kilted). What is only for showing and planning is in `display_messages`.
 
 Frames follow REP 103 and REP 105: x forward, y left, z up; `map`, `odom`, `base_link`.
 """
@@ -13,29 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .message_texts import definition
+
 _NANOSECONDS = 1_000_000_000
-
-_TEXTS = {
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-    "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
-    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
-    "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
-    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
-    "geometry_msgs/TransformStamped": (
-        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
-    ),
-}
-_RULE = "=" * 80
-
-
-def _definition(own: str, *parts: str) -> str:
-    """Joins a message's own text with those of the messages it is made of (`ros2msg` schema encoding)."""
-    return "\n".join([own, *(f"{_RULE}\nMSG: {part}\n{_TEXTS[part]}" for part in parts)]) + "\n"
 
 
 class Time(NamedTuple):
@@ -109,7 +90,8 @@ class Clock(NamedTuple):
     clock: Time
 
     ROS_TYPE = "rosgraph_msgs/msg/Clock"
-    DEFINITION = _definition("builtin_interfaces/Time clock", "builtin_interfaces/Time")
+    TYPE_HASH = "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564"
+    DEFINITION = definition("builtin_interfaces/Time clock", "builtin_interfaces/Time")
 
 
 class TFMessage(NamedTuple):
@@ -118,7 +100,8 @@ class TFMessage(NamedTuple):
     transforms: Sequence[TransformStamped]
 
     ROS_TYPE = "tf2_msgs/msg/TFMessage"
-    DEFINITION = _definition(
+    TYPE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    DEFINITION = definition(
         "geometry_msgs/TransformStamped[] transforms",
         "geometry_msgs/TransformStamped",
         "std_msgs/Header",
@@ -144,7 +127,8 @@ class Odometry(NamedTuple):
     twist_covariance: Sequence[float] = NO_COVARIANCE
 
     ROS_TYPE = "nav_msgs/msg/Odometry"
-    DEFINITION = _definition(
+    TYPE_HASH = "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"
+    DEFINITION = definition(
         "std_msgs/Header header\n"
         "string child_frame_id\n"
         "geometry_msgs/PoseWithCovariance pose\n"
@@ -179,7 +163,8 @@ class LaserScan(NamedTuple):
     intensities: NDArray[np.float32] = NO_INTENSITIES
 
     ROS_TYPE = "sensor_msgs/msg/LaserScan"
-    DEFINITION = _definition(
+    TYPE_HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
+    DEFINITION = definition(
         "std_msgs/Header header\n"
         "float32 angle_min\n"
         "float32 angle_max\n"
@@ -205,7 +190,8 @@ class JointState(NamedTuple):
     effort: Sequence[float] | NDArray[np.float64] = ()
 
     ROS_TYPE = "sensor_msgs/msg/JointState"
-    DEFINITION = _definition(
+    TYPE_HASH = "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
+    DEFINITION = definition(
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
         "std_msgs/Header",
         "builtin_interfaces/Time",
@@ -224,7 +210,8 @@ class Imu(NamedTuple):
     linear_acceleration_covariance: Sequence[float] = NO_COVARIANCE_3X3
 
     ROS_TYPE = "sensor_msgs/msg/Imu"
-    DEFINITION = _definition(
+    TYPE_HASH = "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b"
+    DEFINITION = definition(
         "std_msgs/Header header\n"
         "geometry_msgs/Quaternion orientation\n"
         "float64[9] orientation_covariance\n"
@@ -240,4 +227,4 @@ class Imu(NamedTuple):
 
 
 Message = Clock | TFMessage | Odometry | LaserScan | JointState | Imu
-"""What can be recorded."""
+"""What can be recorded, besides what `display_messages` has."""

@@ -1,0 +1,125 @@
+"""ROS 2 messages about plans, pictures and what is drawn into the scene; see `messages`."""
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import NamedTuple
+
+from .message_texts import definition
+from .messages import Header, Pose, Time, Vector3
+
+
+class PoseStamped(NamedTuple):
+    """`geometry_msgs/PoseStamped`, by custom on `/goal_pose`."""
+
+    header: Header
+    pose: Pose
+
+    ROS_TYPE = "geometry_msgs/msg/PoseStamped"
+    TYPE_HASH = "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"
+    DEFINITION = definition(
+        "std_msgs/Header header\ngeometry_msgs/Pose pose",
+        "std_msgs/Header",
+        "builtin_interfaces/Time",
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+    )
+
+
+class Path(NamedTuple):
+    """`nav_msgs/Path`, by custom on `/plan`."""
+
+    header: Header
+    poses: Sequence[PoseStamped]
+
+    ROS_TYPE = "nav_msgs/msg/Path"
+    TYPE_HASH = "RIHS01_1957a5bb3cee5da65c4e52e52b65a93df227efce4c20f8458b36e73066ca334b"
+    DEFINITION = definition(
+        "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses",
+        "std_msgs/Header",
+        "builtin_interfaces/Time",
+        "geometry_msgs/PoseStamped",
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+    )
+
+
+class CompressedImage(NamedTuple):
+    """`sensor_msgs/CompressedImage`: a picture as a file, x to the right, y down, seen along z."""
+
+    header: Header
+    format: str
+    """`jpeg` or `png`."""
+
+    data: bytes
+
+    ROS_TYPE = "sensor_msgs/msg/CompressedImage"
+    TYPE_HASH = "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"
+    DEFINITION = definition(
+        "std_msgs/Header header\nstring format\nuint8[] data", "std_msgs/Header", "builtin_interfaces/Time"
+    )
+
+
+class ColorRGBA(NamedTuple):
+    """`std_msgs/ColorRGBA`: 0 to 1."""
+
+    r: float
+    g: float
+    b: float
+    a: float = 1.0
+
+
+class MarkerType(IntEnum):
+    """What a marker looks like (those that are used here)."""
+
+    ARROW = 0
+    SPHERE = 2
+    CYLINDER = 3
+    TEXT_VIEW_FACING = 9
+
+
+class Marker(NamedTuple):
+    """`visualization_msgs/Marker` without textures, meshes and a colour per point, which are always empty."""
+
+    header: Header
+    ns: str
+    """With `id`, what the marker is: a new one with both the same takes its place."""
+
+    id: int
+    type: MarkerType
+    pose: Pose = Pose()
+    scale: Vector3 = Vector3(1.0, 1.0, 1.0)
+    color: ColorRGBA = ColorRGBA(1.0, 1.0, 1.0)
+    lifetime: Time = Time(0, 0)
+    """After which it disappears; 0: never."""
+
+    points: Sequence[Vector3] = ()
+    text: str = ""
+
+
+class MarkerArray(NamedTuple):
+    """`visualization_msgs/MarkerArray`."""
+
+    markers: Sequence[Marker]
+
+    ROS_TYPE = "visualization_msgs/msg/MarkerArray"
+    TYPE_HASH = "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf"
+    DEFINITION = definition(
+        "visualization_msgs/Marker[] markers",
+        "visualization_msgs/Marker",
+        "std_msgs/Header",
+        "builtin_interfaces/Time",
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+        "geometry_msgs/Vector3",
+        "std_msgs/ColorRGBA",
+        "builtin_interfaces/Duration",
+        "sensor_msgs/CompressedImage",
+        "visualization_msgs/UVCoordinate",
+        "visualization_msgs/MeshFile",
+    )
+
+
+DisplayMessage = PoseStamped | Path | CompressedImage | MarkerArray
