@@ -21,6 +21,7 @@ RobomakerError
 │   ├── ObjectExistsError                     a create-only write found something there
 │   ├── StorageFullError
 │   ├── ChecksumMismatchError
+│   ├── StorageUnavailableError               it does not answer; the same may work later
 │   └── TransferStoppedError                  whoever asked for it does not want it any more
 ├── BundleError                               an application archive that cannot be unpacked safely
 ├── WorldGenerationError                      no valid world within the allowed attempts
@@ -162,6 +163,10 @@ class StorageFullError(StorageError):
 
 class ChecksumMismatchError(StorageError):
     """The bytes that arrived are not the bytes that were sent."""
+
+
+class StorageUnavailableError(StorageError):
+    """The object store does not answer, or says that it cannot now; the same may work later."""
 
 
 class TransferStoppedError(StorageError):

@@ -44,12 +44,19 @@ class Glob:
 
     def matches(self, path: str) -> bool:
         """Whether a path matches, as a whole."""
+        return self._end in self._after(path)
+
+    def may_match_below(self, folder: str) -> bool:
+        """Whether a path that begins with a folder's path and `/` could match."""
+        return bool(self._after(f"{folder}/"))
+
+    def _after(self, text: str) -> frozenset[int]:
         states = self._start
-        for character in path:
+        for character in text:
             states = self._automaton.step(states, character)
             if not states:
-                return False
-        return self._end in states
+                break
+        return states
 
     @property
     def fixed_folder(self) -> str:

@@ -9,22 +9,19 @@ from typing import Any
 
 from ..schemas.common import shorten
 from ..schemas.errors import (
-    BucketNotFoundError,
     LaunchError,
     ServiceUnavailableException,
     StateConflictError,
-    StorageAccessDeniedError,
     StorageError,
 )
 from ..schemas.simulation_run import RunOutcome
 from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
 from .performing import Lease, perform_if_idle, perform_once
+from .run_outputs import NOT_STORED, RunOutputs, failure_code_of
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
 from .sandbox import remove
 from .service import Service
-from .storage import publish, read_manifest, store_unfinished
-from .uploads import output_place, prepare_bucket
 
 KIND = "simulation-job"
 
@@ -131,7 +128,8 @@ class JobRun:
     def _prepare_and_run(self, run_id: str) -> bool:
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         self._lease.transition("prepare", runId=run_id)
-        self._prepare_bucket(run_id)
+        outputs = self._outputs(run_id)
+        outputs.prepare()
         plan = run_plan(self._lease.job, run_id, folder, self._service, lambda: self._why_stop() is not None)
         self._lease.transition(
             "start",
@@ -143,7 +141,8 @@ class JobRun:
                 "publicIpAddress": "127.0.0.1",
             },
         )
-        outcome = launcher().run(plan, lambda: "canceled" if self._why_interrupt() else None)
+        with outputs.rolling():
+            outcome = launcher().run(plan, lambda: "canceled" if self._why_interrupt() else None)
         why_stop = self._why_stop()
         ending = ending_of(outcome, why_stop)
         try:
@@ -193,47 +192,16 @@ class JobRun:
     def _folder(self, run_id: str) -> Path:
         return self._service.settings.home / "jobs" / self._lease.job.id / run_id
 
-    def _prepare_bucket(self, run_id: str) -> None:
-        """Finds out before a long run that its outputs have nowhere to go."""
-        bucket, _ = output_place(self._lease.job, run_id, self._service)
-        try:
-            prepare_bucket(self._service, bucket)
-        except BucketNotFoundError as error:
-            raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
-
-    def _store(self, run_id: str, about: dict[str, Any], *, finished: bool) -> dict[str, str]:
-        """Stores a run's outputs; returns where.
-
-        What a crashed or killed run left is stored too, but without a manifest: it is not whole.
-
-        Raises:
-          StorageError: that does not work.
-          OSError: the outputs cannot be read.
-        """
-        job, output_dir = self._lease.job, self._folder(run_id) / "output"
-        bucket, prefix = output_place(job, run_id, self._service)
-        prepare_bucket(self._service, bucket)
-        if finished:
-            whole = {"job": job.arn, "run": run_id, "seed": job.document["seed"], **about}
-            publish(self._service.store, bucket, prefix, output_dir, about=whole, created_at=self._service.clock())
-        else:
-            store_unfinished(self._service.store, bucket, prefix, output_dir)
-        return {"bucket": bucket, "prefix": prefix}
-
-    def _not_stored(self, run_id: str, error: Exception) -> str:
-        bucket, prefix = output_place(self._lease.job, run_id, self._service)
-        folder = self._folder(run_id) / "output"
-        return f"outputs could not be stored in s3://{bucket}/{prefix}: {error}; they are in {folder}"
+    def _outputs(self, run_id: str) -> RunOutputs:
+        return RunOutputs(self._lease.job, run_id, self._folder(run_id), self._service)
 
     def _published(self, run_id: str, ending: Ending) -> Ending:
         """Stores the outputs; returns the ending, which is a failure when that does not work."""
+        outputs = self._outputs(run_id)
         try:
-            place = self._store(run_id, ending, finished=self._lease.job.document["finished"])
+            return {**ending, "outputs": outputs.store(ending, finished=self._lease.job.document["finished"])}
         except (StorageError, OSError) as error:
-            refused = isinstance(error, StorageAccessDeniedError | BucketNotFoundError)
-            code = "BadPermissionsS3Output" if refused else "InternalServiceError"
-            return without_outputs(ending, code, self._not_stored(run_id, error))
-        return {**ending, "outputs": place}
+            return without_outputs(ending, failure_code_of(error), outputs.not_stored(error))
 
     def _published_after_all(self) -> Ending:
         """The ending of a job whose performer died in the midst of publishing; its outputs may be here or stored."""
@@ -243,24 +211,26 @@ class JobRun:
             return ending  # it ended before it ran
         if self._folder(run_id).is_dir():
             return self._published(run_id, ending)
-        bucket, prefix = output_place(self._lease.job, run_id, self._service)
+        outputs = self._outputs(run_id)
         try:
             if document["finished"]:
-                read_manifest(self._service.store, bucket, prefix)
+                outputs.were_stored()
         except StorageError as error:
-            reason = f"the machine it ran on died before its outputs were stored in s3://{bucket}/{prefix}: {error}"
+            where = f"s3://{outputs.bucket}/{outputs.prefix}"
+            reason = f"the machine it ran on died before its outputs were stored in {where}: {error}"
             return without_outputs(ending, "InternalServiceError", reason)
-        return {**ending, "outputs": {"bucket": bucket, "prefix": prefix}}
+        return {**ending, "outputs": outputs.place}
 
     def _keep_earlier_run(self, run_id: str, outcome: RunOutcome) -> None:
         """Stores what a run left that was ended for another, and notes it; the restart goes on whatever comes of it."""
         about = {**ending_of(outcome, None), "restarted": True}
         run: dict[str, Any] = {"runId": run_id, "startedAt": self._lease.job.document["lastStartedAt"], **about}
+        outputs = self._outputs(run_id)
         try:
-            run["outputs"] = self._store(run_id, about, finished=outcome.finished)
+            run["outputs"] = outputs.store(about, finished=outcome.finished)
             remove(self._folder(run_id))
         except (StorageError, OSError) as error:
-            run["notStored"] = shorten(self._not_stored(run_id, error))
+            run["notStored"] = shorten(outputs.not_stored(error))
             _logger.warning("%s is restarted, but its %s", self._lease.job.arn, run["notStored"])
         self._lease.update(lambda document: {**document, "earlierRuns": [*document.get("earlierRuns", []), run]})
 
@@ -272,12 +242,10 @@ class JobRun:
             for each in folder.parent.glob("*"):  # also what performers left that died
                 if each.name not in kept:
                     remove(each)
-        elif any(Path(folder, "output").glob("*")):
-            remove(folder / "work")
-            for root in folder.glob("*root"):
-                remove(root)
-            for copy in folder.glob("*-application"):
-                remove(copy)
+        elif any(Path(folder, "output").glob("*")) or Path(folder, "uploads").is_dir():
+            for each in folder.iterdir():
+                if each.name not in NOT_STORED:
+                    remove(each)
         else:
             remove(folder)
         with suppress(OSError):

@@ -1,4 +1,4 @@
-"""Environment variables of a job's processes: where its folders are, and how it reaches the service."""
+"""Environment variables of a job's processes: where programs are found, and how the service is reached."""
 
 import os
 import sys
@@ -7,35 +7,24 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ..schemas.settings import Settings
-from .sandbox import DATA_SOURCES, HOME, TEMPORARY, Sandbox
+from .sandbox import TEMPORARY, Sandbox
 
 ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
 
 
-def process_variables(
-    sandbox: Sandbox, output_dir: Path, world_dir: Path | None, settings: Settings, environ: Mapping[str, str]
-) -> dict[str, str]:
-    """The variables that every process of a run has, besides its ids.
+def process_variables(sandbox: Sandbox, settings: Settings, environ: Mapping[str, str]) -> dict[str, str]:
+    """The variables that every process of a run has, besides those that say what run it is and where its folders are.
 
     Args:
       sandbox: the run's folders.
-      output_dir: where outputs are written.
-      world_dir: the world bundle, if there is one.
       settings: the service's.
       environ: variables of this process.
     """
-    variables = {
-        "HOME": str(sandbox.place(HOME)),
+    return {
         "TMPDIR": str(sandbox.place(TEMPORARY)),
         "PATH": search_path(environ),
-        "ROBOMAKER_ROOT": str(sandbox.root),
-        "ROBOMAKER_DATA_DIR": str(sandbox.place(DATA_SOURCES)),
-        "ROBOMAKER_OUTPUT_DIR": str(output_dir),
         **service_variables(settings, environ),
     }
-    if world_dir is not None:
-        variables["ROBOMAKER_WORLD_DIR"] = str(world_dir)
-    return variables
 
 
 def service_variables(settings: Settings, environ: Mapping[str, str]) -> dict[str, str]:

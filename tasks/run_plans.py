@@ -16,9 +16,8 @@ from .catalog import Resource
 from .compute import compute_limits
 from .data_sources import fetch_data_sources
 from .process_variables import process_variables
-from .sandbox import Sandbox
 from .service import Service
-from .surroundings import Surroundings
+from .surroundings import Surroundings, run_sandbox
 
 
 def run_plan(
@@ -45,7 +44,7 @@ def run_plan(
     world_dir = _world_dir(request, service)
     sources = job.document.get("dataSources") or []
     data_dir = fetch_data_sources(sources, sandbox, service)
-    variables = process_variables(sandbox, output_dir, world_dir, service.settings, os.environ)
+    variables = process_variables(sandbox, service.settings, os.environ)
     applications = plan_applications(
         request,
         Surroundings(
@@ -112,8 +111,3 @@ def world_arn(request: Mapping[str, Any]) -> str | None:
     applications = request.get("simulationApplications") or [{}]
     worlds = applications[0].get("worldConfigs") or [{}]
     return worlds[0].get("world")
-
-
-def run_sandbox(folder: Path) -> Sandbox:
-    """The folders of a run's processes; `folder` is the run's own."""
-    return Sandbox(folder / "root")

@@ -56,6 +56,9 @@ def protect(folder: Path) -> None:
 
 def remove(folder: Path) -> None:
     """Removes a folder as far as that is possible, whatever programs have left in it."""
+    if folder.is_symlink() or not folder.is_dir():
+        folder.unlink(missing_ok=True)
+        return
     try:
         shutil.rmtree(folder, onerror=_unprotect_and_retry)
     except (OSError, RecursionError):  # folders a thousand levels deep; rm does not mind

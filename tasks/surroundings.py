@@ -45,6 +45,11 @@ class Surroundings:
         return shutil.which(name, path=search_path(self.environ))
 
 
+def run_sandbox(folder: Path) -> Sandbox:
+    """The folders of a run's processes; `folder` is the run's own."""
+    return Sandbox(folder / "root")
+
+
 def container_sandbox(folder: Path, role: ApplicationRole) -> Sandbox:
     """The folders of an application that is a container: it shares none with the other application.
 

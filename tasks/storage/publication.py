@@ -6,9 +6,10 @@ and only one of them gets the manifest.
 """
 
 import hashlib
+import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -32,7 +33,15 @@ MANIFEST_NAME = "manifest.json"
 
 
 def publish(
-    store: ObjectStore, bucket: str, prefix: str, folder: Path, *, about: Mapping[str, JsonValue], created_at: datetime
+    store: ObjectStore,
+    bucket: str,
+    prefix: str,
+    folder: Path,
+    *,
+    about: Mapping[str, JsonValue],
+    created_at: datetime,
+    more: Sequence[FolderFile] = (),
+    stored: Sequence[ManifestFile] = (),
 ) -> Manifest:
     """Stores all files of a folder, and last the manifest that makes them count.
 
@@ -46,29 +55,35 @@ def publish(
       folder: what to publish; nobody may write to it any more.
       about: what the files belong to, for the manifest.
       created_at: the time of publication, with its time zone, for the manifest.
+      more: files of other folders; their names differ from those in the folder and from each other.
+      stored: what is under the prefix already, and belongs to it.
 
     Raises:
       ObjectExistsError: something else is published under this prefix.
-      StorageError: a file cannot be read or stored, is a symbolic link, or changed meanwhile.
+      ChecksumMismatchError: a file changed meanwhile.
+      StorageError: a file cannot be read or stored, or is a symbolic link.
     """
-    files = regular_files(folder)
+    files = sorted([*regular_files(folder), *more], key=lambda file: os.fsencode(file.name))
     keys = {file.name: join_key(prefix, file.name) for file in files}
     for key in keys.values():
         check_key(key)
     if MANIFEST_NAME in keys:
         raise StorageError(f"{folder / MANIFEST_NAME} is in the way: the manifest gets this name")
     versions = [version_of(file.path) for file in files]
-    manifest = Manifest(created_at=created_at, about=dict(about), files=run_all(_described, files))
+    described = sorted([*run_all(_described, files), *stored], key=lambda file: os.fsencode(file.path))
+    manifest = Manifest(created_at=created_at, about=dict(about), files=described)
     if (there := _published(store, bucket, prefix)) is not None:
         return _same(there, manifest, bucket, prefix)
     store.put_files(bucket, {keys[file.name]: file.path for file in files})
     for file, version in zip(files, versions, strict=True):
         if version_of(file.path) != version:
-            raise StorageError(f"{file.path} changed while it was being published")
+            raise ChecksumMismatchError(f"{file.path} changed while it was being published")
     return _conclude(store, bucket, prefix, manifest)
 
 
-def store_unfinished(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> None:
+def store_unfinished(
+    store: ObjectStore, bucket: str, prefix: str, folder: Path, *, more: Sequence[FolderFile] = ()
+) -> None:
     """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
 
     Args:
@@ -76,11 +91,12 @@ def store_unfinished(store: ObjectStore, bucket: str, prefix: str, folder: Path)
       bucket: where to; it has to exist.
       prefix: the files' keys start with it, then a slash; may be empty.
       folder: what to store.
+      more: files of other folders.
 
     Raises:
       StorageError: a file cannot be read or stored, or is a symbolic link.
     """
-    keys = {join_key(prefix, file.name): file.path for file in regular_files(folder)}
+    keys = {join_key(prefix, file.name): file.path for file in [*regular_files(folder), *more]}
     keys.pop(join_key(prefix, MANIFEST_NAME), None)
     store.put_files(bucket, keys)
 

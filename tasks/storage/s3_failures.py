@@ -10,6 +10,7 @@ from botocore.exceptions import (
     ClientError,
     CredentialRetrievalError,
     FlexibleChecksumError,
+    HTTPClientError,
     NoAuthTokenError,
     NoCredentialsError,
     PartialCredentialsError,
@@ -26,6 +27,7 @@ from ...schemas.errors import (
     StorageAccessDeniedError,
     StorageError,
     StorageFullError,
+    StorageUnavailableError,
 )
 from .failures import from_os_error
 
@@ -50,6 +52,7 @@ _BY_STATUS: dict[int, type[StorageError]] = {
     403: StorageAccessDeniedError,
     507: StorageFullError,
 }
+_LATER = {429, 500, 502, 503, 504}
 _CLIENT_ERRORS = (
     ClientError,
     BotoCoreError,
@@ -90,13 +93,15 @@ def from_client_error(error: Exception, beginning: str) -> StorageError:
     if isinstance(error, ClientError):
         return _from_answer(error, beginning)
     if isinstance(error, RetriesExceededError):
-        return StorageError(f"{beginning}: the connection broke again and again: {error.last_exception}")
+        return StorageUnavailableError(f"{beginning}: the connection broke again and again: {error.last_exception}")
     if isinstance(error, _NO_CREDENTIALS):
         return StorageAccessDeniedError(
             f"{beginning}: {error}; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
         )
     if isinstance(error, ChecksumError | FlexibleChecksumError):
         return ChecksumMismatchError(f"{beginning}: {error}")
+    if isinstance(error, HTTPClientError):
+        return StorageUnavailableError(f"{beginning}: {error}")
     return StorageError(f"{beginning}: {error}")
 
 
@@ -104,5 +109,6 @@ def _from_answer(error: ClientError, beginning: str) -> StorageError:
     code = error.response.get("Error", {}).get("Code", "")
     message = error.response.get("Error", {}).get("Message", "") or "the server gives no reason"
     status = error.response.get("ResponseMetadata", {}).get("HTTPStatusCode", 0)
-    kind = _BY_CODE.get(code) or _BY_STATUS.get(status) or StorageError
+    other = StorageUnavailableError if status in _LATER else StorageError
+    kind = _BY_CODE.get(code) or _BY_STATUS.get(status) or other
     return kind(f"{beginning}: {code}: {message}")

@@ -76,6 +76,14 @@ def test_the_fixed_folder_is_what_all_matches_share(glob: str, folder: str) -> N
     assert Glob(glob).fixed_folder == folder
 
 
+def test_a_glob_knows_the_folders_it_has_nothing_in() -> None:
+    glob = Glob("/var/log/*/{a,b}*.log")
+    assert glob.may_match_below("/var/log")
+    assert glob.may_match_below("/var/log/x")
+    assert not glob.may_match_below("/var/log/x/y")
+    assert not glob.may_match_below("/home")
+
+
 PIECES = st.one_of(
     st.sampled_from(["*", "**", "?", "/", "[ab]", "[!a]", "[a-c]", r"\*"]),
     st.sampled_from("abc."),

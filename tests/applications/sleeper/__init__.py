@@ -40,6 +40,8 @@ class Sleep(dm_env.Environment):
 
 def make_environment(context: object) -> Sleep:
     variables = context.environment
+    if "DO" in variables:
+        exec(variables["DO"], {"context": context})
     if "SPAWN" in variables:
         subprocess.Popen(["sleep", "300"], start_new_session=True)
     return Sleep(float(variables.get("DURATION_S", "0.1")), int(variables.get("FAIL_AT_STEP", "0")))

@@ -1,0 +1,205 @@
+"""What a run leaves: its outputs and the files that upload configurations mean, stored in one place."""
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..schemas.errors import (
+    BucketNotFoundError,
+    ChecksumMismatchError,
+    LaunchError,
+    StorageAccessDeniedError,
+    StorageError,
+    StorageUnavailableError,
+)
+from .catalog import Resource
+from .rolling_uploads import RollingUploads, rolled_files, taken_files
+from .service import Service
+from .storage import publish, read_manifest, store_unfinished
+from .storage.folders import FolderFile, regular_files
+from .storage.naming import check_key, join_key
+from .upload_configurations import Upload, uploads_of
+from .upload_files import link_or_copy, visit_matches
+from .uploads import output_place, prepare_bucket
+
+NOT_STORED = ("output", "uploads", "rolled.jsonl")
+"""What of a run's folder stays when it could not be stored."""
+
+GIVE_UP_S = 3600.0
+"""How long storing is tried again and again."""
+
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 60.0
+_MOST_CHANGES = 3
+_NOTES = "logs/uploads.log"
+_MOST_NOTES = 200
+
+_logger = logging.getLogger(__name__)
+
+
+class RunOutputs:
+    """Outputs of one run of a job.
+
+    Args:
+      job: the job.
+      run_id: the run.
+      folder: the run's own folder.
+      service: where they are stored.
+      sleep: waits, in seconds.
+    """
+
+    def __init__(
+        self,
+        job: Resource,
+        run_id: str,
+        folder: Path,
+        service: Service,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._job = job
+        self._run_id = run_id
+        self._folder = folder
+        self._service = service
+        self._sleep = sleep
+        self.bucket, self.prefix = output_place(job, run_id, service)
+
+    @property
+    def output_dir(self) -> Path:
+        """Where the run writes."""
+        return self._folder / "output"
+
+    @property
+    def place(self) -> dict[str, str]:
+        """Where they are stored."""
+        return {"bucket": self.bucket, "prefix": self.prefix}
+
+    def prepare(self) -> None:
+        """Finds out before a long run that its outputs have nowhere to go.
+
+        Raises:
+          LaunchError: there is no such bucket.
+        """
+        try:
+            prepare_bucket(self._service, self.bucket)
+        except BucketNotFoundError as error:
+            raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
+
+    def rolling(self) -> RollingUploads:
+        """The uploads while the run goes on."""
+        return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix)
+
+    def store(self, about: Mapping[str, Any], *, finished: bool) -> dict[str, str]:
+        """Stores them; returns where.
+
+        What a crashed or killed run left is stored too, but without a manifest: it is not whole. A store that does
+        not answer is asked again for an hour; a file that changes is stored again, a few times.
+
+        Args:
+          about: how the run ended.
+          finished: whether it is whole.
+
+        Raises:
+          StorageError: that does not work.
+          OSError: the outputs cannot be read.
+        """
+        uploaded = self._stage()
+        changes, began, pause_s = 0, time.monotonic(), _FIRST_PAUSE_S
+        while True:
+            try:
+                self._store_once(about, uploaded, finished=finished)
+                return self.place
+            except ChecksumMismatchError:
+                changes += 1
+                if changes >= _MOST_CHANGES:
+                    raise
+            except StorageUnavailableError as error:
+                if time.monotonic() - began + pause_s > GIVE_UP_S:
+                    raise
+                _logger.warning("outputs of %s are stored again in %g s: %s", self._job.arn, pause_s, error)
+                self._sleep(pause_s)
+                pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    def were_stored(self) -> None:
+        """Checks that they are stored as a whole.
+
+        Raises:
+          StorageError: they are not.
+        """
+        read_manifest(self._service.store, self.bucket, self.prefix)
+
+    def not_stored(self, error: Exception) -> str:
+        """Says what went wrong, and where the outputs are."""
+        return (
+            f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; they are in {self.output_dir}"
+        )
+
+    def _store_once(self, about: Mapping[str, Any], uploaded: Sequence[FolderFile], *, finished: bool) -> None:
+        store = self._service.store
+        prepare_bucket(self._service, self.bucket)
+        if not finished:
+            store_unfinished(store, self.bucket, self.prefix, self.output_dir, more=uploaded)
+            return
+        publish(
+            store,
+            self.bucket,
+            self.prefix,
+            self.output_dir,
+            about={"job": self._job.arn, "run": self._run_id, "seed": self._job.document["seed"], **about},
+            created_at=self._service.clock(),
+            more=uploaded,
+            stored=rolled_files(self._folder, [file.name for file in uploaded]),
+        )
+
+    def _uploads(self) -> list[Upload]:
+        return uploads_of(self._job.document["request"], self._folder)
+
+    def _stage(self) -> list[FolderFile]:
+        """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
+
+        They are linked into a folder of their own, so that a performer that goes on after a crash finds them too.
+        """
+        staged = self._folder / "uploads"
+        notes: list[str] = []
+        for name, path in taken_files(self._folder):
+            target = staged / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+        for upload in self._uploads():
+            visit_matches(upload.sandbox.root, upload.glob, self._stager(staged / upload.name, notes))
+        if notes:
+            (staged / _NOTES).parent.mkdir(parents=True, exist_ok=True)
+            (staged / _NOTES).write_text("\n".join(notes[:_MOST_NOTES]) + "\n")
+        if not staged.is_dir():
+            return []
+        return _apart({file.name for file in regular_files(self.output_dir)}, regular_files(staged))
+
+    def _stager(self, folder: Path, notes: list[str]) -> Callable[[int, str, str], None]:
+        def visit(descriptor: int, name: str, below: str) -> None:
+            try:
+                check_key(join_key(self.prefix, folder.name, below))
+                link_or_copy(descriptor, name, folder / below)
+            except (StorageError, OSError) as error:
+                notes.append(f"{folder.name}/{below!r} is not uploaded: {error}")
+
+        return visit
+
+
+def failure_code_of(error: Exception) -> str:
+    """The job's failure code for outputs that could not be stored."""
+    if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):
+        return "BadPermissionsS3Output"
+    return "UploadContentMismatchError" if isinstance(error, ChecksumMismatchError) else "InternalServiceError"
+
+
+def _apart(taken: set[str], files: Sequence[FolderFile]) -> list[FolderFile]:
+    """The files with names that the run's own outputs do not have: `logs/stdout.log` may become `….log.1`."""
+    apart, names = [], set(taken)
+    for file in files:
+        name, number = file.name, 0
+        while name in names:
+            number += 1
+            name = f"{file.name}.{number}"
+        names.add(name)
+        apart.append(FolderFile(name, file.path))
+    return apart
