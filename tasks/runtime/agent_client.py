@@ -252,8 +252,7 @@ def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
 class TimeStep(NamedTuple):
     """What the robot knows at a moment; the first four are those of a `dm_env.TimeStep`."""
 
-    step_type: int
-    """0 for the first, 1 for others."""
+    step_type: int  # 0 for the first, 1 for others
     reward: float | None
     discount: float | None
     observation: Any
@@ -275,7 +274,7 @@ class TimeStep(NamedTuple):
 class Simulation:
     """The simulation, seen from the robot; `connect` makes it.
 
-    Iterating gives time steps until the run is over. Leaving a `with` block ends the run, with an exception as failed.
+    Iterating gives time steps until the run is over. Leaving a `with` block ends the run; an exception fails it.
     """
 
     def __init__(self, connection: socket.socket, options: dict[str, Any]) -> None:
@@ -351,6 +350,8 @@ class Simulation:
             ValueError: It does not have that form.
             SimulationError: The simulation is gone.
         """
+        if self.ended_by is not None:
+            return  # in free mode this is nobody's mistake
         if self._step < 0:
             raise ValueError("an action answers an observation, and none was received yet")
         ACTION_HEADER.pack_into(self._content, 0, self._step)

@@ -141,6 +141,7 @@ class AgentLink:
         self._stop = stop
         self._clock = clock
         self._unsent = memoryview(b"")
+        self._said_last = False
         connection.setblocking(True)
         # Cheaper than Python's own timeouts, which ask the kernel twice.
         patience = struct.pack("ll", 0, int(_PATIENCE_S * 1e6))
@@ -230,22 +231,19 @@ class AgentLink:
             self._unsent = memoryview(bytes(memoryview(message)[count:]))
         return True
 
-    def limit_backlog(self, message_bytes: int) -> None:
-        """Keeps few messages waiting for a robot that is slow, so that what it gets is not old."""
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2 * message_bytes)
-
-    def say(self, kind: int, content: dict[str, object]) -> None:
-        """Says something to the robot, if it is still there to listen."""
+    def say_last(self, kind: int, content: dict[str, object]) -> None:
+        """Says the last thing to the robot, if nothing was said last yet and it is still there to listen."""
+        if self._said_last:
+            return
+        self._said_last = True
         try:
             self.send(bytes(self._unsent) + words(kind, content), _GOODBYE_S)
         except (OSError, Stopped):
             return
-        finally:
-            self._unsent = memoryview(b"")
 
     def refuse(self, text: str) -> None:
         """Tells the robot what is wrong."""
-        self.say(ERROR, {"error": text})
+        self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:
         """Closes the connection."""

@@ -37,7 +37,7 @@ class RemoteAgent:
         action: Layout,
         *,
         robot: str,
-        simulated_time: Callable[[], float],
+        simulated_time: Callable[[int], float],
         control_timestep_s: float | None = None,
         clock: Clock = time.monotonic,
         wall_clock: Clock = time.perf_counter,
@@ -50,7 +50,7 @@ class RemoteAgent:
             observation: How observations lie in messages.
             action: How actions do.
             robot: The robot application's name, for what goes wrong.
-            simulated_time: Seconds; NaN if unknown.
+            simulated_time: Seconds at a time step, by its number; NaN if unknown.
             control_timestep_s: Simulated seconds of a step; needed for free-running.
             clock: Seconds of the link's clock.
             wall_clock: Seconds, for measuring how long answers take.
@@ -69,7 +69,6 @@ class RemoteAgent:
         self._action: Any = None
         self._sent = self._actions = 0
         self._waited_s = 0.0
-        self._closed = False
 
     def __call__(self, timestep: dm_env.TimeStep) -> Any:
         """Returns the robot's action.
@@ -82,7 +81,7 @@ class RemoteAgent:
         """
         self._number += 1
         try:
-            self._writer.write(self._number, self._simulated_time(), timestep)
+            self._writer.write(self._number, self._simulated_time(self._number), timestep)
             if self._hello.mode == "lockstep":
                 return self._in_lockstep()
             return self._freely()
@@ -93,7 +92,6 @@ class RemoteAgent:
         except Stopped:
             raise RunStopped from None
         except Closed:
-            self._closed = True
             raise StopIteration from None
         except RobotProgramError:
             raise
@@ -116,13 +114,11 @@ class RemoteAgent:
 
     def end(self, ended_by: str) -> None:
         """Tells the robot that the run is over."""
-        if not self._closed:
-            self._link.say(END, {"ended_by": ended_by})
+        self._link.say_last(END, {"ended_by": ended_by})
 
     def fail(self, text: str) -> None:
         """Tells the robot that the run failed."""
-        if not self._closed:
-            self._link.refuse(text)
+        self._link.refuse(text)
 
     def _in_lockstep(self) -> Any:
         began_s = self._wall_clock()
@@ -156,7 +152,6 @@ class RemoteAgent:
             self._action = self._reader.read(payload, expected)
             self._actions += 1
             return self._action
-        self._closed = True
         if kind == ERROR:
             said = str(read_words(payload).get("error", "an error"))
             raise RobotProgramError(f"the program of robot application {self._robot} said: {said}")
@@ -166,7 +161,6 @@ class RemoteAgent:
 
     def _refusal(self, text: str) -> RobotProgramError:
         self._link.refuse(text)
-        self._closed = True
         return RobotProgramError(f"the program of robot application {self._robot}: {text}")
 
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import dm_env
@@ -90,15 +91,13 @@ class RemoteRobot:
         assert self._link is not None
         # Only now is it known what else the robot may say.
         self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
-        if hello.mode == "free":
-            self._link.limit_backlog(observation.size)
         self._agent = RemoteAgent(
             self._link,
             hello,
             observation,
             action,
             robot=self._robot,
-            simulated_time=_simulated_time(environment),
+            simulated_time=_simulated_time(environment, timestep_s),
             control_timestep_s=timestep_s,
             clock=self._clock,
         )
@@ -142,7 +141,7 @@ class RemoteRobot:
                 self._link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
                 try:
                     hello = self._exchange(self._link, greeting, deadline_s)
-                except (Closed, BrokenPipeError):
+                except Closed:
                     self._link.close()
                     continue
                 self._stop_listening()
@@ -159,7 +158,8 @@ class RemoteRobot:
             ) from None
 
     def _exchange(self, link: AgentLink, greeting: bytes, deadline_s: float) -> RobotHello:
-        link.send(greeting, deadline_s - self._clock())
+        with suppress(BrokenPipeError):  # what it said before it left is still to be read
+            link.send(greeting, deadline_s - self._clock())
         try:
             kind, payload = link.receive(deadline_s - self._clock())
             if kind == ERROR:
@@ -227,11 +227,11 @@ def _control_timestep_s(environment: Any) -> float | None:
     return float(environment.control_timestep())
 
 
-def _simulated_time(environment: Any) -> Callable[[], float]:
-    """The physics' time, looked up anew each time, since environments may replace their physics."""
+def _simulated_time(environment: Any, control_timestep_s: float | None) -> Callable[[int], float]:
+    """Returns seconds at a time step: the physics' time, looked up anew since it may be replaced, or a count."""
     if hasattr(getattr(environment, "physics", None), "data"):
-        return lambda: environment.physics.data.time
-    return lambda: math.nan
+        return lambda _: environment.physics.data.time
+    return lambda number: number * (control_timestep_s or math.nan)
 
 
 def _connect_timeout_s(variables: Mapping[str, str]) -> float:
