@@ -7,6 +7,7 @@ from datetime import datetime
 from pydantic import ValidationError
 
 from ...schemas.simulation_run import RunPlan, RunResult
+from .agent_socket import remove_agent_socket
 from .outcomes import Exit, Judgement
 from .results import RESULT_FILE, versions, write_result
 
@@ -31,6 +32,7 @@ def finish_outputs(plan: RunPlan, ended: Exit | None, judgement: Judgement, time
         Whether the outputs are whole.
     """
     if plan.has_episode:
+        remove_agent_socket(plan)
         if judgement.status == "Failed":
             (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
             return False

@@ -1,8 +1,11 @@
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from prefect_robomaker.schemas.run_programs import ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 
@@ -40,5 +43,36 @@ def make_plan(tmp_path: Path) -> Callable[..., RunPlan]:
             ),
         }  # fmt: skip
         return RunPlan(**(plan | members))
+
+    return make
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Callable[..., ProgramPlan]:
+    """Plans a program: a few lines of Python, or another `argv`."""
+
+    def make(code: str, **members: Any) -> ProgramPlan:
+        plan = {
+            "name": "robot", "role": "robot", "kind": "application", "argv": [sys.executable, "-c", code],
+            "folder": tmp_path,
+        }  # fmt: skip
+        return ProgramPlan(**(plan | members))
+
+    return make
+
+
+@pytest.fixture
+def plan_programs(make_plan: Callable[..., RunPlan]) -> Callable[..., RunPlan]:
+    """Plans a run that only has programs."""
+
+    def make(*programs: ProgramPlan, **members: Any) -> RunPlan:
+        roles = {program.role for program in programs}
+        applications = {
+            "robot_application": ApplicationPlan(role="robot", name="driver") if "robot" in roles else None,
+            "simulation_application": (
+                ApplicationPlan(role="simulation", name="arena") if "simulation" in roles else None
+            ),
+        }
+        return make_plan(**(applications | {"programs": list(programs)} | members))
 
     return make

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from run_processes import children_of, is_running, never, processes_with, wait_until
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan, RunResult
@@ -24,10 +25,6 @@ SIMULATION = "SimulationApplicationCrash"
 ROBOT = "RobotApplicationCrash"
 
 
-def never() -> None:
-    return None
-
-
 def read_result(plan: RunPlan) -> RunResult:
     return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
 
@@ -35,44 +32,6 @@ def read_result(plan: RunPlan) -> RunResult:
 def pid_of(plan: RunPlan) -> int:
     """The run's process, as the `trouble` bundle wrote it down."""
     return int((plan.work_dir / "busy").read_text())
-
-
-def running() -> Iterator[Path]:
-    """The `/proc` folders of all processes that are not merely waiting to be reaped."""
-    for entry in Path("/proc").iterdir():
-        with suppress(OSError):
-            if entry.name.isdigit() and (entry / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
-                yield entry
-
-
-def is_running(pid: int) -> bool:
-    return any(entry.name == str(pid) for entry in running())
-
-
-def children_of(pid: int) -> list[int]:
-    children = []
-    for entry in running():
-        with suppress(OSError):
-            if (entry / "stat").read_text().rpartition(")")[2].split()[1] == str(pid):
-                children.append(int(entry.name))
-    return children
-
-
-def processes_with(text: str) -> list[int]:
-    """Processes that have a text in their command line, wherever they hang in the tree."""
-    found = []
-    for entry in running():
-        with suppress(OSError):
-            if text.encode() in (entry / "cmdline").read_bytes():
-                found.append(int(entry.name))
-    return found
-
-
-def wait_until(condition: Callable[[], bool], timeout_s: float) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, "it did not become true in time"
-        time.sleep(0.02)
 
 
 def assert_failed(outcome: RunOutcome, code: str, *texts: str) -> None:

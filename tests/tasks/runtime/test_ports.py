@@ -1,0 +1,96 @@
+"""Ports of real applications under other numbers."""
+
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+
+import pytest
+from run_processes import never
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.run_programs import PortPlan, ProgramPlan
+from prefect_robomaker.schemas.simulation_run import RunPlan
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+MakeProgram = Callable[..., ProgramPlan]
+ProgramsPlan = Callable[..., RunPlan]
+SHOUTING = (
+    "import socketserver, sys\n"
+    "class Shout(socketserver.StreamRequestHandler):\n"
+    "    def handle(self):\n"
+    "        data = self.rfile.read()\n"
+    "        self.wfile.write(data.upper())\n"
+    "server = socketserver.ThreadingTCPServer(('127.0.0.1', {port}), Shout)\n"
+    "print('listening', flush=True)\n"
+    "server.serve_forever()\n"
+)
+
+
+@pytest.fixture
+def free_ports() -> tuple[int, int]:
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(2)]
+        return sockets[0].getsockname()[1], sockets[1].getsockname()[1]
+
+
+def shout(port: int, data: bytes) -> bytes:
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+        connection.sendall(data)
+        connection.shutdown(socket.SHUT_WR)
+        with connection.makefile("rb") as reader:
+            return reader.read()
+
+
+@pytest.mark.parametrize("same", [False, True])
+def test_forwarding(
+    launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, free_ports: tuple[int, int], same: bool
+) -> None:
+    job_port, application_port = free_ports if not same else (free_ports[0], free_ports[0])
+    ports = [PortPlan(job_port=job_port, application_port=application_port)]
+    plan = plan_programs(program(SHOUTING.format(port=application_port)), ports=ports)
+    answers: list[bytes] = []
+    large = b"x" * 3_000_000
+
+    def talk() -> None:
+        answers.extend([shout(job_port, b"hello"), shout(job_port, large)])
+
+    talking = threading.Thread(target=talk)
+
+    def stop() -> str | None:
+        if "listening" in (plan.output_dir / "logs/robot.stdout.log").read_text() and talking.ident is None:
+            talking.start()
+        return "canceled" if len(answers) == 2 else None
+
+    assert launcher.run(plan, stop).status == "Canceled"
+    assert answers == [b"HELLO", large.upper()]
+    with pytest.raises(ConnectionRefusedError):
+        shout(job_port, b"anybody there?")
+
+
+def test_nobody_listens_yet(
+    launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, free_ports: tuple[int, int]
+) -> None:
+    job_port, application_port = free_ports
+    ports = [PortPlan(job_port=job_port, application_port=application_port)]
+    answers: list[bytes] = []
+
+    def stop() -> str:
+        answers.append(shout(job_port, b""))
+        return "canceled"
+
+    launcher.run(plan_programs(program("import time; time.sleep(1000)"), ports=ports), stop)
+    assert answers == [b""]
+
+
+@pytest.mark.parametrize("same", [False, True])
+def test_a_port_that_is_taken(
+    launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, free_ports: tuple[int, int], same: bool
+) -> None:
+    job_port, application_port = free_ports if not same else (free_ports[0], free_ports[0])
+    plan = plan_programs(program(""), ports=[PortPlan(job_port=job_port, application_port=application_port)])
+    with socket.create_server(("127.0.0.1", job_port)), pytest.raises(LaunchError) as caught:
+        launcher.run(plan, never)
+    assert caught.value.failure_code == "InvalidInput"
+    assert f"jobPort {job_port} (of applicationPort {application_port}) cannot be opened" in str(caught.value)
+    assert "Address already in use" in str(caught.value)

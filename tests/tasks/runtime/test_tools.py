@@ -1,0 +1,98 @@
+"""Tools beside the applications of real runs."""
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from run_processes import never, processes_with
+
+from prefect_robomaker.schemas.run_programs import ProgramPlan
+from prefect_robomaker.schemas.simulation_run import RunPlan
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.programs import FIRST_PAUSE_S, MAX_PAUSE_S, Program
+
+MakeProgram = Callable[..., ProgramPlan]
+ProgramsPlan = Callable[..., RunPlan]
+LASTING = "import time; time.sleep(1.3)"
+"""An application that lasts long enough for a tool to be started twice."""
+
+
+@pytest.fixture
+def tool(program: MakeProgram) -> MakeProgram:
+    def make(command: str, **members) -> ProgramPlan:
+        argv = ["/bin/bash", "-c", command]
+        return program("", **({"name": "robot-rviz", "kind": "tool", "argv": argv} | members))
+
+    return make
+
+
+def log_of(plan: RunPlan, name: str) -> str:
+    return (plan.output_dir / "logs" / name).read_text()
+
+
+@pytest.mark.parametrize(
+    ("command", "text"), [("exit 0", "exited with code 0"), ("kill -KILL $$", "was killed by SIGKILL")]
+)
+def test_a_tool_that_may_not_end_fails_the_job(
+    launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path,
+    command: str, text: str,
+) -> None:  # fmt: skip
+    plan = plan_programs(
+        program("import time; time.sleep(1000)"), tool(f"echo tool here; {command}", exit_behavior="FAIL")
+    )
+    outcome = launcher.run(plan, never)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "RobotApplicationCrash")
+    assert outcome.failure_reason == (
+        f"Tool rviz of robot application driver {text}\nLast lines of logs/robot-rviz.stdout.log:\ntool here"
+    )
+    assert processes_with(str(tmp_path)) == []
+
+
+def test_a_tool_is_started_again(
+    launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+) -> None:
+    plan = plan_programs(program(LASTING), tool("echo once more; sleep 1000 & exit 3", exit_behavior="RESTART"))
+    assert launcher.run(plan, never).status == "Completed"
+    assert log_of(plan, "robot-rviz.stdout.log") == "once more\n" * 2
+    assert log_of(plan, "robot-rviz.stderr.log").splitlines() == [
+        "robomaker: start 1 of this tool",
+        "robomaker: it exited with code 3; it is started again in 0.5 s",
+        "robomaker: start 2 of this tool",
+        "robomaker: it exited with code 3; it is started again in 1 s",
+    ]
+
+
+def test_a_tool_that_is_not_there_is_tried_again(
+    launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+) -> None:
+    plan = plan_programs(program(LASTING), tool("", argv=["no-such-tool"], exit_behavior="RESTART"))
+    assert launcher.run(plan, never).status == "Completed"
+    log = log_of(plan, "robot-rviz.stderr.log")
+    assert log.count("it could not be started: program not found: no-such-tool") == 2
+
+
+def test_the_pause_grows_and_is_forgotten(tmp_path: Path, tool: MakeProgram) -> None:
+    now = [0.0]
+    (tmp_path / "logs").mkdir()
+    running = Program(tool("exit", exit_behavior="RESTART"), {"PATH": "/bin"}, tmp_path, lambda: None, lambda: now[0])
+    pauses = []
+    for _ in range(9):
+        running.start()
+        running.clear_away()
+        pauses.append(running.pause("ended"))
+    assert pauses == [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, MAX_PAUSE_S, MAX_PAUSE_S, MAX_PAUSE_S]
+    running.start()
+    now[0] += 60.0
+    running.clear_away()
+    assert running.pause("ended") == FIRST_PAUSE_S
+
+
+def test_killed_from_outside(
+    launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+) -> None:
+    """Whoever kills a tool that is started again does nothing to the job."""
+    pid = "import os, signal, time; time.sleep(.2); os.kill(int(open('pid').read()), signal.SIGKILL); time.sleep(.8)"
+    plan = plan_programs(program(pid), tool("echo $$ > pid; sleep 1000", exit_behavior="RESTART"))
+    assert launcher.run(plan, never).status == "Completed"
+    assert f"it was killed by {signal.SIGKILL.name}; " in log_of(plan, "robot-rviz.stderr.log")
