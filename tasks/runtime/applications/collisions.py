@@ -11,6 +11,7 @@ import numpy as np
 
 from ....schemas.simulation_run import Collision
 from ..contact_forces import ContactForces, geom_names, robot_geoms
+from ..resumable import KeepsAttributes
 
 SEPARATION_S = 0.1
 """A touch is over when nothing was felt for this long; shorter gaps are bouncing."""
@@ -29,12 +30,14 @@ class _Touch:
     max_force_N: float  # noqa: N815
 
 
-class CollisionMonitor:
+class CollisionMonitor(KeepsAttributes):
     """Turns contacts of the robot with anything but the floor into collisions.
 
     Call `sample` often: a touch that begins and ends between two calls is not seen, and the largest
     force is the largest of those sampled.
     """
+
+    KEPT = ("_open", "collisions", "count", "max_force_N")
 
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot_body_id: int, furniture_ids: Sequence[str] = ()

@@ -3,12 +3,11 @@
 import math
 import os
 
-from dm_control.rl.control import Environment
-
 from ....schemas.errors import LaunchError
 from ....schemas.world import World
 from ..context import SimulationContext
 from ..results import EnvironmentReport
+from ..resumable import ResumableEnvironment
 from .navigation_task import NavigationTask
 from .robot_scout import SCOUT
 from .robots.lookup import find_robot
@@ -20,8 +19,8 @@ TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 _INVALID = "InvalidInput"
 
 
-class IndoorNavigation(Environment):
-    """An environment that knows how its run went."""
+class IndoorNavigation(ResumableEnvironment):
+    """An environment that knows how its run went, and that can be continued."""
 
     records_itself = True
     """It publishes its own clock and joint states."""

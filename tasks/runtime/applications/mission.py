@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from ....schemas.simulation_run import Collision, Requirement, RoomVisit
 from ....schemas.world import Point, Room
 from ..results import EnvironmentReport
+from ..resumable import KeepsAttributes
 from .telemetry import RobotState
 
 HARD_COLLISION_N = 20.0
@@ -18,8 +19,10 @@ MAX_PATH_POINTS = 600
 _PATH_PERIOD_S = 0.2
 
 
-class Mission:
+class Mission(KeepsAttributes):
     """Progress of one run towards having been in every room."""
+
+    KEPT = ("_unvisited", "first_visit_s", "tipped_over", "_distance_m", "_path", "_last")
 
     def __init__(self, rooms: Sequence[Room], time_limit_s: float) -> None:
         """Starts with nothing visited.

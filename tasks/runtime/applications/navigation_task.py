@@ -38,6 +38,9 @@ _SETTLED_S = 0.5
 _IDLE_S = 10.0
 """Standing still on command for this long ends the run in any case: the agent has given up."""
 
+_KEPT = ("_steps", "_still_s", "_ever_moved", "_newly_visited", "_visited")
+_KEPT_RANGES = ("_scan", "_proximity", "_scan_time")
+
 
 class NavigationTask(Task):
     """Hands actions to the robot, senses, keeps the score."""
@@ -171,6 +174,26 @@ class NavigationTask(Task):
         return observed if self._robot.lidar_height_m is None else observed | _range_specs()
 
     # -- Called by the environment --------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """What it remembers besides the physics; see `checkpoints.Resumable`."""
+        return {
+            "own": {name: getattr(self, name) for name in (*_KEPT, *_KEPT_RANGES) if hasattr(self, name)},
+            "mission": self.mission.state(),
+            "monitor": self._monitor.state(),
+            "controller": self._controller.state(),
+            "telemetry": self._telemetry.state(),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from where `state` was taken; the physics is as it was then."""
+        for name, value in state["own"].items():
+            setattr(self, name, value)
+        self.mission.restore(state["mission"])
+        self._monitor.restore(state["monitor"])
+        self._controller.restore(state["controller"])
+        self._telemetry.restore(state["telemetry"])
+        self._state, _ = self._read_state()
 
     def report(self) -> EnvironmentReport:
         """Judges the run so far."""

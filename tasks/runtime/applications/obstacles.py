@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..resumable import KeepsAttributes
 from . import lidar
 from .planner import GridPlanner
 
@@ -25,8 +26,10 @@ _RAYS: NDArray[np.complex128] = np.exp(1j * np.concatenate((lidar.SCAN_ANGLES_RA
 Pose = tuple[float, float, float]
 
 
-class ObstacleMemory:
+class ObstacleMemory(KeepsAttributes):
     """Sightings of unknown things, as points in the map, forgotten after a while."""
+
+    KEPT = ("_seen_s",)
 
     def __init__(self, planner: GridPlanner) -> None:
         self._planner = planner

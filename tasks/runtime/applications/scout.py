@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ....schemas.errors import LaunchError
 from ....schemas.world import Point
 from ..context import SimulationContext
+from ..resumable import KeepsAttributes
 from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path
 from .occupancy_map import OccupancyMap, read_map
@@ -63,8 +64,13 @@ class _Anchor(NamedTuple):
     pose: Pose
 
 
-class Scout:
+class Scout(KeepsAttributes):
     """The robot's program: called with every time step, answers with a velocity command."""
+
+    KEPT = (
+        *("_queue", "_put_off", "_follower", "_way_kind", "_tries", "_backing_until_s", "_planned_s", "_scan_s"),
+        *("_speed_limit", "_anchor", "_done_s", "given_up"),
+    )
 
     def __init__(self, known: OccupancyMap, goals: Mapping[str, Point], limits: Limits = LIMITS) -> None:
         """Prepares for a run.
@@ -93,6 +99,15 @@ class Scout:
         self._done_s = math.inf
         self.given_up: list[str] = []
         """Rooms that could not be reached."""
+
+    def state(self) -> dict[str, Any]:
+        """What it remembers; ways on the map are worked out again, and obstacles are put on it before each plan."""
+        return {**super().state(), "memory": self._memory.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from there."""
+        super().restore(state)
+        self._memory.restore(state["memory"])
 
     @property
     def done(self) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .. import messages as ros
 from ..context import Recorder
+from ..resumable import KeepsAttributes
 from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
 from . import lidar
@@ -35,7 +36,7 @@ class RobotState(NamedTuple):
     joint_velocities: tuple[float, ...]
 
 
-class Telemetry:
+class Telemetry(KeepsAttributes):
     """Writes what a robot's own ROS nodes would publish.
 
     | topic | what | how often |
@@ -47,12 +48,15 @@ class Telemetry:
     The odometry is exact, so that `map` and `odom` are the same.
     """
 
+    KEPT = ("_start_s", "_samples", "_due_s")
+
     def __init__(self, recorder: Recorder, scan_period_s: float, robot: Robot) -> None:
         self._recorder = recorder
         self._scan_period_s = scan_period_s
         self._robot = robot
         self._series: StateSeries | None = None
         self._scans: ScanSeries | None = None
+        self._start_s, self._samples, self._due_s = 0.0, 0, 0.0
 
     def start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Publishes what does not change, and the first state.

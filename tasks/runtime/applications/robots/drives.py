@@ -12,11 +12,14 @@ import numpy as np
 from dm_env import specs
 
 from ...context import ActionError
+from ...resumable import KeepsAttributes
 from .robot import CONTROL_TIMESTEP_S, Action, Controller, Limits, velocity_action_spec
 
 
-class VelocityController:
+class VelocityController(KeepsAttributes):
     """Takes (m/s, rad/s), clips them to what the robot can do and hands them on with ramps."""
+
+    KEPT = ("_linear", "_angular")
 
     substep: Callable[[], None] | None = None
 
@@ -137,8 +140,10 @@ class PlanarDrive:
         return VelocityController(self.limits, move)
 
 
-class RawController:
+class RawController(KeepsAttributes):
     """Hands actions to the actuators as they are, clipped to their ranges."""
+
+    KEPT = ("_last",)
 
     substep: Callable[[], None] | None = None
 

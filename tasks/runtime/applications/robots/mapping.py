@@ -44,6 +44,9 @@ def read_mapping(path: Path) -> RobotModel:
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        problems = problems_of(error, model)
-        texts = [f"{(key_place if each.about_key else value_place)(root, each.location)}: {each}" for each in problems]
+        found = [
+            ((key_place if each.about_key else value_place)(root, each.location), each)
+            for each in problems_of(error, model)
+        ]
+        texts = [f"{place}: {each}" for place, each in sorted(found, key=lambda item: (item[0].line, item[0].column))]
         raise LaunchError("; ".join(texts), INVALID_ROBOT) from None

@@ -47,6 +47,14 @@ class Controller(Protocol):
         """Begins a run: the robot stands still."""
         ...
 
+    def state(self) -> Any:
+        """What it remembers between two steps, as something that can be pickled."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Goes on from where `state` was taken."""
+        ...
+
     def command(self, action: Action) -> bool:
         """Takes the agent's action for the next control step.
 

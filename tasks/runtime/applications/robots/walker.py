@@ -10,6 +10,7 @@ position-controlled joints carry it. Its frame is that of the body's middle, x f
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import mujoco
 from dm_env import specs
@@ -152,6 +153,8 @@ class TrotDrive:
 class TrotController(VelocityController):
     """Moves the legs every 10 ms."""
 
+    KEPT = (*VelocityController.KEPT, "_command")
+
     substep: Callable[[], None] | None
 
     def __init__(self, drive: TrotDrive, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> None:
@@ -167,6 +170,15 @@ class TrotController(VelocityController):
         self._actuators = [int(model.actuator(f"{prefix}{name}").id) for name in JOINTS]
         self._command = (0.0, 0.0)
         self._substep()
+
+    def state(self) -> dict[str, Any]:
+        """See `Controller`."""
+        return {**super().state(), "gait": self._gait.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """See `Controller`."""
+        super().restore(state)
+        self._gait.restore(state["gait"])
 
     def _take(self, linear: float, angular: float) -> None:
         self._command = (linear, angular)

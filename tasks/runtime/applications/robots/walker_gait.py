@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ...resumable import KeepsAttributes
+
 Point = tuple[float, float, float]
 Angles = tuple[float, float, float]
 """Of abduction, hip and knee, radians."""
@@ -72,8 +74,10 @@ class Motion(NamedTuple):
     pitch_rad: float
 
 
-class TrotGait:
+class TrotGait(KeepsAttributes):
     """The clock and the feet of one robot."""
+
+    KEPT = ("_phase", "_missing", "_nominal", "_feet", "_lifted_from")
 
     def __init__(self, legs: LegGeometry, settings: GaitSettings) -> None:
         """Begins standing."""
