@@ -201,6 +201,12 @@ class McapFile:
         self._schemas, self._channels = dict(state["schemas"]), list(state["channels"])
         self._counts, self._chunk_indexes = dict(state["counts"]), list(state["chunk_indexes"])
 
+    def contents(self) -> tuple[dict[int, int], int, int]:
+        """Returns what is in the chunks so far: messages by channel, and log times of the first and the last one."""
+        start_ns = min((index.message_start_time for index in self._chunk_indexes), default=0)
+        end_ns = max((index.message_end_time for index in self._chunk_indexes), default=0)
+        return dict(self._counts), start_ns, end_ns
+
     def finish(self) -> None:
         """Writes what is pending, and the indexes that end the file; the stream stays open."""
         self.flush()
@@ -248,14 +254,15 @@ class McapFile:
         )
 
     def _statistics(self) -> Statistics:
+        counts, start_ns, end_ns = self.contents()
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
-            channel_message_counts=self._counts,
+            channel_message_counts=counts,
             chunk_count=len(self._chunk_indexes),
-            message_count=sum(self._counts.values()),
-            message_end_time=max((index.message_end_time for index in self._chunk_indexes), default=0),
-            message_start_time=min((index.message_start_time for index in self._chunk_indexes), default=0),
+            message_count=sum(counts.values()),
+            message_end_time=end_ns,
+            message_start_time=start_ns,
             metadata_count=0,
             schema_count=len(self._schemas),
         )

@@ -1,6 +1,7 @@
 """Recordings: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open."""
 
 import errno
+import json
 import os
 import time
 from collections.abc import Iterator
@@ -9,31 +10,17 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from . import messages as ros
-from .cdr import encode
+from .cdr import Message, encode
 from .columns import RowEncoder, Series
+from .foxglove import LAYOUT_FILE, layout
 from .mcap_file import McapFile, Rows
+from .rosbag2 import METADATA_FILE, RecordedTopic, channel_metadata, metadata
 
 _CHUNK_BYTES = 768 * 1024
 """Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""
 _FLUSH_INTERVAL_S = 2.0
 """Wall-clock time after which a chunk is finished even when it is not full."""
 _NANOSECONDS = 1_000_000_000
-_LATCHED = frozenset({"/tf_static"})
-"""Topics that are sent once; a player has to keep them for subscribers that come later."""
-_INFINITE = "{sec: 9223372036, nsec: 854775807}"
-_QOS = """\
-- history: 1
-  depth: 10
-  reliability: 1
-  durability: %d
-  deadline: %s
-  lifespan: %s
-  liveliness: 1
-  liveliness_lease_duration: %s
-  avoid_ros_namespace_conventions: false
-"""
-_TRANSIENT_LOCAL, _VOLATILE = 1, 2
 
 
 class RecordingError(OSError):
@@ -45,7 +32,7 @@ class NullRecorder:
 
     enabled: bool = False
 
-    def write(self, topic: str, message: ros.Message, time_s: float) -> None:
+    def write(self, topic: str, message: Message, time_s: float) -> None:
         """Does nothing."""
 
     def add_series(self, series: Series) -> None:
@@ -72,7 +59,8 @@ class McapRecorder:
 
     Memory stays bounded however long the run, and every finished chunk is on its way to the disk at
     once, at the latest after two seconds, so that the file of a killed process can be read up to its
-    last chunk. One thread may use it.
+    last chunk. When it is closed, `metadata.yaml` and a layout for Foxglove are written beside it. One thread may use
+    it.
     """
 
     enabled: bool = True
@@ -96,7 +84,7 @@ class McapRecorder:
         self._closed = False
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
-    def write(self, topic: str, message: ros.Message, time_s: float) -> None:
+    def write(self, topic: str, message: Message, time_s: float) -> None:
         """Records a message.
 
         Args:
@@ -182,7 +170,7 @@ class McapRecorder:
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
     def close(self) -> None:
-        """Writes what is pending and the index, then closes the file; a second call does nothing.
+        """Writes what is pending, the index and what lies beside; a second call does nothing.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -193,6 +181,7 @@ class McapRecorder:
         try:
             with self._explained():
                 self._file.finish()
+                self._write_companions()
         finally:
             self._stream.close()
 
@@ -208,7 +197,7 @@ class McapRecorder:
         for series, encoder in self._series:
             yield encoder.encode(*series.take())
 
-    def _channel(self, topic: str, kind: type[ros.Message]) -> int:
+    def _channel(self, topic: str, kind: type[Message]) -> int:
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._add_channel(topic, kind)
@@ -216,14 +205,23 @@ class McapRecorder:
             raise TypeError(f"topic {topic} carries {channel[1].__name__}, so {kind.__name__} cannot be written to it")
         return channel[0]
 
-    def _add_channel(self, topic: str, kind: type[ros.Message]) -> tuple[int, type]:
+    def _add_channel(self, topic: str, kind: type[Message]) -> tuple[int, type]:
         if not hasattr(kind, "ROS_TYPE"):
             raise TypeError(f"{kind.__name__} is not a message that can be recorded on a topic ({topic})")
-        # `ros2 bag play` offers a topic as it was offered when it was recorded.
-        durability = _TRANSIENT_LOCAL if topic in _LATCHED else _VOLATILE
-        qos = _QOS % (durability, _INFINITE, _INFINITE, _INFINITE)
-        metadata = {"offered_qos_profiles": qos}
+        metadata = channel_metadata(topic, kind.TYPE_HASH)
         return self._file.add_channel(topic, kind.ROS_TYPE, kind.DEFINITION, metadata), kind
+
+    def _write_companions(self) -> None:
+        """Writes what makes the folder a rosbag2, and the layout for Foxglove."""
+        counts, start_ns, end_ns = self._file.contents()
+        topics = [
+            RecordedTopic(topic, kind.ROS_TYPE, kind.TYPE_HASH, counts.get(number, 0))
+            for topic, (number, kind) in self._channels.items()
+        ]
+        folder = self._path.parent
+        (folder / METADATA_FILE).write_text(metadata(self._path.name, topics, start_ns, end_ns))
+        shown = layout({topic.name: topic.type for topic in topics})
+        (folder / LAYOUT_FILE).write_text(json.dumps(shown, indent=2) + "\n")
 
     @contextmanager
     def _explained(self) -> Iterator[None]:

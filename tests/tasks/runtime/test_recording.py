@@ -1,3 +1,4 @@
+import json
 import os
 import signal
 import subprocess
@@ -14,6 +15,9 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml import YAML
 
 from prefect_robomaker.tasks.runtime import messages as ros
 from prefect_robomaker.tasks.runtime.recording import McapRecorder, NullRecorder, RecordingError
@@ -72,6 +76,74 @@ def test_mcap_ros2_reads_everything(recording: Path) -> None:
     assert len(last["/scan"].ranges) == 360
     assert last["/imu"].linear_acceleration.z == 9.81
     assert last["/clock"].clock.nanosec == 980_000_000
+
+
+def test_the_folder_is_a_rosbag2(recording: Path) -> None:
+    with AnyReader([recording.parent]) as reader:
+        assert reader.message_count == 600
+        assert (reader.start_time, reader.end_time - 1) == (0, 1_980_000_000)
+        assert {item.topic: item.msgcount for item in reader.connections} == dict.fromkeys(one_of_each(0.0), 100)
+        for connection, _, raw in reader.messages():
+            reader.deserialize(raw, connection.msgtype)
+
+
+def test_the_metadata_is_that_of_rosbags_writer(recording: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with (
+        AnyReader([recording]) as reader,
+        Writer(copy, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        offered = {item.topic: item.ext.offered_qos_profiles for item in reader.connections}
+        connections = {
+            item.topic: writer.add_connection(
+                item.topic, item.msgtype, typestore=store, offered_qos_profiles=offered[item.topic]
+            )
+            for item in reader.connections
+        }
+        for connection, time_ns, raw in reader.messages():
+            writer.write(connections[connection.topic], time_ns, raw)
+    ours, theirs = (
+        YAML(typ="safe").load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        for folder in (recording.parent, copy)
+    )
+    assert ours.keys() == theirs.keys()
+    assert ours.pop("relative_file_paths") == ["recording.mcap"]
+    for information in (ours, theirs):
+        information.pop("ros_distro")
+        information.pop("relative_file_paths", None)
+        information["files"][0].pop("path")
+        information["topics_with_message_count"].sort(key=lambda item: item["topic_metadata"]["name"])
+    assert ours == theirs
+
+
+def test_names_of_topics_may_be_strange(tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "it's: a #recording.mcap") as recorder:
+        recorder.write("/it's: #1", ros.Clock(ros.Time(0, 0)), 0.0)
+    information = YAML(typ="safe").load((tmp_path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["relative_file_paths"] == ["it's: a #recording.mcap"]
+    assert information["topics_with_message_count"][0]["topic_metadata"]["name"] == "/it's: #1"
+
+
+def test_a_recording_without_messages_has_metadata_all_the_same(tmp_path: Path) -> None:
+    McapRecorder(tmp_path / "recording.mcap").close()
+    information = YAML(typ="safe").load((tmp_path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert (information["message_count"], information["topics_with_message_count"]) == (0, [])
+
+
+def test_the_layout_for_foxglove_shows_what_is_there(recording: Path) -> None:
+    shown = json.loads((recording.parent / "foxglove-layout.json").read_text())
+    panels = shown["configById"]
+    assert {name.split("!")[0] for name in panels} == {"3D", "Plot", "RawMessages"}
+    assert set(panels["3D!scene"]["topics"]) == {"/odom", "/scan"}
+    lines = {line["value"] for name, panel in panels.items() if name.startswith("Plot!") for line in panel["paths"]}
+    assert {path.split(".")[0] for path in lines} == {"/odom", "/joint_states"}
+    assert panels["RawMessages!messages"]["topicPath"] == "/odom"
+    assert sorted(leaves(shown["layout"])) == sorted(panels)
+
+
+def leaves(node: Any) -> list[str]:
+    return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
 
 
 def test_a_player_keeps_static_transforms_for_those_who_come_later(tmp_path: Path) -> None:

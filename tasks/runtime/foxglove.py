@@ -1,0 +1,124 @@
+"""A layout for Foxglove that shows what a recording has."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+LAYOUT_FILE = "foxglove-layout.json"
+_COLOURS = ("#4e98e2", "#f5774d", "#f7df71", "#5cd6a9")
+_POSES, _SCANS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
+_JOINTS, _PICTURES = "sensor_msgs/msg/JointState", "sensor_msgs/msg/CompressedImage"
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_DRAWN: Mapping[str, dict[str, Any]] = {
+    _SCANS: {"pointSize": 4, "colorMode": "flat", "flatColor": "#ff6b2dff"},
+    _POSES: {"type": "axis", "axisScale": 0.4},
+    "geometry_msgs/msg/PoseStamped": {"type": "arrow", "color": "#28c76fff"},
+    "nav_msgs/msg/Path": {"type": "line", "lineWidth": 0.03, "gradient": ["#28c76fff", "#28c76fff"]},
+    "visualization_msgs/msg/MarkerArray": {},
+}
+"""How the 3D panel draws topics, by type."""
+
+Panel = tuple[str, dict[str, Any]]
+
+
+def layout(topics: Mapping[str, str]) -> dict[str, Any]:
+    """Returns a layout, which Foxglove opens with "Import from file".
+
+    It has a 3D panel if there are transforms, the pictures of cameras, plots of speeds and joints, and
+    the messages as they are.
+
+    Args:
+        topics: Types by topic.
+    """
+    scene = [*_scene(topics), *_pictures(topics)]
+    numbers = [*_plots(topics), *_raw(topics)]
+    panels = dict([*scene, *numbers])
+    columns = [_stack(scene, "column"), _stack(numbers, "column")]
+    return {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _split([column for column in columns if column], "row", 65),
+    }
+
+
+def _scene(topics: Mapping[str, str]) -> list[Panel]:
+    if _TRANSFORMS not in topics.values():
+        return []
+    drawn = {topic: {"visible": True, **_DRAWN[kind]} for topic, kind in topics.items() if kind in _DRAWN}
+    config = {
+        "followMode": "follow-position",
+        "followTf": "base_link",
+        "cameraState": {
+            "perspective": True,
+            "distance": 9,
+            "phi": 35,
+            "thetaOffset": 20,
+            "targetOffset": [0, 0, 0],
+            "target": [0, 0, 0],
+            "targetOrientation": [0, 0, 0, 1],
+            "fovy": 45,
+            "near": 0.05,
+            "far": 500,
+        },
+        "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 20, "divisions": 20}},
+        "topics": drawn,
+    }
+    return [("3D!scene", config)]
+
+
+def _pictures(topics: Mapping[str, str]) -> list[Panel]:
+    names = [topic for topic, kind in topics.items() if kind == _PICTURES]
+    return [(f"Image!camera{number}", {"imageMode": {"imageTopic": topic}}) for number, topic in enumerate(names)]
+
+
+def _plots(topics: Mapping[str, str]) -> list[Panel]:
+    panels = []
+    for topic, kind in topics.items():
+        name = topic.strip("/").replace("/", "-")
+        if kind == _POSES:
+            paths = [f"{topic}.twist.twist.linear.x", f"{topic}.twist.twist.angular.z"]
+            panels.append((f"Plot!{name}", _plot("Speed (m/s, rad/s)", paths)))
+        elif kind == _JOINTS:
+            paths = [f"{topic}.velocity[0]", f"{topic}.velocity[1]"]
+            panels.append((f"Plot!{name}", _plot("Joints (rad/s)", paths)))
+    return panels
+
+
+def _plot(title: str, paths: Sequence[str]) -> dict[str, Any]:
+    lines = [
+        {"value": path, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
+        for path, colour in zip(paths, _COLOURS, strict=False)
+    ]
+    return {
+        "title": title,
+        "paths": lines,
+        "xAxisVal": "timestamp",
+        "isSynced": True,
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+    }
+
+
+def _raw(topics: Mapping[str, str]) -> list[Panel]:
+    """The messages of the topic that says most."""
+    ranked = [topic for kind in (_POSES, _JOINTS) for topic, type_ in topics.items() if type_ == kind] or [*topics]
+    return [("RawMessages!messages", {"topicPath": ranked[0]})] if ranked else []
+
+
+def _stack(panels: Sequence[Panel], direction: str) -> Any:
+    return _split([name for name, _ in panels], direction)
+
+
+def _split(parts: Sequence[Any], direction: str, percentage: float | None = None) -> Any:
+    """Parts side by side or one below the other, in equal shares unless the first one's is given."""
+    if len(parts) < 2:
+        return parts[0] if parts else ""
+    return {
+        "first": parts[0],
+        "second": _split(parts[1:], direction),
+        "direction": direction,
+        "splitPercentage": percentage or round(100 / len(parts), 1),
+    }
