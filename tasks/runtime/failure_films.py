@@ -12,8 +12,8 @@ from pathlib import Path
 
 from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
-from .logs import LOG_FOLDER, STDERR_LOG
 from .results import RESULT_FILE
+from .run_notes import add_note
 from .video_backends import best_video_backend
 from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, FilmRequest, unfinished
 from .video_settings import settings_of
@@ -62,7 +62,7 @@ def film_failure(
         problem = str(error)
     if problem:
         _remove_unfinished(plan.output_dir)
-        _note(plan.output_dir, f"No film of the failure: {problem}.\n")
+        add_note(plan.output_dir, f"No film of the failure: {problem}.")
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:
@@ -138,15 +138,3 @@ def _carry_out(
 def _remove_unfinished(output_dir: Path) -> None:
     for name in (VIDEO_FILE, CLIP_FILE):
         unfinished(output_dir / name).unlink(missing_ok=True)
-
-
-def _note(output_dir: Path, text: str) -> None:
-    """Adds a line to the run's error log."""
-    folder = output_dir / LOG_FOLDER
-    folder.mkdir(exist_ok=True)
-    with suppress(OSError):  # the application may have put anything there
-        log = os.open(
-            folder / STDERR_LOG, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644
-        )
-        with os.fdopen(log, "w") as file:
-            file.write(text)

@@ -41,16 +41,31 @@ class Filming:
         """
         self.size = settings.size or (_RAY_SIZE if backend == RAYS else DEFAULT_SIZE)
         width, height = self.size
-        name = settings.camera or environment_camera
-        said_by = CAMERA_VARIABLE if settings.camera else "the environment's video_camera"
-        self._view, self._small_view = choose_views(model, name, said_by, width / height)
-        self._small: Image | None = None
-        self._small_time_s = 0.0
+        self._model = model
+        self.aim(
+            settings.camera or environment_camera,
+            CAMERA_VARIABLE if settings.camera else "the environment's video_camera",
+        )
         self._camera: Camera
         if backend == RAYS:
             self._camera = RayCamera(model, width, height)
         else:
             self._camera = GlCamera(model, width, height, backend)
+
+    def aim(self, name: str | None, said_by: str) -> None:
+        """Films from elsewhere from now on.
+
+        Args:
+            name: See `views.choose_views`.
+            said_by: Where the name comes from, for the error.
+
+        Raises:
+            ValueError: There is no such camera.
+        """
+        width, height = self.size
+        self._view, self._small_view = choose_views(self._model, name, said_by, width / height)
+        self._small: Image | None = None
+        self._small_time_s = 0.0
 
     def picture(self, data: mujoco.MjData) -> Image:
         """Returns the picture of a state, whose positions have to be worked out."""

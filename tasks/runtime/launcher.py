@@ -22,6 +22,7 @@ from .endings import finish_outputs
 from .failure_films import film_failure
 from .logs import log_tail
 from .outcomes import Exit, Judgement, judge
+from .run_notes import note_screens
 from .run_request import DEFAULT_VARIABLES, RunRequest, kept_environment, make_request
 from .watch import Watch
 
@@ -97,6 +98,7 @@ class Launcher:
         """
         plan.work_dir.mkdir(parents=True, exist_ok=True)
         plan.output_dir.mkdir(parents=True, exist_ok=True)
+        note_screens(plan)
         crash = _FirstCrash(plan, on_crash)
         left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:

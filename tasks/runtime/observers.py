@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from .failure_state import FailureKeeper
+from .live_view import LiveView
 from .loop import RunEnded
 from .provenance import ProvenanceKeeper
 from .requirements import RequirementsObserver
@@ -81,6 +82,8 @@ def make_observers(
     films = _films(plan, video_backend)
     keepers = [ProvenanceKeeper(plan, applications), FailureKeeper(plan.output_dir)]
     observers: list[Observer] = [*keepers, *films, RequirementsObserver(plan)]
+    if plan.live_view_port is not None:
+        observers.append(LiveView(plan, video_backend, settings_of(plan)))
     if plan.end_at_s is not None:
         observers.append(EndAt(plan.end_at_s))
     return observers

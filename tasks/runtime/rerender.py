@@ -22,6 +22,7 @@ import numpy as np
 from PIL import Image as PillowImage
 
 from .cameras import Image
+from .drawing import awake, work_out_places
 from .film import Film
 from .filming import Filming
 from .state_log import Segment, StateLog
@@ -104,9 +105,7 @@ def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin_s: flo
 def _pictures_of(
     segment: Segment, camera: str | None, settings: VideoSettings, backend: str, begin: int, last: int
 ) -> Iterator[Image]:
-    model = mujoco.MjModel.from_binary_path(str(segment.model_path))
-    # Nothing sleeps here: whatever sleeps would stay where the model has it.
-    model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
+    model = awake(mujoco.MjModel.from_binary_path(str(segment.model_path)))
     data = mujoco.MjData(model)
     # Each frame shows the first state that is not before it, as it does when filming during the run.
     due_s = np.arange(begin, last + 1) / settings.rate_hz - _TOLERANCE_S
@@ -116,20 +115,11 @@ def _pictures_of(
         for index in np.searchsorted(segment.times, due_s).tolist():
             if picture is None or index != shown:
                 segment.set_state(data, index)
-                _work_out_places(model, data)
+                work_out_places(model, data)
                 shown, picture = index, filming.picture(data)
             yield picture
     finally:
         filming.close()
-
-
-def _work_out_places(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Where everything is that is drawn, without collisions and forces."""
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
-    mujoco.mj_flex(model, data)
-    mujoco.mj_tendon(model, data)
 
 
 def main() -> int:

@@ -30,6 +30,7 @@ from .state_log import (
     TAIL_FILE,
     TAIL_FRAMES,
     Rows,
+    StateLog,
     columns_of,
     model_file,
 )
@@ -81,11 +82,26 @@ class StateLogWriter:
         row[0] = time_s
         for columns, values in self._parts:
             row[columns] = values
+        self._noted()
+
+    def _noted(self) -> None:
         self._in_tail += 1
         self.frames += 1
         self._counter[0] = self._in_tail  # last, so that only whole rows count
         if self._in_tail == CHUNK_FRAMES:
             self._flush()
+
+    def take_over(self, model: mujoco.MjModel, data: mujoco.MjData, rows: Rows) -> None:
+        """Notes states that were noted before, as rows of time, `qpos`, `mocap_pos` and `mocap_quat`.
+
+        Raises:
+            ValueError: They are of another model.
+            OSError: The log cannot be written.
+        """
+        self._begin(model, data)
+        for row in rows:
+            self._rows[self._in_tail] = row
+            self._noted()
 
     def close(self) -> None:
         """Moves the last states to the log proper."""
@@ -174,6 +190,24 @@ class StateLogger:
         except OSError as error:
             self._give_up(error)
         return Findings({"state_log_error": self._error} if self._error else {})
+
+    def state(self) -> float:
+        """When the next state is due; see `checkpoints.Resumable`."""
+        return self.next_time_s
+
+    def restore(self, state: float, environment: Any) -> None:
+        """Goes on with the log of a process that was killed, from a moment that lies before its end."""
+        self.next_time_s = state
+        try:
+            if not self._folder.exists():
+                return
+            [segment] = StateLog.open(self._folder).segments
+            rows = np.column_stack([segment.times, segment.qpos, segment.mocap])
+            self._writer = StateLogWriter(self._folder, self._rate_hz, getattr(environment, "video_camera", None))
+            self._writer.take_over(*raw_physics(environment.physics), rows[segment.times < state - 1e-6])
+        except (OSError, ValueError) as error:  # it had several models, or another
+            sys.stderr.write(f"The film of a failure will begin at {state:.3f} s: {error}\n")
+            self._writer = None
 
     def _give_up(self, error: Exception) -> None:
         self.next_time_s = math.inf

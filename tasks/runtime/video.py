@@ -37,7 +37,7 @@ class VideoWatcher:
             backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None films with rays.
             settings: Camera, size and rate.
         """
-        self.next_time_s = 0.0
+        self.next_time_s = self._begins_s = 0.0
         self._output_dir = output_dir
         self._backend = backend or RAYS
         self._settings = settings
@@ -57,8 +57,8 @@ class VideoWatcher:
             # The film begins with the run, whatever time the environment's physics begins at.
             while self.next_time_s <= time_s + 5e-7:
                 self._film.add(picture)
-                self.next_time_s = self._film.frames / self._film.rate_hz
-            if self._poster is None or time_s <= POSTER_TIME_S:
+                self.next_time_s = self._begins_s + self._film.frames / self._film.rate_hz
+            if self._poster is None or time_s <= self._begins_s + POSTER_TIME_S:
                 self._poster = picture
         except Exception:
             self._give_up()
@@ -84,7 +84,20 @@ class VideoWatcher:
         if self._error is None and self._film is None:
             self._error = NO_PHYSICS
             sys.stderr.write(f"No video: {self._error}.\n")
-        return Findings({"video_error": self._error} if self._error else {"video_backend": self._backend})
+        if self._error:
+            return Findings({"video_error": self._error})
+        return Findings(
+            {"video_backend": self._backend} | ({"video_begins_s": self._begins_s} if self._begins_s else {})
+        )
+
+    def state(self) -> float:
+        """When the next frame is due; see `checkpoints.Resumable`."""
+        return self.next_time_s
+
+    def restore(self, state: float, environment: Any) -> None:
+        """Begins a film where a run goes on: what was filmed before was lost with the process."""
+        del environment
+        self.next_time_s = self._begins_s = state
 
     def _picture(self, environment: Any) -> Image:
         model, data = raw_physics(environment.physics)
