@@ -1,6 +1,7 @@
 """Applications that are container images: pulled, given folders, run by docker or podman."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from ..schemas.run_programs import ProgramPlan
@@ -8,11 +9,14 @@ from ..schemas.simulation_run import ApplicationRole
 from .catalog import Resource
 from .container_argv import Container, Mount, remove_argv, run_argv, tool_argv
 from .containers import Engine, copy_out, engine_environment, find_engine, get_image
+from .runtime.agent_client import SOCKET_VARIABLE
+from .runtime.agent_socket import agent_socket_path
 from .sandbox import DATA_SOURCES, HOME, LOGS, Sandbox
 from .surroundings import Surroundings, container_sandbox, tool_plan
 
 OUTPUT_IN_CONTAINERS = "/opt/robomaker/output"
 WORLD_IN_CONTAINERS = "/opt/robomaker/world"
+AGENT_IN_CONTAINERS = "/opt/robomaker/agent"
 
 
 def plan_container(
@@ -61,7 +65,7 @@ def _container(
     engine = find_engine(surroundings.environ, surroundings.which)
     digest = application.document.get("imageDigest")
     get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
-    name = f"robomaker-{surroundings.job_id}-{surroundings.run_id.lower()}-{role}"
+    name = f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{role}"
     sandbox = _seeded_sandbox(engine, uri, name, role, surroundings)
     command = launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)]
     return Container(
@@ -69,9 +73,9 @@ def _container(
         name=name,
         image=uri,
         command=command,
-        environment={**_container_variables(surroundings), **(launch.get("environmentVariables") or {})},
-        mounts=_mounts(sandbox, surroundings),
-        limits=surroundings.limits,
+        environment={**_container_variables(role, surroundings), **(launch.get("environmentVariables") or {})},
+        mounts=_mounts(role, sandbox, surroundings),
+        limits=surroundings.plan.compute,
     )
 
 
@@ -85,27 +89,39 @@ def _seeded_sandbox(engine: Engine, uri: str, name: str, role: ApplicationRole, 
     return sandbox
 
 
-def _mounts(sandbox: Sandbox, surroundings: Surroundings) -> list[Mount]:
+def _mounts(role: ApplicationRole, sandbox: Sandbox, surroundings: Surroundings) -> list[Mount]:
     shared = surroundings.sandbox
     mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS)]
     mounts.append(Mount(shared.place(DATA_SOURCES), DATA_SOURCES, read_only=True))
     mounts += [Mount(shared.place(path), path, read_only=True) for path in surroundings.destinations]
-    mounts.append(Mount(surroundings.output_dir, OUTPUT_IN_CONTAINERS))
-    if surroundings.world_dir is not None:
-        mounts.append(Mount(surroundings.world_dir, WORLD_IN_CONTAINERS, read_only=True))
+    mounts.append(Mount(surroundings.plan.output_dir, OUTPUT_IN_CONTAINERS))
+    if surroundings.plan.world_dir is not None:
+        mounts.append(Mount(surroundings.plan.world_dir, WORLD_IN_CONTAINERS, read_only=True))
+    if role == "robot":
+        mounts.append(Mount(_agent_folder(surroundings), AGENT_IN_CONTAINERS))
     return mounts
 
 
-def _container_variables(surroundings: Surroundings) -> dict[str, str]:
+def _agent_folder(surroundings: Surroundings) -> Path:
+    """The folder of the socket that a robot drives the simulation by, made before an engine makes it as root."""
+    folder = agent_socket_path(surroundings.plan).parent
+    folder.parent.mkdir(0o700, exist_ok=True)
+    folder.mkdir(0o755, exist_ok=True)
+    return folder
+
+
+def _container_variables(role: ApplicationRole, surroundings: Surroundings) -> dict[str, str]:
     """What a container has in its environment: nothing that is about folders of this machine."""
     variables = {
-        "AWS_ROBOMAKER_SIMULATION_JOB_ID": surroundings.job_id,
-        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": surroundings.job_arn,
-        "AWS_ROBOMAKER_SIMULATION_RUN_ID": surroundings.run_id,
+        "AWS_ROBOMAKER_SIMULATION_JOB_ID": surroundings.plan.job_id,
+        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": surroundings.plan.job_arn,
+        "AWS_ROBOMAKER_SIMULATION_RUN_ID": surroundings.plan.run_id,
         "ROBOMAKER_DATA_DIR": DATA_SOURCES,
         "ROBOMAKER_OUTPUT_DIR": OUTPUT_IN_CONTAINERS,
     }
-    if surroundings.world_dir is not None:
+    if role == "robot":
+        variables[SOCKET_VARIABLE] = f"{AGENT_IN_CONTAINERS}/{agent_socket_path(surroundings.plan).name}"
+    if surroundings.plan.world_dir is not None:
         variables["ROBOMAKER_WORLD_DIR"] = WORLD_IN_CONTAINERS
-    service = {name: value for name, value in surroundings.variables.items() if name.startswith("AWS_")}
+    service = {name: value for name, value in surroundings.plan.environment.items() if name.startswith("AWS_")}
     return variables | {name: value for name, value in service.items() if name != "AWS_DATA_PATH"}

@@ -14,9 +14,10 @@ from ..schemas.errors import (
     StateConflictError,
     StorageError,
 )
-from ..schemas.simulation_run import RunOutcome
+from ..schemas.simulation_run import RunOutcome, RunPlan
 from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
 from .performing import Lease, perform_if_idle, perform_once
+from .resuming import plan_to_resume
 from .run_outputs import NOT_STORED, RunOutputs, failure_code_of
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
@@ -38,8 +39,9 @@ _logger = logging.getLogger(__name__)
 def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
-    A job that a dead performer left half-way is run again from the start, as a new run with a
-    folder of its own; nothing of the dead run has a manifest.
+    A job that a dead performer left half-way goes on from the last checkpoint, when the run's folder is on this
+    machine and has one; else it is run again from the start, as a new run with a folder of its own. Nothing of the
+    dead run has a manifest.
 
     Args:
       arn: the job.
@@ -85,13 +87,14 @@ class JobRun:
 
     def run(self) -> None:
         """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
-        again = True
+        again, is_first = True, True
         while again:
             reason = self._why_stop()
             if reason or self._lease.job.status == "Terminating":
                 self.end(reason or CANCELED)
                 return
-            again = self._run_once(self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ"))
+            left = self._left_by_a_dead_performer() if is_first else None
+            again, is_first = self._run_once(left), False
 
     def end(self, reason: str) -> None:
         """Ends a job that does not run; what a dead performer's run left on this machine is stored first.
@@ -112,10 +115,19 @@ class JobRun:
         if run_id is not None:
             self._clean_up(run_id)
 
-    def _run_once(self, run_id: str) -> bool:
-        """Carries out one run; returns whether the job is to be run again."""
+    def _left_by_a_dead_performer(self) -> RunPlan | None:
+        """The run that can be continued, if there is one."""
+        run_id = self._lease.job.document.get("runId")
+        return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
+
+    def _run_once(self, left: RunPlan | None) -> bool:
+        """Carries out one run, or the rest of the one that was left; returns whether the job is to be run again."""
+        run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
         try:
-            return self._prepare_and_run(run_id)
+            if left is None:
+                return self._carry_out(self._prepared(run_id))
+            self._lease.update(lambda document: {**document, "attempts": document.get("attempts", 1) + 1})
+            return self._carry_out(left)
         except LaunchError as error:
             self._terminate(failed(error.failure_code, str(error)))
         except Exception as error:  # the job has to end whatever breaks
@@ -125,11 +137,12 @@ class JobRun:
             self._clean_up(run_id)
         return False
 
-    def _prepare_and_run(self, run_id: str) -> bool:
+    def _prepared(self, run_id: str) -> RunPlan:
+        """Fetches all that a new run needs; it counts as running from then on."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
-        self._lease.transition("prepare", runId=run_id)
-        outputs = self._outputs(run_id)
-        outputs.prepare()
+        # What an earlier run failed of is nothing that this one has.
+        self._lease.transition("prepare", runId=run_id, failureCode=None, failureReason=None)
+        self._outputs(run_id).prepare()
         plan = run_plan(self._lease.job, run_id, folder, self._service, lambda: self._why_stop() is not None)
         self._lease.transition(
             "start",
@@ -141,8 +154,15 @@ class JobRun:
                 "publicIpAddress": "127.0.0.1",
             },
         )
-        with outputs.rolling():
-            outcome = launcher().run(plan, lambda: "canceled" if self._why_interrupt() else None)
+        return plan
+
+    def _carry_out(self, plan: RunPlan) -> bool:
+        """Carries out a planned run; returns whether the job is to be run again."""
+        run_id = plan.run_id
+        with self._outputs(run_id).rolling():
+            outcome = launcher().run(
+                plan, lambda: "canceled" if self._why_interrupt() else None, on_crash=self._note_crash
+            )
         why_stop = self._why_stop()
         ending = ending_of(outcome, why_stop)
         try:
@@ -156,6 +176,15 @@ class JobRun:
             return True
         self._settle(self._published(run_id, ending))
         return False
+
+    def _note_crash(self, code: str, reason: str) -> None:
+        """Says of a job that goes on after a crash that something crashed."""
+        try:
+            self._lease.transition("crash", failureCode=code, failureReason=shorten(reason))
+        except StateConflictError:  # it is to be restarted, or another performer has it
+            _logger.debug("%s crashed while it was ended: %s", self._lease.job.arn, reason)
+        except ServiceUnavailableException as error:
+            _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
 
     # Stopping
 
@@ -236,6 +265,8 @@ class JobRun:
 
     def _clean_up(self, run_id: str) -> None:
         """Removes what is not needed any more; outputs that could not be stored stay."""
+        if self._lease.lost:
+            return  # whoever took over may go on with the same run
         folder, document = self._folder(run_id), self._lease.job.document
         if "outputs" in document:
             kept = {run["runId"] for run in document.get("earlierRuns", ()) if "outputs" not in run}

@@ -43,46 +43,33 @@ def run_plan(
     sandbox = run_sandbox(folder).create()
     world_dir = _world_dir(request, service)
     sources = job.document.get("dataSources") or []
-    data_dir = fetch_data_sources(sources, sandbox, service)
-    variables = process_variables(sandbox, service.settings, os.environ)
-    applications = plan_applications(
-        request,
-        Surroundings(
-            job_id=job.id,
-            job_arn=job.arn,
-            run_id=run_id,
-            folder=folder,
-            sandbox=sandbox,
-            output_dir=output_dir,
-            world_dir=world_dir,
-            destinations=tuple(each["destination"] for each in sources if each.get("destination")),
-            limits=limits,
-            variables=variables,
-            service=service,
-            stopped=stopped,
-        ),
-    )
-    return RunPlan(
+    plan = RunPlan(
         job_id=job.id,
         job_arn=job.arn,
         run_id=run_id,
         seed=job.document["seed"],
         max_duration_s=float(request["maxJobDurationInSeconds"]),
         world_dir=world_dir,
-        data_dir=data_dir,
+        data_dir=fetch_data_sources(sources, sandbox, service),
         root_dir=sandbox.root,
         work_dir=work_dir,
         output_dir=output_dir,
-        simulation_application=applications.plans.get("simulation"),
-        robot_application=applications.plans.get("robot"),
-        programs=applications.programs,
-        ports=applications.ports,
         compute=limits,
-        environment=variables,
+        environment=process_variables(sandbox, service.settings, os.environ),
         failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=job.document["video"],
         requirements=_requirements(job, world_dir),
+    )
+    destinations = tuple(each["destination"] for each in sources if each.get("destination"))
+    applications = plan_applications(request, Surroundings(plan, folder, sandbox, destinations, service, stopped))
+    return plan.model_copy(
+        update={
+            "simulation_application": applications.plans.get("simulation"),
+            "robot_application": applications.plans.get("robot"),
+            "programs": applications.programs,
+            "ports": applications.ports,
+        }
     )
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..schemas.run_programs import ComputeLimits, ProgramPlan
-from ..schemas.simulation_run import ApplicationRole
+from ..schemas.run_programs import ProgramPlan
+from ..schemas.simulation_run import ApplicationRole, RunPlan
 from .process_variables import search_path
 from .sandbox import Sandbox
 from .service import Service
@@ -18,21 +18,15 @@ from .service import Service
 class Surroundings:
     """What the applications of a run find on this machine."""
 
-    job_id: str
-    job_arn: str
-    run_id: str
+    plan: RunPlan
+    """The run, without its applications."""
+
     folder: Path
     """The run's own folder."""
 
     sandbox: Sandbox
-    output_dir: Path
-    world_dir: Path | None
     destinations: tuple[str, ...]
     """Folders of the job that data sources have put their data into."""
-
-    limits: ComputeLimits
-    variables: Mapping[str, str]
-    """What every process of the run has in its environment."""
 
     service: Service
     stopped: Callable[[], bool] = lambda: False

@@ -26,6 +26,7 @@ from prefect_robomaker.schemas.errors import (
     StorageAccessDeniedError,
     StorageError,
     StorageFullError,
+    StorageUnavailableError,
     TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.s3 import S3Store
@@ -385,7 +386,7 @@ def test_a_download_that_never_succeeds_leaves_nothing(s3: S3Store, s3_server: S
         ("XMinioStorageFull", 507, StorageFullError),
         ("InsufficientStorage", 507, StorageFullError),
         ("SomethingNew", 507, StorageFullError),
-        ("InternalError", 500, StorageError),
+        ("InternalError", 500, StorageUnavailableError),
     ],
 )
 def test_answers_of_any_server_become_our_errors(code: str, status: int, kind: type[StorageError]):
