@@ -1,0 +1,61 @@
+"""Whether and how often a job's run is kept, and whether one that a dead performer left can be continued."""
+
+import logging
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..schemas.errors import LaunchError
+from ..schemas.simulation_run import ApplicationPlan, RunPlan
+from .catalog import Resource
+from .runtime.checkpoints import CheckpointError, resumable_plan
+
+CHECKPOINTS_FOLDER = "checkpoints"
+EVERY_VARIABLE = "ROBOMAKER_CHECKPOINT_EVERY_S"
+
+_DEFAULT_S = 5.0
+
+_logger = logging.getLogger(__name__)
+
+
+def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
+    """Simulated time between two checkpoints of a run; none when it makes none.
+
+    Args:
+      application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
+
+    Raises:
+      LaunchError: it says something else.
+    """
+    variables: Mapping[str, str] = application.environment_variables if application else {}
+    text = variables.get(EVERY_VARIABLE)
+    if text is None:
+        return _DEFAULT_S
+    try:
+        every_s = float(text)
+    except ValueError:
+        every_s = math.nan
+    if not 0 <= every_s < math.inf:
+        raise LaunchError(
+            f"{EVERY_VARIABLE} is {text!r}; seconds of simulated time, or 0 for no checkpoints, would be right",
+            "InvalidInput",
+        )
+    return every_s or None
+
+
+def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
+    """The plan of the run that a job was in when its performer died, if it can be continued here; else says why not.
+
+    Args:
+      job: the job.
+      folder: of that run.
+    """
+    if job.status != "Running":
+        return None
+    try:
+        plan, last = resumable_plan(folder / CHECKPOINTS_FOLDER)
+    except CheckpointError as error:
+        _logger.warning("%s is run from the start again: %s", job.arn, error)
+        return None
+    _logger.info("%s goes on from %.3f s of simulated time, where its last checkpoint is", job.arn, last.sim_time_s)
+    return plan
