@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import messages as ros
 from .display_cdr import DISPLAY_ENCODERS
-from .display_messages import DisplayMessage
+from .display_messages import DisplayMessage, Path
 
 Message = ros.Message | DisplayMessage
 """What can be recorded."""
@@ -123,6 +123,19 @@ def _tf(message: ros.TFMessage) -> bytes:
     return b"".join(parts)
 
 
+def _path(message: Path) -> bytes:
+    header = message.header
+    parts = [_ENCAPSULATION, _TIME.pack(*header.stamp), _pad(_string(header.frame_id), 4)]
+    parts.append(_LENGTH.pack(len(message.poses)))
+    # Each pose ends with doubles, so that those after the first one begin at 0 modulo 8.
+    offset = sum(map(len, parts)) - len(_ENCAPSULATION)
+    for (stamp, frame_id), (position, orientation) in message.poses:
+        names = _names(frame_id, None, offset % 8 + _STAMP_SIZE)
+        parts += (_TIME.pack(*stamp), names, _POSE.pack(*position, *orientation))
+        offset = 0
+    return b"".join(parts)
+
+
 @lru_cache(maxsize=64)
 def _odometry_layout(frame_id: str, child_frame_id: str) -> tuple[struct.Struct, bytes]:
     """The layout of an odometry without covariances, and its bytes between stamp and pose."""
@@ -200,5 +213,6 @@ _ENCODERS: dict[type, Callable[[Any], bytes]] = {
     ros.LaserScan: _laser_scan,
     ros.JointState: _joint_state,
     ros.Imu: _imu,
+    Path: _path,
     **DISPLAY_ENCODERS,
 }

@@ -1,6 +1,6 @@
 """Bytes of the messages in `display_messages`.
 
-These are rare, so that they are written member by member; see `cdr` for those that are not.
+These are rare and short, so that they are written member by member; see `cdr` for those that are not.
 """
 
 import struct
@@ -55,16 +55,6 @@ def _pose_stamped(message: display.PoseStamped) -> bytes:
     return writer.message()
 
 
-def _path(message: display.Path) -> bytes:
-    writer = _Writer()
-    writer.put_header(message.header)
-    writer.put("I", len(message.poses))
-    for pose in message.poses:
-        writer.put_header(pose.header)
-        writer.put_pose(pose.pose)
-    return writer.message()
-
-
 def _compressed_image(message: display.CompressedImage) -> bytes:
     writer = _Writer()
     writer.put_header(message.header)
@@ -109,7 +99,6 @@ def _put_marker(writer: _Writer, marker: display.Marker) -> None:
 
 DISPLAY_ENCODERS: dict[type, Callable[[Any], bytes]] = {
     display.PoseStamped: _pose_stamped,
-    display.Path: _path,
     display.CompressedImage: _compressed_image,
     display.MarkerArray: _marker_array,
 }

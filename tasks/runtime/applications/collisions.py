@@ -3,7 +3,7 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -40,7 +40,12 @@ class CollisionMonitor(KeepsAttributes):
     KEPT = ("_open", "collisions", "count", "max_force_N")
 
     def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, robot_body_id: int, furniture_ids: Sequence[str] = ()
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot_body_id: int,
+        furniture_ids: Sequence[str] = (),
+        on_touch: Callable[[], None] | None = None,
     ) -> None:
         """Looks up who is who.
 
@@ -49,8 +54,10 @@ class CollisionMonitor(KeepsAttributes):
           data: its state, after `mj_forward`.
           robot_body_id: the robot's root body.
           furniture_ids: prefixes of geom names that name pieces of furniture.
+          on_touch: called at every look at which something is touched.
         """
         self._data = data
+        self._on_touch = on_touch
         self._position = data.xpos[robot_body_id]
         robot = robot_geoms(model, robot_body_id)
         self._contacts = ContactForces(model, data, robot, geom_names(model, furniture_ids))
@@ -65,6 +72,8 @@ class CollisionMonitor(KeepsAttributes):
         """Looks at the present contacts."""
         if forces := self._contacts.read():
             self._note(forces)
+            if self._on_touch is not None:
+                self._on_touch()
         if self._open:
             self._close(self._data.time - SEPARATION_S)
 

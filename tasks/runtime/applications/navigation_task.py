@@ -28,6 +28,7 @@ from .mission import Mission
 from .robots.bases import bind_base, take_home_pose
 from .robots.robot import CONTROL_TIMESTEP_S, Action, Robot
 from .scene import ScenePhysics
+from .scene_markers import ContactMarkers
 from .telemetry import RobotState, Telemetry
 
 SCAN_EVERY_STEPS = 4
@@ -87,6 +88,7 @@ class NavigationTask(Task):
         self._visited.setflags(write=False)
         if self._recorder.enabled:
             self._telemetry.start(physics.model.ptr, physics.data.ptr)
+            self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
         self._sense()
 
     def before_step(self, action: Action, physics: ScenePhysics) -> None:
@@ -216,7 +218,9 @@ class NavigationTask(Task):
     def _start_sensing(self, physics: ScenePhysics) -> None:
         model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
         body = robot.footprint_id(model)
-        self._monitor = CollisionMonitor(model, data, body, [item.id for item in self._world.furniture])
+        furniture = [item.id for item in self._world.furniture]
+        show = ContactMarkers(self._recorder, model, data, body, furniture).publish if self._recorder.enabled else None
+        self._monitor = CollisionMonitor(model, data, body, furniture, show)
         self._ranging = None
         if robot.lidar_height_m is not None:
             unseen = physics.unseen_group
@@ -251,6 +255,8 @@ class NavigationTask(Task):
         if self._newly_visited:
             self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])
             self._visited.setflags(write=False)
+            if self._recorder.enabled:
+                self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
         if self._ranging is not None and self._steps % SCAN_EVERY_STEPS == 0:
             self._measure_ranges(*self._ranging)
 

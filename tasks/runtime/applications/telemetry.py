@@ -3,12 +3,14 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ....schemas.world import Room
 from .. import messages as ros
 from ..context import Recorder
 from ..resumable import KeepsAttributes
@@ -16,6 +18,7 @@ from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
 from . import lidar
 from .robots.robot import Robot
+from .scene_markers import goal_markers
 
 _ROUNDING_S = 1e-6
 """Forgives rounding in sums of time steps."""
@@ -43,6 +46,8 @@ class Telemetry(KeepsAttributes):
     | --- | --- | --- |
     | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | 50 Hz |
     | `/scan` | the lidar | with every measurement |
+    | `/contacts` | what the robot touches | 50 Hz while it does |
+    | `/goals` | the rooms' goals and which were visited | at the start and with every change |
     | `/tf_static` | `map` to `odom`, `base_link` to `base_scan` | once |
 
     The odometry is exact, so that `map` and `odom` are the same.
@@ -113,6 +118,16 @@ class Telemetry(KeepsAttributes):
             mount = ros.Transform(ros.Vector3(*place.tolist()), ros.Quaternion(x, y, z, w))
             transforms.append(ros.TransformStamped(ros.Header(stamp, BASE_FRAME), "base_scan", mount))
         self._recorder.write("/tf_static", ros.TFMessage(tuple(transforms)), data.time)
+
+    def publish_goals(self, rooms: Sequence[Room], visited: Sequence[bool]) -> None:
+        """Publishes the goals.
+
+        Args:
+          rooms: the rooms, each with its goal.
+          visited: which of them the robot has been in.
+        """
+        time_s = self._data.time
+        self._recorder.write("/goals", goal_markers(rooms, visited, time_s), time_s)
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
         """Publishes a measurement of the lidar."""
