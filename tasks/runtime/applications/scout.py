@@ -21,6 +21,7 @@ from ..resumable import KeepsAttributes
 from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path
 from .occupancy_map import OccupancyMap, read_map
+from .plan_telemetry import PlanTelemetry
 from .planner import GridPlanner, WayKind
 from .robot_scout import LIMITS
 from .robots.robot import Limits, robot_of
@@ -72,14 +73,22 @@ class Scout(KeepsAttributes):
         *("_speed_limit", "_anchor", "_done_s", "given_up"),
     )
 
-    def __init__(self, known: OccupancyMap, goals: Mapping[str, Point], limits: Limits = LIMITS) -> None:
+    def __init__(
+        self,
+        known: OccupancyMap,
+        goals: Mapping[str, Point],
+        limits: Limits = LIMITS,
+        plans: PlanTelemetry | None = None,
+    ) -> None:
         """Prepares for a run.
 
         Args:
           known: the map.
           goals: one place per room, metres, by the room's name.
           limits: how large the robot is and what it can do.
+          plans: told of every way that is planned.
         """
+        self._plans = plans
         self._limits = limits
         self._planner = GridPlanner(known, limits.radius_m)
         self._memory = ObstacleMemory(self._planner)
@@ -161,11 +170,14 @@ class Scout(KeepsAttributes):
         """Finds a path to the next goal that has one; says whether there is one left."""
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))
-            way = self._planner.plan(pose[:2], self._goals[self._queue[0]])
+            goal = self._goals[self._queue[0]]
+            way = self._planner.plan(pose[:2], goal)
             self._planned_s = now_s
             if way is not None:
                 self._follower, self._way_kind = PathFollower(way.path, self._limits), way.kind
                 self._anchor = _Anchor(now_s, pose)
+                if self._plans is not None:
+                    self._plans.publish(goal, way.path, now_s)
                 return True
             self._leave_goal()
         return False
@@ -253,4 +265,4 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
         raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
     robot = robot_of(environment)
     goals = {room.name: room.goal for room in context.world.floorplan.rooms}
-    return Scout(known, goals, robot.limits if robot else LIMITS)
+    return Scout(known, goals, robot.limits if robot else LIMITS, PlanTelemetry(context.recorder))

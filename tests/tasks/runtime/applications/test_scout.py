@@ -1,9 +1,14 @@
+import itertools
 import logging
+import math
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import dm_env
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation, make_environment
@@ -48,6 +53,26 @@ def test_the_same_seed_gives_the_same_run_to_the_last_bit_recorded_or_not(make_c
     other = np.array(run(make_context(seed=6, loose=loose))[2])
     assert first.tobytes() == second.tobytes()
     assert first.tobytes() != other.tobytes()
+
+
+def test_publishes_where_it_goes(make_context, tmp_path: Path) -> None:
+    context = make_context(seed=3)
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        run(replace(context, recorder=recorder))
+    with AnyReader([tmp_path]) as reader:
+        found = [
+            (connection.topic, reader.deserialize(raw, connection.msgtype))
+            for connection, _, raw in reader.messages()
+            if connection.topic in {"/goal_pose", "/plan"}
+        ]
+    goals = [(message.pose.position.x, message.pose.position.y) for topic, message in found if topic == "/goal_pose"]
+    assert set(goals) == {room.goal for room in context.world.floorplan.rooms}
+    plans = [[pose.pose.position for pose in message.poses] for topic, message in found if topic == "/plan"]
+    assert len(plans) == len(goals)
+    for goal, plan in zip(goals, plans, strict=True):
+        assert (plan[-1].x, plan[-1].y) == pytest.approx(goal, abs=0.3)
+        steps = [math.dist((a.x, a.y), (b.x, b.y)) for a, b in itertools.pairwise(plan)]
+        assert max(steps) < 0.4
 
 
 @pytest.mark.parametrize("half_side_m", [0.04, 0.12], ids=["below the lidar", "seen by the lidar"])
