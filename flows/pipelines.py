@@ -333,7 +333,7 @@ class PipelineRun:
         for job in jobs:
             if job.failure_code == "BatchTimedOut":
                 states.add("timed out")
-            elif job.status in ("Failed", "NotCreated"):
+            elif job.status in ("Failed", "NotCreated") or (job.status == "Completed" and job.verdict == "ERROR"):
                 states.add("broken")
             elif job.status == "Canceled":
                 states.add("canceled")

@@ -44,6 +44,7 @@ class ReportedJob(Model):
     """One simulation job, or a request of a batch that never became one."""
 
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    step: str | None = Field(default=None, description="The step that made it.")
     arn: str | None = Field(default=None, description="The job's ARN.")
     status: str = Field(description="The job's status, or `NotCreated`.")
     failure_code: str | None = Field(default=None, description="The service's failure code.")

@@ -12,12 +12,13 @@ from pydantic import ValidationError
 
 from ..schemas.errors import ObjectNotFoundError, ResourceNotFoundException, StorageError
 from ..schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
+from ..schemas.report_summary import ReportSummary
 from ..schemas.run_record import JobRecord, RunRecord, StepRecord
 from ..schemas.simulation_run import RunResult
 from .artifacts import artifact_key, show_jobs, show_picture, show_summary
 from .bundles import world_bundle
 from .catalog import Resource
-from .reporting import write_report
+from .reporting import junit_xml, summarize, write_report
 from .run_plans import world_arn
 from .service import Service
 from .storage import read_manifest
@@ -58,26 +59,51 @@ def publish_report(
         command=shlex.join(command),
         versions=dict(versions),
     )
-    path = folder / REPORT_NAME
-    write_report(report, path)
-    _show(report, records, path)
-    return records, path
+    return records, _publish(report, records, folder)
 
 
-def rebuild_report(record: RunRecord, service: Service) -> Path:
-    """Writes the report of an earlier run again, from what is stored of it."""
-    _, path = publish_report(
-        service,
+def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
+    """Writes the report of an earlier run again, from what is stored of it.
+
+    Args:
+      record: the run.
+      service: where its resources are stored.
+      junit: where to write it as JUnit XML besides; None: nowhere.
+
+    Returns:
+      Its numbers, with the paths of what was written.
+
+    Raises:
+      OSError: a file cannot be written.
+    """
+    report = report_of(record, service)
+    path = _publish(report, _job_records(report.jobs, service), record.run_dir)
+    summary = summarize(report)
+    if junit is not None:
+        junit.write_bytes(junit_xml(summary))
+    return summary.model_copy(update={"report_path": path, "junit_path": junit})
+
+
+def report_of(record: RunRecord, service: Service) -> Report:
+    """The report of an earlier run, from what is stored of it."""
+    reported = jobs_of(record.steps, service)
+    return Report(
         name=record.name,
         run_id=record.run_id,
-        command=record.command or ["robomaker", "run", record.spec_path],
-        steps=record.steps,
+        state=record.state,
         started_at=record.started_at,
         ended_at=record.ended_at,
-        versions=record.versions,
-        folder=record.run_dir,
-        state_of=lambda _: record.state,
+        steps=[_reported_step(step) for step in record.steps],
+        worlds=_worlds(record.steps, reported, service),
+        jobs=reported,
+        command=shlex.join(record.command or ["robomaker", "run", record.spec_path]),
+        versions=dict(record.versions),
     )
+
+
+def _publish(report: Report, records: Sequence[JobRecord], folder: Path) -> Path:
+    path = write_report(report, folder / REPORT_NAME)
+    _show(report, records, path)
     return path
 
 
@@ -87,10 +113,17 @@ def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
     for step in steps:
         if step.arn:
             try:
-                jobs += simulation_jobs(step.operation, step.arn, service)
+                made = simulation_jobs(step.operation, step.arn, service)
+                jobs += [job.model_copy(update={"step": step.name}) for job in made]
             except ResourceNotFoundException as error:
                 jobs.append(
-                    ReportedJob(label=short_name(step.arn), arn=step.arn, status="Deleted", failure_reason=str(error))
+                    ReportedJob(
+                        label=short_name(step.arn),
+                        step=step.name,
+                        arn=step.arn,
+                        status="Deleted",
+                        failure_reason=str(error),
+                    )
                 )
     return jobs
 
@@ -214,9 +247,9 @@ def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Serv
 
 
 def _why_failed(result: RunResult | None) -> str | None:
-    if result is None or result.verdict != "FAIL":
+    if result is None or result.verdict not in ("FAIL", "ERROR"):
         return None
-    broken = [requirement.detail for requirement in result.requirements if not requirement.satisfied]
+    broken = [item.detail for item in result.requirements if item.counts and not item.satisfied]
     return "; ".join(broken) or result.summary
 
 

@@ -137,6 +137,8 @@ def _add_spec_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
 def _add_other_commands(commands: "_Commands[Parser]", shared: Parser) -> None:
     report = _command(commands, shared, "report", "write the report of a run again and print its path", "")
     report.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
+    report.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
+    _add_output(report, ("text", "json"))
     _add_open(report, "show it in a browser")
 
     call = _command(

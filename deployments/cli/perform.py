@@ -45,6 +45,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     if bad := _BAD_ENDS.get(str(answer.get("status"))):
         return bad
     jobs = simulation_jobs(operation, arn, service)
-    if any(job.status in ("Failed", "NotCreated") for job in jobs):
+    verdicts = [job.result.verdict for job in jobs if job.result]
+    if any(job.status in ("Failed", "NotCreated") for job in jobs) or "ERROR" in verdicts:
         return 3
-    return 1 if any(job.result and job.result.verdict == "FAIL" for job in jobs) else 0
+    return 1 if "FAIL" in verdicts else 0

@@ -1,4 +1,4 @@
-"""`robomaker report`: writes the report of an earlier run again and says where it is."""
+"""`robomaker report`: writes the report of an earlier run again and says where it is, or what it says."""
 
 import argparse
 import os
@@ -11,7 +11,8 @@ from .browser import open_file
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the report's path."""
+    """Prints the report's path, or its numbers."""
+    junit = _checked(arguments.junit)
     settings = Settings.from_environment(os.environ)
     record_file = find_record(settings.home / "runs", arguments.run)
 
@@ -27,11 +28,28 @@ def execute(arguments: argparse.Namespace) -> int:
     from ...tasks.reports import rebuild_report
     from ...tasks.service import Service
 
-    path = rebuild_report(record, Service.open(settings))
-    sys.stdout.write(f"{path}\n")
-    if arguments.open:
-        open_file(path)
+    summary = rebuild_report(record, Service.open(settings), junit)
+    if arguments.output == "json":
+        sys.stdout.write(summary.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        sys.stdout.write(f"{summary.report_path}\n")
+    if arguments.open and summary.report_path:
+        open_file(summary.report_path)
     return 0
+
+
+def _checked(junit: str | None) -> Path | None:
+    """Where the JUnit file goes.
+
+    Raises:
+      ConfigurationError: it is a folder, or in one that does not exist.
+    """
+    if junit is None:
+        return None
+    path = Path(junit).absolute()
+    if path.is_dir() or not path.parent.is_dir():
+        raise ConfigurationError(f"--junit is {junit}; it has to be a file in a folder that exists")
+    return path
 
 
 def find_record(runs: Path, run: str) -> Path:

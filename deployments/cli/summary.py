@@ -8,7 +8,7 @@ from ...schemas.run_record import JobRecord, RunRecord, StepRecord
 from .durations import duration
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
-_VERDICT_STYLES = {"PASS": "green", "FAIL": "red"}
+_VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
 
 Cell = tuple[str, str]
@@ -56,7 +56,10 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
 
 def _headline(record: RunRecord) -> str:
     verdicts = [job.verdict for job in record.jobs if job.verdict in ("PASS", "FAIL")]
-    return f", {verdicts.count('PASS')} of {len(verdicts)} verdicts pass," if verdicts else ""
+    broken = sum(job.verdict == "ERROR" or job.status in ("Failed", "NotCreated") for job in record.jobs)
+    told = [f"{verdicts.count('PASS')} of {len(verdicts)} verdicts pass"] if verdicts else []
+    told += [f"{broken} broke"] if broken else []
+    return f", {', '.join(told)}," if told else ""
 
 
 def _step_line(step: StepRecord) -> list[Cell]:

@@ -1,6 +1,8 @@
-"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser."""
+"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers."""
 
+from .junit import junit_xml
 from .render import render_report, write_report
 from .statistics import wilson_interval
+from .summaries import summarize
 
-__all__ = ["render_report", "wilson_interval", "write_report"]
+__all__ = ["junit_xml", "render_report", "summarize", "wilson_interval", "write_report"]

@@ -43,6 +43,8 @@ def outcome_of(job: ReportedJob) -> Outcome:
         return Outcome.UNFINISHED
     if job.result is None or job.result.verdict == "NONE":
         return Outcome.UNJUDGED
+    if job.result.verdict == "ERROR":
+        return Outcome.BROKEN
     return Outcome.PASSED if job.result.verdict == "PASS" else Outcome.FAILED
 
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...schemas.report import Report, ReportedFile, ReportedJob
+from ...schemas.report_summary import ReportSummary
 from ...schemas.simulation_run import RunResult
 from . import plan, wording
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
-from .statistics import wilson_interval
+from .summaries import folder_of, summarize, why_broken
 from .worlds import WorldView, view_worlds
 
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
@@ -86,28 +87,13 @@ class JobView:
 
 
 @dataclass(frozen=True)
-class Rate:
-    """The success rate with its interval, as shares."""
-
-    successes: int
-    trials: int
-    low: float
-    high: float
-
-    @property
-    def share(self) -> float:
-        """The rate itself."""
-        return self.successes / self.trials
-
-
-@dataclass(frozen=True)
 class Page:
     """Everything the template needs."""
 
     report: Report
     headline: str
     counts: dict[Outcome, int]
-    rate: Rate | None
+    numbers: ReportSummary
     duration: str
     longest_step_s: float
     jobs: list[JobView]
@@ -115,8 +101,18 @@ class Page:
 
     @property
     def failures(self) -> list[JobView]:
-        """Jobs that failed or broke, in the order they were requested."""
-        return [job for job in self.jobs if job.outcome.is_failure]
+        """Jobs whose robots did badly, in the order they were requested."""
+        return [job for job in self.jobs if job.outcome is Outcome.FAILED]
+
+    @property
+    def errors(self) -> list[JobView]:
+        """Jobs that broke, in the order they were requested."""
+        return [job for job in self.jobs if job.outcome is Outcome.BROKEN]
+
+    @property
+    def has_breakdown(self) -> bool:
+        """Whether counting by requirement, world or room says more than the cards do."""
+        return len(self.jobs) > 1 and any((self.numbers.requirements, self.numbers.worlds, self.numbers.rooms))
 
     @property
     def others(self) -> list[JobView]:
@@ -136,7 +132,7 @@ def view_report(report: Report) -> Page:
         report=report,
         headline=headline(report),
         counts=count_outcomes(report.jobs),
-        rate=_rate(report),
+        numbers=summarize(report),
         duration=wording.duration((report.ended_at - report.started_at).total_seconds()),
         longest_step_s=max((step.duration_s for step in report.steps), default=0.0),
         jobs=[_view_job(job, index, by_arn, budget) for index, job in enumerate(report.jobs, start=1)],
@@ -144,20 +140,13 @@ def view_report(report: Report) -> Page:
     )
 
 
-def _rate(report: Report) -> Rate | None:
-    """Broken jobs count against the rate; canceled, unfinished and unjudged ones say nothing."""
-    counts = count_outcomes(report.jobs)
-    successes = counts.get(Outcome.PASSED, 0)
-    trials = successes + counts.get(Outcome.FAILED, 0) + counts.get(Outcome.BROKEN, 0)
-    return Rate(successes, trials, *wilson_interval(successes, trials)) if trials else None
-
-
 def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], budget_bytes: int) -> JobView:
     world = worlds.get(job.world_arn) if job.world_arn else None
     drawing, note = _job_plan(job, world)
     poster, poster_note = _poster(job, budget_bytes)
     numbers = _numbers(job)
-    reason = wording.plain(job.failure_reason or "")
+    is_judged = job.result is not None and job.result.verdict != "ERROR"
+    reason = wording.plain(job.failure_reason or "") if is_judged else why_broken(job)
     return JobView(
         anchor=f"job-{index}",
         job=job,
@@ -175,7 +164,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         poster=poster,
         poster_note=poster_note,
         files=[_view_file(file) for file in job.files],
-        folder=_folder(job.files),
+        folder=folder_of(job),
         seconds=_path_seconds(job.result),
     )
 
@@ -252,12 +241,6 @@ def _view_file(file: ReportedFile) -> FileView:
     link = file.uri if file.uri.startswith(("file:///", "http://", "https://")) else ""
     hint = "open in Foxglove" if file.name.endswith(".mcap") else ""
     return FileView(file.name, file.uri, link, wording.size(file.size_bytes), hint)
-
-
-def _folder(files: list[ReportedFile]) -> str:
-    """The address all files lie below; empty when there is none."""
-    folders = {file.uri.removesuffix(file.name) for file in files if file.uri.endswith(file.name)}
-    return folders.pop() if len(folders) == 1 else ""
 
 
 def _path_seconds(result: RunResult | None) -> tuple[str, str] | None:

@@ -10,6 +10,7 @@ from prefect_robomaker.tasks.reporting.outcomes import Outcome, count_outcomes, 
     [
         ("Completed", "PASS", Outcome.PASSED),
         ("Completed", "FAIL", Outcome.FAILED),
+        ("Completed", "ERROR", Outcome.BROKEN),
         ("Completed", "NONE", Outcome.UNJUDGED),
         ("Completed", None, Outcome.UNJUDGED),
         # A verdict written before the crash is not trusted.

@@ -1,0 +1,75 @@
+"""From a report to its numbers."""
+
+from ...schemas.report import Report, ReportedJob, ReportedStep
+from ...schemas.report_summary import JobCase, ReportSummary, StepSuite
+from . import wording
+from .outcomes import Outcome, count_outcomes, outcome_of
+from .shares import by_requirement, by_room, by_world, of_jobs
+
+
+def summarize(report: Report) -> ReportSummary:
+    """Computes the numbers of a report; reads nothing."""
+    labels = {world.arn: world.label for world in report.worlds}
+    return ReportSummary(
+        name=report.name,
+        run_id=report.run_id,
+        state=report.state,
+        started_at=report.started_at,
+        time_s=(report.ended_at - report.started_at).total_seconds(),
+        counts={outcome.value: count for outcome, count in count_outcomes(report.jobs).items()},
+        success=of_jobs("", report.jobs),
+        success_with_errors=of_jobs("", report.jobs, errors_fail=True),
+        requirements=by_requirement(report.jobs),
+        worlds=by_world(report.jobs, labels),
+        rooms=by_room(report.jobs),
+        steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
+    )
+
+
+def why_broken(job: ReportedJob) -> str:
+    """Why a job did not pass: failed requirements, the failure's reason, or the summary."""
+    if job.failure_reason:
+        return wording.plain(job.failure_reason)
+    if job.result is None:
+        return ""
+    missed = [item for item in job.result.requirements if item.counts and not item.satisfied]
+    # What broke comes before what the robot did badly, as in the verdict.
+    missed.sort(key=lambda item: item.error is None)
+    return "; ".join(f"{item.name}: {item.detail}" for item in missed) or job.result.summary
+
+
+def folder_of(job: ReportedJob) -> str:
+    """The address that all of a job's files lie below; empty when there is none."""
+    folders = {file.uri.removesuffix(file.name) for file in job.files if file.uri.endswith(file.name)}
+    return folders.pop() if len(folders) == 1 else ""
+
+
+def _suite(step: ReportedStep, report: Report, labels: dict[str, str]) -> StepSuite:
+    jobs = sorted((job for job in report.jobs if job.step == step.name), key=lambda job: not outcome_of(job).is_failure)
+    has_failed = step.status.endswith("Failed") and not jobs
+    return StepSuite(
+        name=step.name,
+        operation=step.operation,
+        status=step.status,
+        error=(step.detail or step.status) if has_failed else "",
+        time_s=step.duration_s,
+        jobs=[_case(job, labels) for job in jobs],
+    )
+
+
+def _case(job: ReportedJob, labels: dict[str, str]) -> JobCase:
+    outcome, result = outcome_of(job), job.result
+    return JobCase(
+        name=job.label,
+        arn=job.arn,
+        outcome=outcome.value,
+        reason="" if outcome is Outcome.PASSED else why_broken(job),
+        failure_code=job.failure_code,
+        time_s=job.duration_s or 0.0,
+        sim_time_s=result.sim_time_s if result else None,
+        seed=result.seed if result else None,
+        world=labels.get(job.world_arn, job.world_arn) if job.world_arn else None,
+        output=folder_of(job) or None,
+        requirements=result.requirements if result else [],
+        metrics=result.metrics if result else {},
+    )

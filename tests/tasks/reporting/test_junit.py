@@ -1,0 +1,97 @@
+"""JUnit files, read by an independent XML parser against a strict schema."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from lxml import etree
+
+from prefect_robomaker.schemas.report import Report, ReportedStep
+from prefect_robomaker.tasks.reporting import junit_xml, summarize
+
+SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))
+
+
+def parsed(report: Report) -> Any:
+    root = etree.fromstring(junit_xml(summarize(report)))
+    SCHEMA.assertValid(root)
+    return root
+
+
+@pytest.fixture
+def report(mixed_report: Report) -> Report:
+    jobs = [job.model_copy(update={"step": "drive"}) for job in mixed_report.jobs]
+    return mixed_report.model_copy(update={"jobs": jobs})
+
+
+def test_a_step_is_a_suite_and_a_job_a_case(report: Report) -> None:
+    root = parsed(report)
+    (suite,) = root
+    assert suite.get("name") == "nightly-flats.drive"
+    counts = {name: suite.get(name) for name in ("tests", "failures", "errors", "skipped")}
+    assert counts == {"tests": "5", "failures": "1", "errors": "1", "skipped": "1"}
+    assert {name: root.get(name) for name in ("tests", "failures", "errors")} == {
+        "tests": "5", "failures": "1", "errors": "1",
+    }  # fmt: skip
+    cases = suite.findall("testcase")
+    assert [case.get("name") for case in cases] == ["sim-fail1", "sim-broken1", "sim-pass1", "sim-cancel1", "sim-pass2"]
+    assert [[child.tag for child in case] for case in cases] == [
+        ["failure", "system-out"], ["error", "system-out"], ["system-out"], ["skipped", "system-out"], ["system-out"],
+    ]  # fmt: skip
+
+
+def test_fail_is_a_failure_and_what_broke_an_error(report: Report) -> None:
+    root = parsed(report)
+    failure, error = root.find(".//failure"), root.find(".//error")
+    assert failure.get("type") == "FAIL"
+    assert failure.get("message").startswith("rooms_visited: 4, at least 5 asked; collisions: 5")
+    assert error.get("type") == "RobotApplicationCrash"
+    assert error.get("message") == "ZeroDivisionError: division by zero"
+    assert error.text.endswith("last log line")
+
+
+def test_a_requirement_that_broke_is_an_error(report: Report) -> None:
+    passed = report.jobs[0]
+    assert passed.result is not None
+    broken = passed.result.requirements[0].model_copy(
+        update={"name": "rule", "satisfied": False, "error": "it raised KeyError", "detail": "could not be judged"}
+    )
+    result = passed.result.model_copy(update={"verdict": "ERROR", "requirements": [broken]})
+    root = parsed(report.model_copy(update={"jobs": [passed.model_copy(update={"result": result})]}))
+    assert root.find(".//error").get("type") == "ERROR"
+    assert root.find(".//error").get("message") == "rule: could not be judged"
+    assert root.find(".//failure") is None
+
+
+def test_seed_world_and_outputs_are_told(report: Report) -> None:
+    root = parsed(report)
+    properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
+    assert properties["sim-pass1.seed"] == "7"
+    assert properties["sim-pass1.world"] == "generation-1/world-1"
+    assert properties["sim-pass1.output"].startswith("file:///")
+    assert properties["operation"] == "StartSimulationJobBatch"
+    told = root.find(".//testcase[@name='sim-pass1']/system-out").text
+    assert "seed: 7" in told
+    assert "PASS: collisions: 0, at most 0 asked" in told
+
+
+def test_a_step_that_failed_without_jobs_is_an_error(report: Report) -> None:
+    step = ReportedStep(
+        name="worlds", operation="CreateWorldGenerationJob", status="Failed", duration_s=1.0, detail="no world came out"
+    )
+    root = parsed(report.model_copy(update={"jobs": [], "steps": [step]}))
+    assert (root.get("tests"), root.get("errors")) == ("1", "1")
+    assert root.find(".//error").text == "no world came out"
+
+
+def test_nothing_was_run(report: Report) -> None:
+    assert len(parsed(report.model_copy(update={"jobs": [], "steps": []}))) == 0
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
+@given(text=st.text(min_size=1))
+def test_any_text_can_be_written(report: Report, text: str) -> None:
+    job = report.jobs[2].model_copy(update={"failure_reason": text, "label": text, "failure_code": text})
+    parsed(report.model_copy(update={"jobs": [job], "name": text}))
