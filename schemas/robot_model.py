@@ -162,7 +162,7 @@ class RobotModelHead(Model):
         description="MJCF or URDF file, relative to this one; `menagerie:<model>/<file>` is one of MuJoCo Menagerie."
     )
     base: PartName = Field(description="Body (link) that all others hang on; x points forward, z up.")
-    footprint: RobotFootprint = Field(description="The robot from above.")
+    footprint: RobotFootprint = Field(description="The room that it takes on the floor.")
     spawn: RobotSpawn = Field(description="How it stands at the start.")
     actuators: list[AddedActuator] = Field(default=[], description="Actuators to add to the model's own.")
     sensors: RobotSensors = Field(default=RobotSensors(), description="What it senses.")

@@ -1,7 +1,10 @@
 """The built-in walker: a small robot dog of primitive shapes that trots.
 
-It is 0.33 m long and 0.2 m wide over its feet, stands 0.22 m high with its lidar and weighs 3 kg. Twelve
-position-controlled joints carry it. Its frame is that of the body's middle, x forward, z up.
+It is 0.25 m long, 0.2 m wide over its feet, 0.21 m high with its lidar, and weighs 2.9 kg. Twelve position-controlled
+joints carry it. Its frame is that of the body's middle, x forward, z up.
+
+It is small because dm_control's own walkers are not made for flats: the Ant spans 1.6 m, and the others have no gait
+without a trained policy.
 """
 
 # MuJoCo has no type stubs.
@@ -19,7 +22,7 @@ from .drives import VelocityController
 from .robot import Controller, Limits, Robot, velocity_action_spec
 from .walker_gait import GaitSettings, LegGeometry, Motion, TrotGait
 
-LEGS = LegGeometry(hip_x_m=0.10, hip_y_m=0.045, offset_m=0.04, thigh_m=0.085, shank_m=0.085, stance_height_m=0.125)
+LEGS = LegGeometry(hip_x_m=0.095, hip_y_m=0.045, offset_m=0.04, thigh_m=0.085, shank_m=0.085, stance_height_m=0.125)
 LIMITS = Limits(radius_m=0.185, linear_mps=0.40, angular_radps=1.6, linear_mps2=0.8, angular_radps2=4.0)
 LIDAR_HEIGHT_M = 0.20
 
@@ -98,7 +101,9 @@ def _add_leg(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, x: float, y: 
         name=f"{name}_foot", type=_GEOM.mjGEOM_SPHERE, pos=[0, 0, -LEGS.shank_m], size=[_FOOT_RADIUS_M, 0, 0],
         mass=0.02, rgba=_RUBBER, friction=[_SOLE_FRICTION, 0.01, 0.0002],
     )  # fmt: skip
-    limits = ((-0.7, 0.7), (-0.6, 2.0), (-2.6, -0.1))
+    # Front knees bend backwards, rear knees forwards.
+    bending = ((-0.6, 2.0), (-2.6, -0.1)) if x > 0 else ((-2.0, 0.6), (0.1, 2.6))
+    limits = ((-0.7, 0.7), *bending)
     for part, axis, limit in zip((hip, thigh, shank), ([1, 0, 0], [0, 1, 0], [0, 1, 0]), limits, strict=True):
         joint = part.add_joint(name=part.name, type=_HINGE, axis=axis, armature=0.004, damping=0.05, range=limit)
         joint.limited = True

@@ -45,7 +45,7 @@ class LegGeometry:
 class GaitSettings:
     """How the legs step."""
 
-    period_s: float = 0.36
+    period_s: float = 0.24
     """From one step of a foot to its next."""
 
     stance_share: float = 0.56
@@ -57,7 +57,7 @@ class GaitSettings:
     levelling: float = 0.6
     """Share of the body's tilt that the legs take back."""
 
-    placing_s: float = 0.06
+    placing_s: float = 0.05
     """How far ahead a foot lands per m/s that the body is too fast."""
 
     speed_gain: float = 0.6
@@ -174,4 +174,6 @@ class TrotGait(KeepsAttributes):
         cosine = (reach * reach - thigh * thigh - shank * shank) / (2 * thigh * shank)
         bend = math.acos(max(-0.9, min(1.0, cosine)))
         lean = math.atan2(shank * math.sin(bend), thigh + shank * math.cos(bend))
-        return abduction, math.atan2(-x, down) + lean, -bend
+        # All knees point to the body's middle, where they are in nothing's way.
+        inwards = math.copysign(1.0, hip_x)
+        return abduction, math.atan2(-x, down) + inwards * lean, -inwards * bend

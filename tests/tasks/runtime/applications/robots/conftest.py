@@ -1,0 +1,19 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from robot_stands import CART_MAPPING, write_robot
+
+from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.applications.robots.robot import Robot
+
+
+@pytest.fixture
+def make_cart(tmp_path: Path) -> Callable[..., Robot]:
+    """Makes the cart with members of its mapping replaced, and files of its package."""
+
+    def make(files: dict[str, str] | None = None, **members: Any) -> Robot:
+        return find_robot(write_robot(tmp_path, CART_MAPPING | members, **(files or {})), {})
+
+    return make

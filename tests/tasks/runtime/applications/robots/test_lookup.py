@@ -1,0 +1,144 @@
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from robot_stands import CART, CART_MAPPING, Stand, write_robot
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan
+from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
+
+BUILT_IN = "prefect_robomaker.tasks.runtime.applications"
+
+
+def plan(attribute: str | None, path: Path | None = None) -> ApplicationPlan:
+    return ApplicationPlan(role="robot", name="mine", attribute=attribute, path=path)
+
+
+def test_without_anything_else_it_is_scout(tmp_path: Path) -> None:
+    (tmp_path / "nav").mkdir()
+    assert find_robot(None, {}).name == "scout"
+    assert find_robot(plan(f"{BUILT_IN}.scout.make_agent"), {}).name == "scout"
+    assert find_robot(plan("nav.make_agent", tmp_path), {}).name == "scout"
+    assert find_robot(plan("no_such_package_here.make_agent"), {}).name == "scout"
+
+
+def test_the_walker_comes_with_its_application_or_by_its_name() -> None:
+    assert find_robot(plan(f"{BUILT_IN}.walker.make_agent"), {}).name == "walker"
+    assert find_robot(plan(f"{BUILT_IN}.scout.make_agent"), {"ROBOMAKER_ROBOT": "walker"}).name == "walker"
+    assert find_robot(plan(f"{BUILT_IN}.walker.make_agent"), {"ROBOMAKER_ROBOT": "scout"}).name == "scout"
+
+
+def test_the_innermost_package_with_a_mapping_counts(tmp_path: Path) -> None:
+    write_robot(tmp_path, CART_MAPPING | {"name": "outer"})
+    inner = tmp_path / "my_cart" / "small"
+    inner.mkdir()
+    for name in ("robot.yaml", "cart.xml"):
+        (inner / name).write_text((tmp_path / "my_cart" / name).read_text().replace("outer", "inner"))
+    assert find_robot(plan("my_cart.small.agent.make_agent", tmp_path), {}).name == "inner"
+    assert find_robot(plan("my_cart.agent.make_agent", tmp_path), {}).name == "outer"
+    assert find_robot(plan(None, tmp_path), {}).name == "scout"
+    (inner / "robot.yaml").rename(tmp_path / "robot.yaml")
+    (inner / "cart.xml").rename(tmp_path / "cart.xml")
+    assert find_robot(plan(None, tmp_path), {}).name == "inner"
+
+
+def test_an_installed_package_brings_its_robot_without_being_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_robot(tmp_path, CART_MAPPING)
+    (tmp_path / "my_cart" / "__init__.py").write_text("raise RuntimeError('imported too early')")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert find_robot(plan("my_cart.make_agent"), {}).name == "my_cart"
+    assert "my_cart" not in sys.modules
+
+
+def test_the_variable_names_a_file_of_the_application(tmp_path: Path) -> None:
+    application = write_robot(tmp_path, CART_MAPPING)
+    (tmp_path / "my_cart" / "robots").mkdir()
+    (tmp_path / "my_cart" / "robot.yaml").rename(tmp_path / "my_cart" / "robots" / "cart-2.yaml")
+    (tmp_path / "my_cart" / "cart.xml").rename(tmp_path / "my_cart" / "robots" / "cart.xml")
+    assert find_robot(application, {}).name == "scout"
+    assert find_robot(application, {"ROBOMAKER_ROBOT": "robots/cart-2.yaml"}).name == "cart_2"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("skout", r"there is no robot 'skout'; did you mean 'scout'\?"),
+        ("robots/none.yaml", "the robot application cart has no file 'robots/none.yaml'"),
+        ("../other/robot.yaml", "is outside of the robot application"),
+        ("/etc/robot.yaml", "is outside of the robot application"),
+    ],
+)
+def test_a_robot_that_is_not_there_is_named(tmp_path: Path, name: str, message: str) -> None:
+    with pytest.raises(LaunchError, match=f"ROBOMAKER_ROBOT: .*{message}") as error:
+        find_robot(write_robot(tmp_path, CART_MAPPING), {"ROBOMAKER_ROBOT": name})
+    assert error.value.failure_code == "InvalidInput"
+
+
+@pytest.mark.parametrize("model", ["../cart.xml", "/tmp/cart.xml"])
+def test_a_model_outside_of_the_mappings_folder_is_refused(tmp_path: Path, model: str) -> None:
+    with pytest.raises(LaunchError, match=r"model: .* has to be a path within the folder"):
+        find_robot(write_robot(tmp_path, CART_MAPPING | {"model": model}), {})
+
+
+# MuJoCo Menagerie
+
+
+@pytest.fixture
+def menagerie(tmp_path: Path) -> dict[str, str]:
+    """A checkout as small as can be."""
+    folder = tmp_path / "menagerie" / "acme_cart"
+    folder.mkdir(parents=True)
+    (folder / "cart.xml").write_text(CART)
+    (folder / "scene.xml").write_text('<mujoco><include file="cart.xml"/></mujoco>')
+    (tmp_path / "menagerie" / "test").mkdir()
+    return {"MENAGERIE_ROOT": str(tmp_path / "menagerie"), "ROBOMAKER_ROBOT": "menagerie:acme_cart"}
+
+
+def test_a_model_of_menagerie_with_a_mapping_drives(menagerie: dict[str, str], tmp_path: Path) -> None:
+    write_robot(tmp_path, CART_MAPPING)
+    (tmp_path / "my_cart" / "robot.yaml").rename(tmp_path / "menagerie" / "acme_cart" / "robot.yaml")
+    robot = find_robot(None, menagerie)
+    assert robot.name == "acme_cart"
+    stand = Stand(robot)
+    stand.drive((0.3, 0.0), 1.5)
+    assert stand.base.read().linear == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_bundles_mapping_may_take_its_model_from_menagerie(menagerie: dict[str, str], tmp_path: Path) -> None:
+    application = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/cart.xml"})
+    variables = {"MENAGERIE_ROOT": menagerie["MENAGERIE_ROOT"]}
+    assert find_robot(application, variables).joints == ("left", "right", "lift")
+    wrong = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/card.xml"})
+    with pytest.raises(LaunchError, match=r"acme_cart has no file 'card.xml'; did you mean 'cart.xml'\?"):
+        find_robot(wrong, variables)
+
+
+def test_a_model_of_menagerie_without_a_mapping_says_what_to_write(menagerie: dict[str, str], tmp_path: Path) -> None:
+    with pytest.raises(LaunchError, match=r"acme_cart has no robot\.yaml") as error:
+        find_robot(None, menagerie)
+    begin = str(error.value).partition("To begin with:\n")[2]
+    assert begin.startswith("version: 1\nmodel: cart.xml\nbase: chassis\n")
+    (tmp_path / "menagerie" / "acme_cart" / "robot.yaml").write_text(begin)
+    assert find_robot(None, menagerie).home["lift"] == 0.5  # what it says is right
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"MENAGERIE_ROOT": ""}, "MENAGERIE_ROOT is not set; .*git clone"),
+        ({"MENAGERIE_ROOT": "/no/such/folder"}, "MENAGERIE_ROOT: there is no folder '/no/such/folder'"),
+        ({"ROBOMAKER_ROBOT": "menagerie:acme_card"}, r"has no model 'acme_card'; did you mean 'acme_cart'\?"),
+        ({"ROBOMAKER_ROBOT": "menagerie:test"}, "has no model 'test'"),
+        ({"ROBOMAKER_ROBOT": "menagerie:../acme_cart"}, "has no model"),
+    ],
+)
+def test_what_is_missing_of_menagerie_is_named(
+    menagerie: dict[str, str], changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(LaunchError, match=message) as error:
+        find_robot(None, menagerie | changes)
+    assert error.value.failure_code == "InvalidInput"

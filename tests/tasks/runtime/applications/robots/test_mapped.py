@@ -1,0 +1,177 @@
+import logging
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_stands import CART_MAPPING, Stand
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.applications.scene import assemble
+from prefect_robomaker.tasks.runtime.context import ActionError
+
+MakeCart = Callable[..., Robot]
+DRIVE = CART_MAPPING["drive"]
+
+PLANAR = """<mujoco><worldbody><body name="chassis" pos="1 0 0.4">
+<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+<geom type="cylinder" size="0.15 0.05" mass="5"/>
+<body name="top" pos="0 0 0.1"><joint name="turn" axis="0 0 1"/>
+<geom type="box" size="0.1 0.1 0.05" mass="3"/></body></body></worldbody>
+<actuator><velocity joint="x" kv="200"/><velocity name="across" joint="y" kv="200"/><velocity joint="turn" kv="50"/>
+</actuator></mujoco>"""
+PLANAR_DRIVE = {
+    "kind": "velocity", "frame": "world", "x": "x", "y": "across", "yaw": "turn", "max_linear_mps": 0.8,
+    "max_angular_radps": 1.5,
+}  # fmt: skip
+
+
+def test_a_differential_robot_goes_where_it_is_told_whatever_way_its_wheels_turn(make_cart: MakeCart) -> None:
+    stand = Stand(make_cart())
+    stand.drive((0.4, 0.0), 2.0)
+    state = stand.base.read()
+    assert state.linear == pytest.approx(0.4, rel=0.05)
+    assert state.x == pytest.approx(0.4 * (2.0 - 0.4 / 1.2 / 2), rel=0.08)
+    assert abs(state.yaw) < 0.1  # the geared wheel follows its ramp more closely
+    stand.drive((0.0, 1.0), 2.0)
+    assert stand.base.read().angular == pytest.approx(1.0, rel=0.08)
+    stand.drive((0.0, 0.0), 1.0)
+    assert abs(stand.base.read().linear) < 0.01
+
+
+def test_it_starts_as_the_keyframe_and_the_mapping_say_and_servos_hold_it_there(make_cart: MakeCart) -> None:
+    robot = make_cart()
+    assert robot.home == {"left": 0.0, "right": 0.0, "lift": 0.5}
+    other = make_cart(spawn={"height_m": 0.05, "keyframe": "up", "joints": {"lift": -0.3}})
+    stand = Stand(other)
+    stand.drive((0.0, 0.0), 0.5)
+    assert stand.data.joint("my_cart/lift").qpos[0] == pytest.approx(-0.3, abs=0.05)
+
+
+def test_observations_have_the_robots_own_joints_and_sensors(make_cart: MakeCart, make_context: Any) -> None:
+    robot = make_cart()
+    assert robot.joints == ("left", "right", "lift")
+    assert robot.lidar_height_m == pytest.approx(0.15)
+    assert robot.name == "my_cart"
+    assert robot.imu == ("gyro", "acc")
+    assert make_cart(joints=["lift"]).joints == ("lift",)
+    assert make_cart(sensors={}).lidar_height_m is None
+
+
+def test_range_sensors_do_not_see_the_robot_itself(make_cart: MakeCart, make_context: Any) -> None:
+    from prefect_robomaker.tasks.runtime.applications import lidar
+
+    robot = make_cart()
+    physics = assemble(make_context().world_dir / "world.xml", robot)
+    model, data = physics.model.ptr, physics.data.ptr
+    body = robot.footprint_id(model)
+    # In the plane of the deck, where everything of the robot would be in the way.
+    finder = lidar.RangeFinder(model, data, body, 0.05, lidar.SCAN_ANGLES_RAD, 3.5, physics.unseen_group)
+    assert finder.cast().min() > 0.5
+    np.testing.assert_allclose(np.minimum(finder.measure(), 9.0), np.minimum(finder.cast(), 9.0), atol=1e-3)
+
+
+def test_the_worlds_physics_options_count_and_the_log_says_so(
+    make_cart: MakeCart, make_context: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    from robot_stands import CART
+
+    text = CART.replace("<worldbody>", '<option impratio="100" gravity="0 0 -1.6"/><worldbody>', 1)
+    with caplog.at_level(logging.WARNING):
+        physics = assemble(make_context().world_dir / "world.xml", make_cart({"cart_xml": text}))
+    assert physics.model.ptr.opt.gravity[2] == pytest.approx(-9.81)
+    said = " ".join(record.getMessage() for record in caplog.records)
+    assert "my_cart: physics options are those of the world" in said
+    assert "impratio=100 (" in said
+    assert "gravity=0 0 -1.6 (0 0 -9.81)" in said
+
+
+def test_a_footprint_that_is_too_small_and_measures_that_are_off_are_told(
+    make_cart: MakeCart, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        make_cart(footprint={"radius_m": 0.1}, drive=DRIVE | {"wheel_radius_m": 0.08, "track_width_m": 0.4})
+    said = " ".join(record.getMessage() for record in caplog.records)
+    assert "footprint.radius_m: parts reach up to 0.1" in said
+    assert "drive.wheel_radius_m is 0.08 m; in the model it is 0.050 m over the floor" in said
+    assert "drive.track_width_m is 0.4 m; in the model it is 0.200 m apart" in said
+
+
+def test_a_base_on_slides_and_a_hinge_moves_in_the_worlds_frame(make_cart: MakeCart) -> None:
+    robot = make_cart(
+        {"cart_xml": PLANAR},
+        drive=PLANAR_DRIVE,
+        spawn={"height_m": 0.1},
+        sensors={"lidar": {"height_m": 0.3}},
+        footprint={"radius_m": 0.16},
+    )
+    stand = Stand(robot)
+    assert stand.data.body("my_cart/base_footprint_mark").xpos == pytest.approx((0, 0, 0), abs=1e-9)
+    stand.drive((0.0, math.pi / 4), 2.0)
+    stand.drive((0.5, 0.0), 2.0)
+    state = stand.base.read()
+    assert state.yaw == pytest.approx(math.pi / 2, abs=0.15)
+    assert (state.linear, state.angular) == pytest.approx((0.5, 0.0), abs=0.03)
+    assert state.y > 0.7
+    assert abs(state.x) < 0.2
+
+
+def test_actions_of_a_robot_without_a_drive_are_its_actuators_controls(make_cart: MakeCart) -> None:
+    robot = make_cart(drive={"kind": "actuators"})
+    stand = Stand(robot)
+    spec = robot.drive.action_spec(stand.model, robot.prefix)
+    assert spec.name == "left, right, lift"
+    assert spec.shape == (3,)
+    assert (spec.minimum[2], spec.maximum[2]) == (-1.0, 1.0)
+    stand.drive((4.0, -8.0, 9.0), 1.0)
+    assert stand.data.ctrl.tolist() == [4.0, -8.0, 1.0]
+    assert stand.base.read().linear > 0.1
+    assert stand.controller.command((0.0, 0.0, 0.0)) is False
+    assert stand.controller.command((0.0, 0.0, 0.0)) is True
+    for wrong in ((1.0, 2.0), (1.0, 2.0, math.nan), "abc", None):
+        with pytest.raises(ActionError, match="left, right, lift"):
+            stand.controller.command(wrong)
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({"base": "chasis"}, "base: cart.xml has no 'chasis' among its bodies; did you mean 'chassis'?"),
+        ({"base": "arm"}, "base: 'arm' hangs on other bodies; name the outermost, 'chassis'"),
+        ({"drive": DRIVE | {"left": ["leftt"]}}, r"drive.left\[0\]: there is no joint or actuator 'leftt'; did you"),
+        ({"drive": DRIVE | {"left": ["right"], "right": ["left"]}}, r"drive.left\[0\]: 'right' is on the other side"),
+        ({"drive": DRIVE | {"left": ["lift"]}}, r"drive.left\[0\]: 'lift' is no velocity actuator"),
+        ({"joints": ["left", "elbow"]}, r"joints\[1\]: there is no hinge or slide 'elbow'; it has joints left, right"),
+        ({"spawn": {"height_m": 0.05, "keyframe": "down"}}, "spawn.keyframe: cart.xml has no 'down'"),
+        ({"spawn": {"height_m": 0.05, "joints": {"lif": 1.0}}}, "spawn.joints: there is no hinge or slide 'lif'; did"),
+        ({"sensors": {"lidar": {"at": "eyes"}}}, "sensors.lidar.at: there is no site or body 'eyes'; did you mean"),
+        ({"sensors": {"lidar": {}}}, "sensors.lidar: give either at"),
+        ({"sensors": {"imu": {"gyro": "acc", "accelerometer": "acc"}}}, "sensors.imu.gyro: there is no gyro 'acc'"),
+        ({"sensors": {"imu": {"gyro": "gyro"}}}, "sensors.imu: give at"),
+        ({"video_camera": "behind"}, "video_camera: there is no camera 'behind'"),
+        ({"sliding": ["wheel"]}, r"sliding\[0\]: cart.xml has no 'wheel' among its bodies"),
+        ({"actuators": [{"joint": "lift", "kind": "motor"}]}, r"actuators\[0\]: there is an actuator 'lift' already"),
+        ({"actuators": [{"joint": "hip", "kind": "motor"}]}, r"actuators\[0\].joint: cart.xml has no 'hip'"),
+        ({"drive": PLANAR_DRIVE | {"x": "left"}}, "drive.x: 'left' has to move a slide along the x axis"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named_with_what_would_be_right(make_cart: MakeCart, members: Any, message: str) -> None:
+    with pytest.raises(LaunchError, match=message) as error:
+        make_cart(**members)
+    assert str(error.value).startswith("robot.yaml: ")
+    assert error.value.failure_code == "InvalidBundleRobotApplication"
+
+
+def test_a_joint_without_an_actuator_says_how_to_add_one(make_cart: MakeCart) -> None:
+    from robot_stands import CART
+
+    text = CART.replace('<velocity name="left" joint="left" kv="1"/>', "")
+    with pytest.raises(LaunchError, match=r"'left' has no actuator; add it: actuators: \[\{joint: left, kind: vel"):
+        make_cart({"cart_xml": text})
+    added = [{"joint": "left", "kind": "velocity", "gain": 1.0, "force_limit": 2.0, "armature": 0.001}]
+    stand = Stand(make_cart({"cart_xml": text}, actuators=added))
+    stand.drive((0.3, 0.0), 1.5)
+    assert stand.base.read().linear == pytest.approx(0.3, rel=0.05)
+    assert abs(stand.base.read().yaw) < 0.05
