@@ -40,8 +40,7 @@ SOCKET_VARIABLE = "ROBOMAKER_AGENT_SOCKET"
 PROTOCOL = "robomaker-agent"
 VERSION = 1
 
-HELLO, OBSERVATION, ACTION, END, ERROR = 1, 2, 3, 4, 5
-"""Types of messages."""
+HELLO, OBSERVATION, ACTION, END, ERROR = 1, 2, 3, 4, 5  # types of messages
 
 HEADER = struct.Struct("<II")
 """Before every message: bytes that follow, type."""
@@ -52,8 +51,7 @@ OBSERVATION_HEADER = struct.Struct("<QdddBB6x")
 ACTION_HEADER = struct.Struct("<Q")
 """Before the arrays of an action: the number of the observation that it answers."""
 
-HAS_REWARD, HAS_DISCOUNT = 1, 2
-"""Flags of an observation."""
+HAS_REWARD, HAS_DISCOUNT = 1, 2  # flags of an observation
 
 ITEM_FORMATS = {
     "bool": "?", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
@@ -171,10 +169,7 @@ class ArraySpec:
         """Returns the array in a message's content."""
         if np is not None:
             return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
-        flat = list(self._items.unpack_from(data, self.offset))
-        for length in reversed(self.shape[1:]):
-            flat = [flat[begin : begin + length] for begin in range(0, len(flat), length)] if length else []
-        return flat if self.shape else flat[0]
+        return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)
 
     def write(self, value: Any, data: bytearray) -> None:
         """Puts a value into a message's content.
@@ -189,13 +184,13 @@ class ArraySpec:
             np.ndarray(self.shape, self._numpy_dtype, data, self.offset)[...] = array
             return
         flat = [value]
-        for length in self.shape:
-            if any(len(item) != length for item in flat):
-                raise ValueError(f"{self}: the value has another shape")
-            flat = [item for items in flat for item in items]
         try:
+            for length in self.shape:
+                if any(len(item) != length for item in flat):
+                    raise TypeError("the value has another shape")
+                flat = [item for items in flat for item in items]
             self._items.pack_into(data, self.offset, *flat)
-        except struct.error as error:
+        except (TypeError, struct.error) as error:
             raise ValueError(f"{self}: {error}") from error
 
     def _numpy_bound(self, bound: Any, unbounded: float) -> Any:
@@ -210,6 +205,10 @@ class ArraySpec:
     def __repr__(self) -> str:
         where = "/".join(map(str, self.path)) or "array"
         return f"{where} ({self.dtype}{list(self.shape)})"
+
+
+def _shaped(items: Iterator[Any], shape: tuple[int, ...]) -> Any:
+    return [_shaped(items, shape[1:]) for _ in range(shape[0])] if shape else next(items)
 
 
 class _Layout:
@@ -256,9 +255,9 @@ class TimeStep(NamedTuple):
     reward: float | None
     discount: float | None
     observation: Any
-    """An array, or arrays by name; those that have sequences in them are dictionaries by index."""
+    """An array, or arrays by name, or by index."""
     step: int
-    """Number of the observation, from 0. Gaps show how many were left out while this program was busy."""
+    """Number of the observation, from 0; gaps show how many this program missed."""
     time_s: float
     """Simulated time; NaN when the environment has no clock."""
 

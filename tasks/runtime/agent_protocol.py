@@ -33,6 +33,7 @@ MAX_WORDS_BYTES = 64 * 1024
 
 _ALIGNMENT = 8
 _MAX_CONTENT_BYTES = 2**30
+_SHOWN_CHARACTERS = 80
 
 Path = tuple[str | int, ...]
 
@@ -319,7 +320,8 @@ def _of(field: ArrayField) -> str:
 
 
 def _shortened(array: NDArray[Any]) -> str:
-    return np.array2string(array, threshold=8, separator=", ").replace("\n", "")
+    text = str(array.tolist())
+    return text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "…"
 
 
 def _rebuilt(spec: Any, path: Path, values: Mapping[Path, Any]) -> Any:

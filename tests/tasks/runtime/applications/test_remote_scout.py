@@ -1,0 +1,71 @@
+"""Scout in a process of its own, over the socket, does what it does in the job's process, to the last bit."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from prefect_robomaker.schemas.run_programs import ProgramPlan
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.child import BUILT_IN_ENVIRONMENT
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+PROGRAM = """
+import pathlib, types
+from prefect_robomaker.schemas.world import World
+from prefect_robomaker.tasks.runtime.agent_client import connect
+from prefect_robomaker.tasks.runtime.applications.scout import make_agent
+from prefect_robomaker.tasks.runtime.recording import NullRecorder
+
+with connect() as simulation:
+    world_dir = pathlib.Path(simulation.hello["world_dir"])
+    world = World.model_validate_json((world_dir / "world.json").read_bytes())
+    # What a robot thinks is recorded in the simulation's process only.
+    context = types.SimpleNamespace(world=world, world_dir=world_dir, recorder=NullRecorder())
+    simulation.run(make_agent(context, simulation))
+"""
+
+
+def recorded(plan: RunPlan) -> list[tuple[str, int, bytes]]:
+    with (plan.output_dir / "recording.mcap").open("rb") as stream:
+        return [
+            (channel.topic, message.log_time, message.data)
+            for _, channel, message in make_reader(stream).iter_messages()
+        ]
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_run_in_one_process_and_in_two(
+    launcher: Launcher, make_context, tmp_path: Path
+) -> None:
+    given = make_context(seed=5, loose=[("Toy_1", 0.45, 1.3, 0.05)]).plan
+    given = given.model_copy(update={"simulation_application": BUILT_IN_ENVIRONMENT})
+    robot = ApplicationPlan(role="robot", name="scout-alone")
+    argv = [sys.executable, "-c", PROGRAM]
+    program = ProgramPlan(name="robot", role="robot", kind="application", argv=argv, folder=tmp_path)
+    plans = [
+        given.model_copy(
+            update={"work_dir": tmp_path / name / "work", "output_dir": tmp_path / name / "out", **members}
+        )
+        for name, members in {"one": {}, "two": {"robot_application": robot, "programs": [program]}}.items()
+    ]
+    results = []
+    for plan in plans:
+        outcome = launcher.run(plan, lambda: None)
+        assert outcome.status == "Completed", outcome.failure_reason
+        results.append(RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes()))
+
+    one, two = results
+    assert two.verdict == "PASS"
+    assert two.state_digest is not None
+    assert two.state_digest == one.state_digest, "positions, velocities and commands at every look, as a hash"
+    assert two.path == one.path
+    steps = two.extra["agent"]["actions"]
+    assert two.metrics == one.metrics
+    assert steps > 300
+    first, second = map(recorded, plans)
+    topics = {topic for topic, _, _ in second}
+    assert topics >= {"/clock", "/odom", "/scan", "/joint_states", "/tf"}
+    assert len(second) > 1000
+    assert sorted(message for message in first if message[0] in topics) == sorted(second)
