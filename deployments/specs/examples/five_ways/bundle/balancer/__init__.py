@@ -1,0 +1,1 @@
+"""A robot that keeps a pole upright, as a program of its own."""
