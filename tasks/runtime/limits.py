@@ -18,6 +18,8 @@ METER_INTERVAL_S = 0.1
 _OOM_SCORE = 500
 """Where memory runs out for the whole machine, the kernel takes runs before those who perform them."""
 _MANY = 64
+_OTHER_FORKS = 512
+"""Processes of the same user, outside the run, that may be added while it runs."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def _bound_forks(processes: int) -> None:
     with suppress(OSError, ValueError, IndexError):
         there = int(Path("/proc/loadavg").read_text().split()[3].split("/")[1])
         _, hard = resource.getrlimit(resource.RLIMIT_NPROC)
-        bound = there + max(4 * processes, 4096)
+        bound = there + processes + _OTHER_FORKS
         if hard == resource.RLIM_INFINITY or bound < hard:
             resource.setrlimit(resource.RLIMIT_NPROC, (bound, bound))
 

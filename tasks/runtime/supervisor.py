@@ -19,7 +19,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from ...schemas.errors import LaunchError
-from .processes import adopt_orphans, die_with_parent, kill_children
+from .processes import adopt_orphans, come_first, die_with_parent, kill_children
 from .progress import Progress
 from .run_request import RunRequest
 from .supervision import Supervision
@@ -42,6 +42,7 @@ def supervise(channel: Connection, run_child: RunChild) -> None:
     """
     os.setsid()
     adopt_orphans()
+    come_first()
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     try:
         request = RunRequest.model_validate_json(channel.recv_bytes())

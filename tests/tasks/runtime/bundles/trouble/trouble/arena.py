@@ -174,6 +174,8 @@ class Judging(Counting):
             "extra": {
                 "environ": dict(os.environ),
                 "cwd": str(Path.cwd()),
+                "cores": sorted(os.sched_getaffinity(0)),
+                "core_files": resource.getrlimit(resource.RLIMIT_CORE),
                 "stdin": sys.stdin.read() if not sys.stdin.closed else None,
                 "main": getattr(sys.modules["__main__"], "__file__", ""),
                 "random": random.random() + np.random.mtrand.random_sample(),
@@ -182,7 +184,13 @@ class Judging(Counting):
         }
 
 
+def _hog(environment):
+    environment.hog = [b"x" * (8 << 20) for _ in range(80)]
+    time.sleep(1000)
+
+
 raising = _doing(_raise)
+hogging = _doing(_hog)
 segfaulting = _doing(_segfault)
 diverging = _doing(_diverge)
 forking = _doing(_fork)
