@@ -18,6 +18,8 @@ from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from ...schemas.world import World
 from . import gl
+from .camera_recorder import CameraRecorder
+from .camera_settings import camera_recording
 from .checkpoints import Checkpointer, CheckpointError, discard_checkpoints
 from .context import SimulationContext
 from .loading import LoadError, load_factory
@@ -125,6 +127,8 @@ def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     resumes = checkpoints is not None and checkpoints.resumes
     recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else NullRecorder()
     observers = make_observers(plan, run.video_backend, _applications(plan))
+    if camera := camera_recording(plan):
+        observers.append(CameraRecorder(recorder, camera, run.video_backend))
     robot = _applications(plan)[1]
     remote = RemoteRobot(plan, robot.name, stop) if robot.attribute is None else None
     if remote is not None:

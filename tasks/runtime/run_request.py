@@ -11,6 +11,7 @@ from ...schemas.run_programs import ProgramPlan
 from ...schemas.simulation_run import RunPlan
 from .agent_client import SOCKET_VARIABLE
 from .agent_socket import agent_socket_path
+from .camera_settings import camera_recording
 from .video_backends import best_video_backend
 from .video_settings import settings_of
 
@@ -66,17 +67,18 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         cores: Processor cores it may use; None: all.
 
     Raises:
-        LaunchError: The variables ask for a video that cannot be.
+        LaunchError: The variables ask for a video or a recording that cannot be.
     """
     plan = _with_absolute_paths(plan)
     films_now = plan.video == "always"
     if plan.video != "none":
         settings_of(plan)  # what is wrong with them is said before anything is started
-    backend = best_video_backend() if films_now or plan.live_view_port is not None else None
+    renders_now = films_now or camera_recording(plan) is not None
+    backend = best_video_backend() if renders_now or plan.live_view_port is not None else None
     variables: dict[str, str] = {}
     for application in (plan.robot_application, plan.simulation_application):
         variables |= application.environment_variables if application else {}
-    if films_now and backend in ("egl", "osmesa"):
+    if renders_now and backend in ("egl", "osmesa"):
         variables.setdefault("MUJOCO_GL", backend)
     home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
     return RunRequest(

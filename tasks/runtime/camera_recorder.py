@@ -1,0 +1,105 @@
+"""A camera's pictures in the recording, when a job asks for them: rendering costs more than all the rest of a run."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import io
+import math
+import sys
+import traceback
+from typing import Any
+
+import mujoco
+from PIL import Image as PillowImage
+
+from . import messages as ros
+from .camera_settings import CameraRecording
+from .context import Recorder
+from .display_messages import CompressedImage
+from .filming import RAYS, Filming
+from .physics import raw_physics
+from .results import Findings
+from .video_settings import VideoSettings
+
+TOPIC = "/camera/image_raw/compressed"
+_SIZE = (320, 240)
+_JPEG_QUALITY = 80
+_FRONT = "front"
+
+
+class CameraRecorder:
+    """Records JPEG pictures, 320 x 240, as `sensor_msgs/CompressedImage` on `/camera/image_raw/compressed`.
+
+    Pictures that cannot be made do not fail the run: the reason goes to the error log and, as `camera_error`, to the
+    result.
+    """
+
+    def __init__(self, recorder: Recorder, settings: CameraRecording, backend: str | None) -> None:
+        """Prepares; nothing is rendered before the first look.
+
+        Args:
+            recorder: Where the pictures go.
+            settings: Which camera, how often.
+            backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None takes rays.
+        """
+        self.next_time_s = 0.0
+        self._recorder, self._settings, self._backend = recorder, settings, backend or RAYS
+        self._model: mujoco.MjModel | None = None
+        self._filming: Filming | None = None
+        self._frame = ""
+        self._error: str | None = None
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Records a picture.
+
+        Raises:
+            RecordingError: The recording cannot be written.
+        """
+        try:
+            data = self._jpeg(environment)
+        except Exception:
+            self.next_time_s = math.inf
+            self._error = traceback.format_exc(limit=0).strip().splitlines()[-1]
+            sys.stderr.write(f"No camera in the recording: it could not be made with {self._backend}.\n")
+            traceback.print_exc()
+            return
+        header = ros.Header(ros.Time.from_seconds(time_s), self._frame)
+        self._recorder.write(TOPIC, CompressedImage(header, "jpeg", data), time_s)
+        # From now rather than from the time it was due: control steps may be longer than the interval.
+        self.next_time_s = time_s + 1.0 / self._settings.rate_hz
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Frees what the driver holds; says why there are no pictures, if so."""
+        del ended_by
+        if self._filming is not None:
+            self._filming.close()
+        return Findings({"camera_error": self._error} if self._error else {})
+
+    def state(self) -> float:
+        """When the next picture is due; see `checkpoints.Resumable`."""
+        return self.next_time_s
+
+    def restore(self, state: float, environment: Any) -> None:
+        """Goes on with the pictures after those that there are."""
+        del environment
+        self.next_time_s = state
+
+    def _jpeg(self, environment: Any) -> bytes:
+        model, data = raw_physics(environment.physics)
+        if self._filming is None or model is not self._model:
+            if self._filming is not None:
+                self._filming.close()
+            self._model = model
+            self._frame = self._settings.camera or _default_camera(model) or "camera"
+            settings = VideoSettings(camera=self._settings.camera or _default_camera(model), size=_SIZE)
+            self._filming = Filming(model, settings, self._backend)
+        picture = io.BytesIO()
+        PillowImage.fromarray(self._filming.picture(data)).save(picture, "JPEG", quality=_JPEG_QUALITY)
+        return picture.getvalue()
+
+
+def _default_camera(model: mujoco.MjModel) -> str | None:
+    """What a robot sees ahead of it, else the model's first camera that has a name."""
+    names = [model.camera(camera).name for camera in range(model.ncam)]
+    ahead = [name for name in names if name.rpartition("/")[2] == _FRONT]
+    return next((name for name in (*ahead, *names) if name), None)

@@ -1,0 +1,55 @@
+"""Whether a camera is recorded, from the variables of a run's launch configurations."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ...schemas.errors import LaunchError
+from ...schemas.simulation_run import RunPlan
+
+RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
+CAMERA_VARIABLE = "ROBOMAKER_RECORD_CAMERA"
+_MAX_RATE_HZ = 60.0
+_INVALID = "InvalidInput"
+
+
+@dataclass(frozen=True)
+class CameraRecording:
+    """Which camera is recorded, and how often."""
+
+    rate_hz: float
+    """Pictures per simulated second."""
+
+    camera: str | None = None
+    """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
+
+
+def camera_recording(plan: RunPlan) -> CameraRecording | None:
+    """Returns what a run's variables ask for; None: no pictures, which is the default.
+
+    Raises:
+        LaunchError: The rate is not a number above 0 and at most 60.
+    """
+    if not plan.record:
+        return None
+    variables: dict[str, str] = dict(plan.environment)
+    for application in (plan.robot_application, plan.simulation_application):
+        variables |= application.environment_variables if application else {}
+    return _read(variables)
+
+
+def _read(variables: Mapping[str, str]) -> CameraRecording | None:
+    text = variables.get(RATE_VARIABLE)
+    if text is None:
+        return None
+    try:
+        rate_hz = float(text)
+    except ValueError:
+        rate_hz = math.nan
+    if not 0 < rate_hz <= _MAX_RATE_HZ:
+        raise LaunchError(
+            f"{RATE_VARIABLE} is {text!r}; it has to be pictures per simulated second, above 0 and at most "
+            f"{_MAX_RATE_HZ:g}, such as 5",
+            _INVALID,
+        )
+    return CameraRecording(rate_hz, variables.get(CAMERA_VARIABLE) or None)

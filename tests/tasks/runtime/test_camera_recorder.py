@@ -1,0 +1,118 @@
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+from rosbags.highlevel import AnyReader
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
+from prefect_robomaker.tasks.runtime.camera_recorder import TOPIC, CameraRecorder
+from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording, camera_recording
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.recording import McapRecorder
+
+CARTPOLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+MODEL = """
+<mujoco>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <camera name="aloft" pos="0 0 5"/>
+    <geom size="1 1 .1" type="box" pos="0 3 0" rgba="1 0 0 1"/>
+    <body><freejoint/><geom size=".1"/><camera name="bot/front" xyaxes="1 0 0 0 0 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def environment() -> Any:
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return SimpleNamespace(physics=SimpleNamespace(model=model, data=data))
+
+
+def run(environment: Any, folder: Path, settings: CameraRecording) -> tuple[list[Any], Any]:
+    with McapRecorder(folder / "recording.mcap") as recorder:
+        watcher = CameraRecorder(recorder, settings, None)
+        for step in range(21):
+            if step * 0.05 >= watcher.next_time_s - 5e-7:
+                watcher.watch(environment, step * 0.05)
+        findings = watcher.close("agent")
+    with AnyReader([folder]) as reader:
+        return [reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()], findings
+
+
+def test_pictures_are_jpeg_at_the_rate_asked_for(environment: Any, tmp_path: Path) -> None:
+    messages, findings = run(environment, tmp_path, CameraRecording(5.0))
+    assert findings.extra == {}
+    stamps = [message.header.stamp.sec + message.header.stamp.nanosec / 1e9 for message in messages]
+    assert stamps == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
+    assert {(message.header.frame_id, message.format) for message in messages} == {("bot/front", "jpeg")}
+    picture = np.asarray(Image.open(io.BytesIO(messages[0].data.tobytes())))
+    assert picture.shape == (240, 320, 3)
+    assert picture[125, 160, 0] > 2 * picture[125, 160, 1]  # the red box ahead
+    layout = json.loads((tmp_path / "foxglove-layout.json").read_text())
+    assert layout["configById"]["Image!camera0"]["imageMode"]["imageTopic"] == TOPIC
+
+
+def test_another_camera(environment: Any, tmp_path: Path) -> None:
+    messages, _ = run(environment, tmp_path, CameraRecording(1.0, "aloft"))
+    assert {message.header.frame_id for message in messages} == {"aloft"}
+
+
+def test_a_camera_that_is_not_there_is_a_remark(environment: Any, tmp_path: Path) -> None:
+    messages, findings = run(environment, tmp_path, CameraRecording(1.0, "elsewhere"))
+    assert messages == []
+    assert "'elsewhere'" in findings.extra["camera_error"]
+
+
+def planned(make_plan: Callable[..., RunPlan], **variables: str) -> RunPlan:
+    return make_plan(variables={f"ROBOMAKER_RECORD_{name}": value for name, value in variables.items()})
+
+
+def test_settings_come_from_variables(make_plan: Callable[..., RunPlan]) -> None:
+    assert camera_recording(planned(make_plan)) is None
+    assert camera_recording(planned(make_plan, CAMERA="aloft")) is None
+    plan = planned(make_plan, CAMERA_HZ="2.5", CAMERA="aloft")
+    assert camera_recording(plan) == CameraRecording(2.5, "aloft")
+    assert camera_recording(plan.model_copy(update={"record": False})) is None
+    robot = ApplicationPlan(
+        role="robot", name="r", attribute="a.b", environment_variables={"ROBOMAKER_RECORD_CAMERA_HZ": "1"}
+    )
+    assert camera_recording(make_plan(robot_application=robot)) == CameraRecording(1.0)
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "61", "nan", "often"])
+def test_a_wrong_rate_is_named(make_plan: Callable[..., RunPlan], text: str) -> None:
+    with pytest.raises(LaunchError, match=f"ROBOMAKER_RECORD_CAMERA_HZ is '{text}'; it has to be") as caught:
+        camera_recording(planned(make_plan, CAMERA_HZ=text))
+    assert caught.value.failure_code == "InvalidInput"
+
+
+def test_a_job_records_its_camera_when_asked_to(launcher: Launcher, make_plan: Callable[..., RunPlan]) -> None:
+    bundle = {"path": CARTPOLE, "environment_variables": {"ROBOMAKER_RECORD_CAMERA_HZ": "2"}}
+    plan = make_plan(
+        simulation_application=ApplicationPlan(
+            role="simulation", name="arena", attribute="my_cartpole.arena.make_environment", **bundle
+        ),
+        robot_application=ApplicationPlan(
+            role="robot", name="agent", attribute="my_cartpole.agent.make_agent", **bundle
+        ),
+    )
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    with AnyReader([plan.output_dir]) as reader:
+        pictures = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic == TOPIC
+        ]
+    assert len(pictures) > 2
+    assert Image.open(io.BytesIO(pictures[0].data.tobytes())).size == (320, 240)
