@@ -107,9 +107,13 @@ def judge(
         reason = "The run's supervising process disappeared, perhaps killed for want of memory."
         return Judgement("Failed", "InternalServiceError", failure_reason(reason, *log))
     phase = Phase(ended.report.get("phase", ended.phase))
-    reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}"
     # An application that refuses to run on purpose (`LaunchError`) says what kind of failure that is.
     code = ended.report.get("code", _CRASH_CODES[phase.role])
+    if code == "InvalidBundleRobotApplication":
+        # Found out by the environment, which puts the application's robot into the world.
+        reason = f"{_application('robot', plan)} has no robot that can be used: {_what(ended)}"
+    else:
+        reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}"
     return Judgement("Failed", code, failure_reason(reason, *log))
 
 

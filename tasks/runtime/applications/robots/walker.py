@@ -3,8 +3,8 @@
 It is 0.25 m long, 0.2 m wide over its feet, 0.21 m high with its lidar, and weighs 2.9 kg. Twelve position-controlled
 joints carry it. Its frame is that of the body's middle, x forward, z up.
 
-It is small because dm_control's own walkers are not made for flats: the Ant spans 1.6 m, and the others have no gait
-without a trained policy.
+It is not one of dm_control's own walkers because those are not made for flats: the Ant's legs reach a metre from its
+middle while doors are 0.9 m wide, and the others have no gait without a trained policy.
 """
 
 # MuJoCo has no type stubs.

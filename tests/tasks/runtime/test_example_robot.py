@@ -1,0 +1,134 @@
+"""The example of a robot in a bundle, and the walker, as jobs drive them: packed, unpacked, run, recorded."""
+
+import math
+import shutil
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from small_flat import BODY
+
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.spec_check import load_spec
+from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.worldforge.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
+
+EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "urdf_robot_bundle"
+MakePlan = Callable[..., RunPlan]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("worlds") / "flat"
+    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(2, 0, 0)), folder, preview=False)
+    return folder
+
+
+@pytest.fixture
+def unpacked(tmp_path: Path) -> Path:
+    source = shutil.copytree(EXAMPLE, tmp_path / "source", ignore=shutil.ignore_patterns("__pycache__"))
+    with tarfile.open(tmp_path / "rover.tar.gz", "w:gz") as archive:
+        archive.add(source / "my_rover", arcname="my_rover")
+    with tarfile.open(tmp_path / "rover.tar.gz") as archive:
+        archive.extractall(tmp_path / "unpacked", filter="data")
+    return tmp_path / "unpacked"
+
+
+def robot(attribute: str, path: Path | None = None, **variables: str) -> ApplicationPlan:
+    return ApplicationPlan(
+        role="robot", name="robot", attribute=attribute, path=path, environment_variables=variables
+    )  # fmt: skip
+
+
+def messages(plan: RunPlan) -> dict[str, list]:
+    """What was recorded, by topic, as an independent reader decodes it."""
+    found: dict[str, list] = {}
+    with (plan.output_dir / "recording.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append(message)
+    return found
+
+
+def carry_out(launcher: Launcher, plan: RunPlan) -> RunResult:
+    outcome = launcher.run(plan, lambda: None)
+    assert outcome.status == "Completed", outcome.failure_reason
+    return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
+
+
+def test_the_urdf_robot_of_a_bundle_visits_every_room(
+    launcher: Launcher, make_plan: MakePlan, unpacked: Path, world: Path
+) -> None:
+    application = robot("my_rover.make_agent", unpacked)
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)
+    result = carry_out(launcher, plan)
+    assert (result.verdict, result.ended_by) == ("PASS", "environment"), result.summary
+    recorded = messages(plan)
+    joints = recorded["/joint_states"]
+    assert list(joints[-1].name) == ["left_wheel_joint", "right_wheel_joint"]
+    # As far as the wheels have rolled on average the robot has gone, forwards less backwards.
+    rolled_m = 0.06 * np.mean(joints[-1].position)
+    assert rolled_m == pytest.approx(result.metrics["distance_m"], rel=0.1)
+    odometry = recorded["/odom"][-1]
+    assert odometry.child_frame_id == "base_link"
+    assert odometry.pose.pose.position.x == pytest.approx(result.path[-1][1], abs=0.05)
+    mount = next(each for each in recorded["/tf_static"][0].transforms if each.child_frame_id == "base_scan")
+    assert mount.transform.translation.z == pytest.approx(0.23)
+    assert len(recorded["/scan"]) > 10
+    assert min(min(scan.ranges) for scan in recorded["/scan"]) > 0.15
+
+
+def test_the_walker_visits_every_room(launcher: Launcher, make_plan: MakePlan, world: Path) -> None:
+    application = robot("prefect_robomaker.tasks.runtime.applications.walker.make_agent")
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)
+    result = carry_out(launcher, plan)
+    assert result.verdict == "PASS", result.summary
+    joints = messages(plan)["/joint_states"][-1]
+    assert len(joints.name) == len(joints.position) == len(joints.velocity) == 12
+    assert joints.name[0] == "front_left_abduction"
+    assert all(math.isfinite(value) for value in joints.position)
+
+
+def test_a_robot_that_cannot_be_made_fails_the_job_with_its_file_line_and_member(
+    launcher: Launcher, make_plan: MakePlan, unpacked: Path, world: Path
+) -> None:
+    mapping = unpacked / "my_rover" / "robot.yaml"
+    mapping.write_text(mapping.read_text().replace("wheel_radius_m", "wheel_radius"))
+    application = robot("my_rover.make_agent", unpacked)
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world)
+    outcome = launcher.run(plan, lambda: None)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "InvalidBundleRobotApplication")
+    assert outcome.failure_reason is not None
+    assert outcome.failure_reason.startswith("Robot application robot has no robot that can be used: robot.yaml")
+    assert "drive.wheel_radius: is not known; did you mean 'wheel_radius_m'?" in outcome.failure_reason
+    assert "robot.yaml:17:3" in outcome.failure_reason
+
+
+def test_menagerie_is_found_by_the_jobs_variables(launcher: Launcher, make_plan: MakePlan, world: Path) -> None:
+    application = robot(
+        "prefect_robomaker.tasks.runtime.applications.scout.make_agent",
+        ROBOMAKER_ROBOT="menagerie:unitree_go2",
+        MENAGERIE_ROOT=str(EXAMPLE),
+    )
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world)
+    outcome = launcher.run(plan, lambda: None)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "InvalidInput")
+    assert "has no model 'unitree_go2'" in str(outcome.failure_reason)
+
+
+def test_the_examples_specification_is_right_and_its_model_is_as_the_urdf_says() -> None:
+    path = EXAMPLE / "rover.yaml"
+    assert load_spec(path.read_text(), str(path)).order
+    rover = find_robot(robot("my_rover.make_agent", EXAMPLE), {})
+    model = rover.build().compile()
+    links = {"base_footprint", "base_link", "left_wheel", "right_wheel", "front_caster", "laser", "imu_link"}
+    assert links <= {model.body(index).name for index in range(model.nbody)}
+    assert model.body_subtreemass[1] == pytest.approx(5.0 + 2 * 0.4 + 2 * 0.1 + 0.2)
+    assert model.actuator_forcerange[0].tolist() == [-1.5, 1.5]
