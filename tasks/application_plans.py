@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,9 +68,6 @@ def _plan(
         return found.name, Program(tuple(programs[0].argv))
     code = _code(role, found, surroundings)
     launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
-    if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
-        code = Code(role, found.name, folder=_own_copy(code.folder, surroundings.folder / f"{role}-application"))
-        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
     planned.plans[role] = ApplicationPlan(
         role=role,
         name=found.name,
@@ -78,6 +75,10 @@ def _plan(
         path=code.folder,
         environment_variables=launch_config.get("environmentVariables") or {},
     )
+    if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
+        # A factory is imported from the bundle that all jobs share: two roles may have the same one.
+        code = replace(code, folder=_own_copy(code.folder, surroundings.folder / f"{role}-application"))
+        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
     planned.programs += _programs(code, launch, config, surroundings)
     return found.name, launch
 

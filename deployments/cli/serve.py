@@ -16,6 +16,7 @@ from ...tasks.home import prepare_home
 from ..access_keys import read_access_keys
 from ..endpoint.origins import is_loopback
 from ..performer.child import ChildPerformer, in_words
+from ..sdk.installation import data_path
 from .prefect_server import use_server
 
 _READY_S = 120.0
@@ -48,7 +49,7 @@ def _serve(
         _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
         return
     prepare_home(settings)
-    performer = ChildPerformer(settings, arguments.execute, about["max_jobs"])
+    performer = ChildPerformer(settings, arguments.execute, about["max_jobs"], _variables_of_jobs(arguments))
     performer.start()
     try:
         if arguments.execute == "deployments":
@@ -88,6 +89,16 @@ def _run_server(
         _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
 
     run_server(application, arguments.host, arguments.port, ready=announce)
+
+
+def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
+    """What performers pass on to jobs, so that an SDK in a job finds this endpoint, and knows the service.
+
+    A port that is chosen when the server begins to listen is not known yet.
+    """
+    if not arguments.port:
+        return {}
+    return {"AWS_ENDPOINT_URL_ROBOMAKER": _url(arguments.host, arguments.port), "AWS_DATA_PATH": data_path(os.environ)}
 
 
 def _stop(performer: ChildPerformer) -> None:

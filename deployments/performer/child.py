@@ -1,6 +1,7 @@
 """The performer as the endpoint's process sees it: started, woken, watched, started again, stopped."""
 
 import logging
+import os
 import subprocess
 import sys
 import threading
@@ -29,10 +30,14 @@ class ChildPerformer:
       settings: where the jobs are.
       execute: `here` or `deployments`.
       max_jobs: simulation jobs at once, besides those in batches.
+      variables: what it has in its environment besides that of this process.
     """
 
-    def __init__(self, settings: Settings, execute: str, max_jobs: int) -> None:
+    def __init__(
+        self, settings: Settings, execute: str, max_jobs: int, variables: Mapping[str, str] | None = None
+    ) -> None:
         self._settings = settings
+        self._environment = {**os.environ, **(variables or {})}
         self._arguments = [execute, str(max_jobs)]
         self._lock = threading.Lock()
         self._status: dict[str, Any] = {"state": "starting"}
@@ -111,6 +116,7 @@ class ChildPerformer:
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", _PROGRAM, str(theirs.fileno()), *self._arguments],
             pass_fds=[theirs.fileno()],
+            env=self._environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C in a terminal is for the endpoint's process to pass on

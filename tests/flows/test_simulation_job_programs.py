@@ -1,0 +1,423 @@
+"""Jobs whose applications are programs, and what runs beside them."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from application_calls import Applications
+from fake_engine import FakeEngine
+from small_flat import ROLE
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.job_runs import perform_job
+from prefect_robomaker.tasks.service import Service
+
+Order = Callable[..., dict[str, Any]]
+Ending = dict[str, Any]
+
+
+@pytest.fixture
+def order_command(sleeper: dict[str, Any], service: Service) -> Order:
+    """Makes the request of a job whose simulation application is a bash script, and the only one."""
+    del sleeper  # its bundle is what the applications have
+    service.store.ensure_bucket("results")
+
+    def make(script: str, application: str = "sleeper", **members: Any) -> dict[str, Any]:
+        config = {
+            "application": application,
+            # Words of a command have at most 255 characters, variables 1024.
+            "launchConfig": {
+                "command": ["bash", "-c", 'eval "$SCRIPT"'],
+                "environmentVariables": {"SCRIPT": script, **members.pop("variables", {})},
+                **members.pop("launch", {}),
+            },
+            **members.pop("config", {}),
+        }
+        return {
+            "maxJobDurationInSeconds": 60,
+            "iamRole": ROLE,
+            "outputLocation": {"s3Bucket": "results"},
+            "simulationApplications": [config],
+            **members,
+        }
+
+    return make
+
+
+@pytest.fixture
+def run(service: Service) -> Callable[[dict[str, Any]], Ending]:
+    """Runs a job to its end."""
+
+    def run(request: dict[str, Any]) -> Ending:
+        arn = call("CreateSimulationJob", request, service)["arn"]
+        perform_job(arn, service)
+        return call("DescribeSimulationJob", {"job": arn}, service)
+
+    return run
+
+
+@contextmanager
+def performing(service: Service, request: dict[str, Any]) -> Iterator[str]:
+    """A job that is performed meanwhile, and waited for; its ARN."""
+    arn = call("CreateSimulationJob", request, service)["arn"]
+    performer = threading.Thread(target=perform_job, args=(arn, service))
+    performer.start()
+    try:
+        yield arn
+    finally:
+        call("CancelSimulationJob", {"job": arn}, service)
+        performer.join()
+
+
+def until(service: Service, arn: str, status: str) -> Ending:
+    """Waits for a status; returns the job."""
+    deadline = time.monotonic() + 30
+    while (job := call("DescribeSimulationJob", {"job": arn}, service))["status"] != status:
+        assert time.monotonic() < deadline, job
+        time.sleep(0.05)
+    return job
+
+
+def log(service: Service, job: Ending, program: str = "simulation") -> str:
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    return service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/{program}.stdout.log").decode()
+
+
+# Commands
+
+
+def test_a_command_runs_in_its_own_copy_of_the_bundle(service: Service, order_command: Order, run: Any) -> None:
+    request = order_command("ls; cat sleeper/note 2>/dev/null; echo mine > sleeper/note")
+
+    first, second = run(request), run(request)
+
+    assert first["status"] == second["status"] == "Completed", first.get("failureReason")
+    assert "sleeper" in log(service, first)
+    assert "mine" not in log(service, second)
+
+
+def test_a_command_finds_its_folders_and_who_it_is(service: Service, order_command: Order, run: Any) -> None:
+    service.store.put_bytes("applications", "maps/one.txt", b"one")
+    source = {"name": "maps", "s3Bucket": "applications", "s3Keys": ["maps/one.txt"]}
+    mounted = {**source, "name": "there", "destination": "/home/robomaker/there"}
+    script = """
+      echo $AWS_ROBOMAKER_SIMULATION_JOB_ID $SPEED
+      cat $ROBOMAKER_DATA_DIR/maps/maps/one.txt ~/there/maps/one.txt
+      echo kept > ~/kept.txt; echo out > $ROBOMAKER_OUTPUT_DIR/out.txt
+      [ "$HOME" = "$ROBOMAKER_JOB_ROOT/home/robomaker" ] && [ "$TMPDIR" = "$ROBOMAKER_JOB_ROOT/tmp" ] && echo at home
+    """
+    uploads = [{"name": "kept", "path": "/home/robomaker/*.txt", "uploadBehavior": "UPLOAD_ON_TERMINATE"}]
+    request = order_command(
+        script,
+        variables={"SPEED": "2"},
+        config={"uploadConfigurations": uploads},
+        dataSources=[source, mounted],
+    )
+
+    job = run(request)
+
+    assert job["status"] == "Completed", job.get("failureReason")
+    assert log(service, job).split("\n")[:3] == [f"{job['name']} 2", "oneoneat home", ""]
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    kept = {item.key.removeprefix(place["prefix"] + "/") for item in service.store.list("results", place["prefix"])}
+    assert {"kept/kept.txt", "out.txt", "manifest.json"} <= kept
+    assert [source.get("destination") for source in job["dataSources"]] == [None, "/home/robomaker/there"]
+
+
+def test_a_job_knows_no_secret_of_whoever_performs_it(
+    service: Service, order_command: Order, run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "PREFECT_API_KEY", "ROBOMAKER_CATALOG_URL", "MY_TOKEN"):
+        monkeypatch.setenv(name, "a-secret-of-mine")
+    monkeypatch.setenv("AWS_ENDPOINT_URL_ROBOMAKER", "http://127.0.0.1:1")
+
+    said = log(service, run(order_command("env")))
+
+    assert "a-secret-of-mine" not in said
+    variables = dict(line.split("=", 1) for line in said.splitlines() if "=" in line)
+    assert variables["AWS_ENDPOINT_URL_ROBOMAKER"] == "http://127.0.0.1:1"
+    assert variables["ROBOMAKER_HOME"] == str(service.settings.home)
+    assert variables["AWS_ACCESS_KEY_ID"] == variables["AWS_SECRET_ACCESS_KEY"] == "local"
+
+
+def test_a_job_cancels_itself_with_the_command(service: Service, order_command: Order, run: Any) -> None:
+    script = """
+      robomaker call CancelSimulationJob --input "{\\"job\\": \\"$AWS_ROBOMAKER_SIMULATION_JOB_ARN\\"}"
+      sleep 60
+    """
+    began = time.monotonic()
+
+    job = run(order_command(script))
+
+    assert (job["status"], job.get("failureCode")) == ("Canceled", None)
+    assert time.monotonic() - began < 30
+
+
+@pytest.mark.parametrize(
+    ("script", "code", "words"),
+    [
+        ("echo too steep >&2; exit 3", "SimulationApplicationCrash", ("exited with code 3", "too steep")),
+        ("kill -SEGV $$", "SimulationApplicationCrash", ("SIGSEGV",)),
+    ],
+)
+def test_a_command_that_fails_fails_the_job(
+    order_command: Order, run: Any, script: str, code: str, words: tuple[str, ...]
+) -> None:
+    job = run(order_command(script))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", code)
+    assert all(word in job["failureReason"] for word in words), job["failureReason"]
+
+
+@pytest.mark.parametrize(
+    ("launch", "code", "words"),
+    [
+        ({"command": ["bin/none"]}, "SimulationApplicationCrash", "neither in its bundle nor on the path"),
+        ({"packageName": "sleeper", "launchFile": "none.py"}, "SimulationApplicationCrash", "has no sleeper/none.py"),
+        ({"packageName": "sleeper", "launchFile": "sim.launch.py"}, "InvalidInput", "ros2 launch"),
+    ],
+)
+def test_what_cannot_be_started_fails_the_job_at_once(
+    order: Order, run: Any, launch: dict[str, Any], code: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    request = order()
+    request["simulationApplications"][0]["launchConfig"] = launch
+    del request["robotApplications"]
+
+    job = run(request)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", code)
+    assert words in job["failureReason"]
+    assert job.get("lastStartedAt") is None
+
+
+def test_an_agent_cannot_step_a_program(order: Order, run: Any) -> None:
+    request = order()
+    request["simulationApplications"][0]["launchConfig"] = {"command": ["sleep", "9"]}
+
+    job = run(request)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert "give the robot application a launchConfig.command too" in job["failureReason"]
+
+
+def test_a_job_for_a_gpu_fails_where_there_is_none(order: Order, run: Any) -> None:
+    if Path("/dev/nvidia0").exists():
+        pytest.skip("this machine has a GPU")
+
+    job = run(order(compute={"computeType": "GPU_AND_CPU", "gpuUnitLimit": 1}))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert "no GPU" in job["failureReason"]
+
+
+# Tools
+
+
+def test_tools_run_beside_an_application_with_its_files_and_variables(service: Service, order: Order, run: Any) -> None:
+    request = order({"DURATION_S": "2", "SPEED": "2"})
+    tools = [
+        {"name": "look", "command": "echo $SPEED; ls; sleep 60"},
+        {"name": "again", "command": "echo once", "exitBehavior": "RESTART"},
+    ]
+    request["simulationApplications"][0]["tools"] = tools
+
+    job = run(request)
+
+    assert job["status"] == "Completed", job.get("failureReason")
+    assert log(service, job, "simulation-look").split() == ["2", "sleeper"]
+    assert log(service, job, "simulation-again").count("once") >= 2
+
+
+def test_the_end_of_a_tool_that_may_not_end_fails_the_job(order: Order, run: Any) -> None:
+    request = order({"DURATION_S": "60"})
+    request["robotApplications"][0]["tools"] = [{"name": "guard", "command": "exit 0", "exitBehavior": "FAIL"}]
+
+    job = run(request)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "RobotApplicationCrash")
+    assert "guard" in job["failureReason"]
+
+
+# Containers
+
+
+@pytest.fixture
+def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeEngine:
+    """An engine, and an application that is an image of it."""
+    engine = FakeEngine(tmp_path / "engine")
+    monkeypatch.setenv("ROBOMAKER_CONTAINER_ENGINE", str(engine.program))
+    return engine
+
+
+def test_a_container_has_its_folders_tools_and_command(
+    service: Service, order_command: Order, run: Any, fake: FakeEngine
+) -> None:
+    root = fake.add_image("my-sim:1", command=["false"], Entrypoint=["env"])
+    (root / "home/robomaker").mkdir(parents=True)
+    (root / "home/robomaker/built.txt").write_text("in the image")
+    Applications.of("Simulation", service).create("image", environment={"uri": "my-sim:1"})
+    service.store.put_bytes("applications", "maps/one.txt", b"one")
+    script = """
+      cd $MOUNT_HOME_ROBOMAKER; echo $SPEED $AWS_ROBOMAKER_SIMULATION_JOB_ID > said.txt
+      cat built.txt $MOUNT_OPT_ROBOMAKER_DATASOURCES/maps/maps/one.txt >> said.txt
+      while [ ! -e tool.txt ]; do sleep 0.05; done; echo out > $MOUNT_OPT_ROBOMAKER_OUTPUT/out.txt
+    """
+    config = {
+        "tools": [{"name": "look", "command": "echo $SPEED > $MOUNT_HOME_ROBOMAKER/tool.txt; sleep 60"}],
+        "uploadConfigurations": [
+            {"name": "said", "path": "/home/robomaker/*", "uploadBehavior": "UPLOAD_ON_TERMINATE"}
+        ],
+    }
+    request = order_command(
+        script,
+        "image",
+        config=config,
+        variables={"SPEED": "2"},
+        compute={"simulationUnitLimit": 1},
+        dataSources=[{"name": "maps", "s3Bucket": "applications", "s3Keys": ["maps/one.txt"]}],
+    )
+
+    job = run(request)
+
+    assert job["status"] == "Completed", job.get("failureReason")
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    read = lambda name: service.store.get_bytes("results", f"{place['prefix']}/{name}").decode()  # noqa: E731
+    assert read("said/said.txt") == f"2 {job['name']}\nin the imageone"
+    assert (read("said/tool.txt"), read("out.txt")) == ("2\n", "out\n")
+    [argv] = [arguments for arguments in fake.calls() if arguments[0] == "run"]
+    assert argv[argv.index("--cpus") + 1] == "1"
+    assert argv[argv.index("--memory") + 1] == str(2 << 30)
+    assert any(option.endswith("/opt/robomaker/datasources:ro") for option in argv)
+    assert fake.running() == []
+
+
+def test_a_cancelled_container_is_removed(service: Service, order_command: Order, fake: FakeEngine) -> None:
+    fake.add_image("my-sim", command=["sleep", "300"])
+    Applications.of("Simulation", service).create("image", environment={"uri": "my-sim"})
+    request = order_command("", "image")
+    request["simulationApplications"][0]["launchConfig"] = {}
+
+    with performing(service, request) as arn:
+        until(service, arn, "Running")
+        deadline = time.monotonic() + 20
+        while not [name for name in fake.running() if name.endswith("-simulation")]:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        began = time.monotonic()
+        call("CancelSimulationJob", {"job": arn}, service)
+        until(service, arn, "Canceled")
+
+    assert time.monotonic() - began < 10
+    assert fake.running() == []
+
+
+@pytest.mark.parametrize(
+    ("image", "code"),
+    [
+        ({}, "BadPermissionsSimulationApplication"),
+        ({"Volumes": {"/data": {}}}, "InvalidInput"),
+        ({"digests": (f"sha256:{'b' * 64}",), "version": True}, "SimulationApplicationVersionMismatchedEtag"),
+    ],
+)
+def test_images_that_may_not_run_fail_the_job(
+    service: Service, order_command: Order, run: Any, fake: FakeEngine, image: dict[str, Any], code: str
+) -> None:
+    is_version = image.pop("version", False) if image else False
+    if image:
+        fake.add_image("my-sim", command=["true"], **image)
+    applications = Applications.of("Simulation", service)
+    applications.create("image", environment={"uri": "my-sim"})
+    applications.version("image", imageDigest=f"sha256:{'a' * 64}")
+    request = order_command("true", "image", config={"applicationVersion": "1"} if is_version else {})
+
+    job = run(request)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", code)
+
+
+def test_an_engine_without_its_daemon_fails_the_job_with_what_it_said(
+    service: Service, order_command: Order, run: Any, fake: FakeEngine
+) -> None:
+    fake.lose_daemon()
+    Applications.of("Simulation", service).create("image", environment={"uri": "my-sim"})
+
+    job = run(order_command("true", "image"))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert "Cannot connect to the Docker daemon" in job["failureReason"]
+
+
+# Going on after a crash
+
+
+def test_a_job_that_goes_on_after_a_crash_says_so_and_can_be_cancelled(service: Service, order_command: Order) -> None:
+    request = order_command(
+        "echo slipped >&2; exit 4",
+        failureBehavior="Continue",
+        config={"tools": [{"name": "stay", "command": "sleep 60"}]},
+    )
+
+    with performing(service, request) as arn:
+        job = until(service, arn, "RunningFailed")
+        assert job["failureCode"] == "SimulationApplicationCrash"
+        assert "slipped" in job["failureReason"]
+        assert job["networkInterface"]["privateIpAddress"] == "127.0.0.1"
+
+    assert until(service, arn, "Canceled")["status"] == "Canceled"
+
+
+def test_a_job_that_goes_on_after_a_crash_has_failed_at_its_limit(order_command: Order, run: Any) -> None:
+    job = run(order_command("exit 4", failureBehavior="Continue", maxJobDurationInSeconds=1))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
+    assert job["simulationTimeMillis"] >= 900
+
+
+def test_a_job_that_goes_on_after_a_crash_can_be_restarted(service: Service, order_command: Order) -> None:
+    script = "[ -e $SEEN ] && exec sleep 60; touch $SEEN; exit 4"
+    seen = str(service.settings.home / "seen")
+    request = order_command(script, failureBehavior="Continue", variables={"SEEN": seen})
+
+    with performing(service, request) as arn:
+        first = until(service, arn, "RunningFailed")
+        call("RestartSimulationJob", {"job": arn}, service)
+        second = until(service, arn, "Running")
+        assert second.get("failureCode") is None
+        assert second.get("failureReason") is None
+        assert second["lastStartedAt"] > first["lastStartedAt"]
+
+    assert until(service, arn, "Canceled").get("failureCode") is None
+
+
+def test_ports_are_forwarded_while_the_job_runs(service: Service, order_command: Order) -> None:
+    import socket
+    import urllib.request
+
+    with socket.socket() as one, socket.socket() as other:
+        one.bind(("127.0.0.1", 0))
+        other.bind(("127.0.0.1", 0))
+        job_port, application_port = one.getsockname()[1], other.getsockname()[1]
+    mapping = {"jobPort": job_port, "applicationPort": application_port}
+    request = order_command(
+        f"echo hello > index.html; exec python3 -m http.server {application_port} --bind 127.0.0.1",
+        launch={"portForwardingConfig": {"portMappings": [mapping]}},
+        vpcConfig={"subnets": ["subnet-1"], "securityGroups": ["sg-1"]},
+    )
+
+    with performing(service, request) as arn:
+        job = until(service, arn, "Running")
+        url = f"http://{job['networkInterface']['publicIpAddress']}:{job_port}/"
+        deadline = time.monotonic() + 20
+        while True:
+            try:
+                assert urllib.request.urlopen(url, timeout=5).read() == b"hello\n"
+                break
+            except OSError:
+                assert time.monotonic() < deadline
+                time.sleep(0.1)
+        assert job["vpcConfig"]["subnets"] == ["subnet-1"]
