@@ -17,7 +17,7 @@ ends, without a call of the operating system.
 import json
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +33,8 @@ CHUNK_FRAMES = 64
 
 MAGIC = b"RMSL"
 CHUNK = struct.Struct("<4s6I")
-"""Magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, their CRC-32."""
+"""Magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of all but
+the magic."""
 TAIL = struct.Struct("<4s5IQ")
 """Magic, number of the model, `nq`, `nmocap`, frames that are valid, nothing, frames before these."""
 TAIL_FRAMES, TAIL_BEFORE = 16, 24
@@ -156,6 +157,11 @@ def columns_of(nq: int, nmocap: int) -> int:
     return 1 + nq + 7 * nmocap
 
 
+def checksum(members: Sequence[int], packed: bytes) -> int:
+    """Returns the CRC-32 of a chunk's numbers and columns."""
+    return zlib.crc32(packed, zlib.crc32(struct.pack("<5I", *members)))
+
+
 def _restored(data: bytes, frames: int) -> Rows:
     bits = np.frombuffer(data, np.uint64).reshape(-1, frames)
     return np.ascontiguousarray(np.bitwise_xor.accumulate(bits, axis=1).view(np.float64).T)
@@ -166,9 +172,10 @@ def _chunks(data: bytes) -> Iterator[_Chunk]:
     place = 0
     decompressor = zstandard.ZstdDecompressor()
     while place + CHUNK.size <= len(data):
-        magic, model, nq, nmocap, frames, length, checksum = CHUNK.unpack_from(data, place)
+        magic, *members, expected = CHUNK.unpack_from(data, place)
+        model, nq, nmocap, frames, length = members
         packed = data[place + CHUNK.size : place + CHUNK.size + length]
-        if magic != MAGIC or len(packed) < length or zlib.crc32(packed) != checksum:
+        if magic != MAGIC or len(packed) < length or checksum(members, packed) != expected:
             return
         size = 8 * columns_of(nq, nmocap) * frames
         yield _Chunk(model, nq, _restored(decompressor.decompress(packed, max_output_size=size), frames))

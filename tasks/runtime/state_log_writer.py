@@ -9,7 +9,6 @@ import math
 import mmap
 import os
 import sys
-import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,6 +30,7 @@ from .state_log import (
     TAIL_FRAMES,
     Rows,
     StateLog,
+    checksum,
     columns_of,
     model_file,
 )
@@ -142,7 +142,8 @@ class StateLogWriter:
         if model is None or not self._in_tail:
             return
         packed = self._compressor.compress(_differences(self._rows[: self._in_tail]))
-        header = CHUNK.pack(MAGIC, self._models, model.nq, model.nmocap, self._in_tail, len(packed), zlib.crc32(packed))
+        members = self._models, model.nq, model.nmocap, self._in_tail, len(packed)
+        header = CHUNK.pack(MAGIC, *members, checksum(members, packed))
         _write_all(self._log, header + packed)
         # A reader that comes in between sees these states twice, and drops what it has by the number before them.
         self._counter[0] = 0

@@ -116,7 +116,7 @@ def test_of_a_log_that_is_cut_off_the_whole_chunks_are_read(tmp_path: Path, keep
 
 @settings(max_examples=30, deadline=None)
 @given(place=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
-def test_a_damaged_log_gives_states_that_were_noted_or_none(
+def test_of_a_damaged_log_only_what_was_noted_is_read(
     tmp_path_factory: pytest.TempPathFactory, place: float, value: int
 ) -> None:
     folder = tmp_path_factory.mktemp("log")
@@ -124,12 +124,9 @@ def test_a_damaged_log_gives_states_that_were_noted_or_none(
     data = bytearray((folder / "states.log").read_bytes())
     data[int(place * len(data))] = value
     (folder / "states.log").write_bytes(data)
-    try:
-        log = StateLog.open(folder)
-    except StateLogError:
-        return
-    read = [row for segment in log.segments for row in segment.qpos]
-    assert len(read) <= len(rows)
+    read = [row for segment in StateLog.open(folder).segments for row in segment.qpos]
+    assert len(read) in (0, CHUNK_FRAMES, 2 * CHUNK_FRAMES)
+    assert np.array_equal(np.reshape(read, (-1, 8)), rows[: len(read), 1:9])
 
 
 def test_there_is_no_log(tmp_path: Path) -> None:

@@ -1,0 +1,164 @@
+"""Runs with a state log, and what is filmed of it when they fail; real processes, real films."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
+from prefect_robomaker.tasks.runtime.failure_films import film_failure
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+FILMED = Path(__file__).parent / "bundles" / "filmed"
+FILMS = {"video.mp4", "last-10s.mp4", "poster.png"}
+SMALL = {"ROBOMAKER_VIDEO_SIZE": "160x120", "ROBOMAKER_VIDEO_FPS": "10"}
+PlanOf = Callable[..., RunPlan]
+
+
+@pytest.fixture
+def plan_of(make_plan: PlanOf) -> PlanOf:
+    """Plans a run of the `filmed` bundle, small and at 10 pictures a second."""
+
+    def plan(video: str = "on-failure", max_duration_s: float = 30.0, **variables: str) -> RunPlan:
+        application = ApplicationPlan(
+            role="simulation", name="arena", attribute="filmed.arena.make_environment", path=FILMED,
+            environment_variables=SMALL | variables,
+        )  # fmt: skip
+        robot = ApplicationPlan(role="robot", name="driver", attribute="filmed.arena.make_agent", path=FILMED)
+        return make_plan(
+            simulation_application=application, robot_application=robot, video=video, max_duration_s=max_duration_s
+        )
+
+    return plan
+
+
+def frames(path: Path) -> list[np.ndarray]:
+    with av.open(str(path)) as container:
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def ball_row(picture: Any) -> float:
+    """Where the ball is, in rows from the top."""
+    pixels = np.asarray(picture).astype(int)
+    red = (pixels[..., 0] > 100) & (pixels[..., 1] < 80) & (pixels[..., 2] < 80)
+    assert red.any(), "the ball is in the picture"
+    return float(np.nonzero(red)[0].mean())
+
+
+def films_in(plan: RunPlan) -> set[str]:
+    names = {path.name for path in plan.output_dir.iterdir()}
+    assert not {name for name in names if name.endswith(".unfinished")}
+    return names & FILMS
+
+
+def errors_of(plan: RunPlan) -> str:
+    return (plan.output_dir / "logs" / "stderr.log").read_text()
+
+
+@pytest.mark.parametrize(
+    ("end", "status", "code"),
+    [("fail", "Completed", None), ("raise", "Failed", "SimulationApplicationCrash"),
+     ("kill", "Failed", "SimulationApplicationCrash")],
+)  # fmt: skip
+def test_a_run_that_fails_is_filmed(launcher: Launcher, plan_of: PlanOf, end: str, status: str, code: str) -> None:
+    plan = plan_of(END=end)
+    outcome = launcher.run(plan, lambda: None)
+    assert (outcome.status, outcome.failure_code) == (status, code)
+    assert films_in(plan) == FILMS
+    film = frames(plan.output_dir / "video.mp4")
+    assert len(film) in (10, 11)  # the step in which it crashes is not seen any more
+    assert film[0].shape == (120, 160, 3)
+    assert ball_row(film[-1]) - ball_row(film[0]) > 20, "the ball falls"
+    with Image.open(plan.output_dir / "poster.png") as poster:
+        assert abs(ball_row(poster) - ball_row(film[-1])) < 2, "the poster is the last moment"
+
+
+def test_a_run_that_passes_is_not(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(END="pass")
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert films_in(plan) == set()
+    assert json.loads((plan.output_dir / "result.json").read_text())["extra"] == {}
+
+
+def test_a_run_without_the_policy_keeps_no_log(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(video="none", END="raise")
+    assert launcher.run(plan, lambda: None).status == "Failed"
+    assert films_in(plan) == set()
+    assert not (plan.work_dir / "state-log").exists()
+
+
+def test_the_clip_has_the_last_ten_seconds(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(END="fail", END_S="12")
+    launcher.run(plan, lambda: None)
+    film, clip = frames(plan.output_dir / "video.mp4"), frames(plan.output_dir / "last-10s.mp4")
+    assert (len(film), len(clip)) == (121, 101)
+    assert np.abs(film[20].astype(int) - clip[0]).mean() < 4
+    assert ball_row(film[0]) < ball_row(clip[0]) - 20
+
+
+def test_a_run_that_runs_out_of_time_is_filmed(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(END="hang", max_duration_s=1.5)
+    outcome = launcher.run(plan, lambda: None)
+    assert outcome.timed_out
+    assert films_in(plan) == FILMS
+    assert len(frames(plan.output_dir / "video.mp4")) == 10
+
+
+def test_a_canceled_run_is_not_filmed(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(END="hang")
+    states = plan.work_dir / "state-log" / "states.tail"
+    outcome = launcher.run(plan, lambda: "canceled" if states.exists() else None)
+    assert outcome.status == "Canceled"
+    assert films_in(plan) == set()
+
+
+@pytest.mark.parametrize("end", ["fail", "kill"])
+def test_with_always_a_failed_run_has_all_films_too(launcher: Launcher, plan_of: PlanOf, end: str) -> None:
+    plan = plan_of(video="always", END=end)
+    launcher.run(plan, lambda: None)
+    assert films_in(plan) == FILMS
+    film, clip = frames(plan.output_dir / "video.mp4"), frames(plan.output_dir / "last-10s.mp4")
+    assert len(film) == len(clip)
+    differences = [np.abs(first.astype(int) - second).mean() for first, second in zip(film, clip, strict=True)]
+    assert max(differences) < 3, "what is filmed afterwards looks like what is filmed while it runs"
+
+
+def test_with_always_a_run_that_passes_has_no_clip(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(video="always", END="pass")
+    launcher.run(plan, lambda: None)
+    assert films_in(plan) == {"video.mp4", "poster.png"}
+
+
+def test_a_run_that_fails_before_its_first_step_says_why_there_is_no_film(launcher: Launcher, make_plan: Any) -> None:
+    plan = make_plan(agent="unable", video="on-failure")
+    assert launcher.run(plan, lambda: None).status == "Failed"
+    assert "No film of the failure: no state was noted: it failed before its first step" in errors_of(plan)
+
+
+def test_a_camera_that_is_not_there_is_told(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(END="fail", ROBOMAKER_VIDEO_CAMERA="chase")
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert films_in(plan) == set()
+    assert (
+        "No film of the failure: ValueError: ROBOMAKER_VIDEO_CAMERA is 'chase', but the model's cameras are: side"
+        in (errors_of(plan))
+    )
+
+
+def test_filming_ends_when_the_job_is_stopped_or_it_takes_too_long(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of(END="fail", END_S="100", ROBOMAKER_VIDEO_SIZE="640x480")
+    filming = plan.work_dir / "film.log"
+    outcome = launcher.run(plan, lambda: "canceled" if filming.exists() else None)
+    assert (outcome.status, outcome.timed_out) == ("Completed", False), "the run itself was over"
+    assert "No film of the failure: the job was stopped (canceled)" in errors_of(plan)
+    began = time.monotonic()
+    film_failure(plan, outcome, lambda: None, {}, limit_s=0.3)
+    assert time.monotonic() - began < 10
+    assert "No film of the failure: it took too long" in errors_of(plan)
+    assert films_in(plan) == set()
