@@ -67,11 +67,16 @@ def _judgements(name: str, judged: list[tuple[str, Requirement]]) -> Share:
     errors = sum(requirement.error is not None for _, requirement in judged)
     passed = sum(requirement.satisfied for _, requirement in judged)
     share = share_of(name, passed, len(judged) - errors - passed, errors)
-    margins = [(item.margin, label, item.unit) for label, item in judged if item.margin is not None]
+    margins = [(item.margin or 0.0, label, item.unit) for label, item in judged if _has_margin(item)]
     if len({unit for _, _, unit in margins}) != 1:
         return share  # nothing to compare, or seconds with metres
-    margin, label, unit = min(margins)
+    margin, label, unit = min(margins, key=lambda found: found[0])
     return share.model_copy(update={"worst_margin": margin, "worst_job": label, "unit": unit})
+
+
+def _has_margin(requirement: Requirement) -> bool:
+    """Whether there is more to say than yes or no."""
+    return requirement.margin is not None and requirement.kind != "predicate"
 
 
 def _worst_first(shares: Iterable[Share]) -> list[Share]:

@@ -1,0 +1,83 @@
+"""Simulation jobs that are judged by requirements, from the order to result.json."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from small_flat import ROLE
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import InvalidParameterException
+from prefect_robomaker.schemas.simulation_run import RunResult
+from prefect_robomaker.tasks.service import Service
+
+Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]
+
+
+@pytest.fixture
+def drive(service: Service, generate: Any, simulate: Any) -> Drive:
+    """Drives Scout through a flat of two rooms."""
+    world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
+
+    def run(variables: dict[str, str] | None = None, **members: Any) -> tuple[dict[str, Any], RunResult | None]:
+        launch = {"environmentVariables": variables} if variables else {}
+        config = {"application": "indoor-navigation", "launchConfig": launch, "worldConfigs": [{"world": world}]}
+        job = simulate(
+            {
+                "maxJobDurationInSeconds": 120, "iamRole": ROLE, "seed": 3, "simulationApplications": [config],
+                "loggingConfig": {"recordAllRosTopics": False}, **members,
+            }
+        )  # fmt: skip
+        place = service.catalog.get(job["arn"]).document.get("outputs")
+        if job["status"] != "Completed" or place is None:
+            return job, None
+        return job, RunResult.model_validate_json(
+            service.store.get_bytes(place["bucket"], f"{place['prefix']}/result.json")
+        )
+
+    return run
+
+
+GOAL = {"kind": "goal", "name": "there", "room": "bedroom", "stop": True}
+
+
+def test_a_goal_ends_the_job_with_a_pass(drive: Drive) -> None:
+    clearance = {"kind": "clearance", "name": "apart", "min_m": 0.005}
+    job, result = drive(requirements=[GOAL, clearance])
+    assert job["status"] == "Completed"
+    assert result is not None
+    assert (result.verdict, result.ended_by) == ("PASS", "requirements")
+    judged = {item.name: item for item in result.requirements}
+    assert judged["there"].value == pytest.approx(result.sim_time_s, abs=0.2)
+    assert judged["apart"].margin is not None
+    assert 0 < judged["apart"].margin < 2
+    assert not judged["rooms_visited"].counts
+    assert result.metrics["goals_reached"] == 1
+
+
+def test_the_launch_variable_does_the_same_and_fail_is_no_failure_of_the_job(drive: Drive) -> None:
+    limit = {"kind": "time_limit", "name": "hurry", "limit_s": 1.0, "stop": True}
+    job, result = drive({"ROBOMAKER_REQUIREMENTS": json.dumps([limit])})
+    assert job["status"] == "Completed"
+    assert "failureCode" not in job
+    assert result is not None
+    assert (result.verdict, result.ended_by) == ("FAIL", "requirements")
+    (hurry,) = (item for item in result.requirements if item.name == "hurry")
+    assert hurry.first_violation_s == pytest.approx(1.05, abs=0.06)
+
+
+def test_a_room_that_the_world_has_not_fails_the_job_before_it_runs(drive: Drive) -> None:
+    job, _ = drive(requirements=[{**GOAL, "room": "cellar"}])
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert "requirement there: the world has no room 'cellar'; its rooms are" in job["failureReason"]
+
+
+def test_a_variable_that_cannot_be_understood_is_refused(service: Service) -> None:
+    config = {
+        "application": "indoor-navigation",
+        "launchConfig": {"environmentVariables": {"ROBOMAKER_REQUIREMENTS": '[{"kind": "goal"}]'}},
+    }
+    order = {"maxJobDurationInSeconds": 9, "iamRole": ROLE, "simulationApplications": [config]}
+    with pytest.raises(InvalidParameterException, match=r"environmentVariables\.ROBOMAKER_REQUIREMENTS\[0\]\.name"):
+        call("CreateSimulationJob", order, service)
