@@ -25,6 +25,8 @@ from .video_settings import VideoSettings
 INTERVAL_S = 0.2
 """Wall-clock time between two pictures, at least."""
 _JPEG_QUALITY = 82
+_PATIENCE_S = 1.0
+"""For the last picture to be finished."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,8 @@ class LiveFrames:
         """`follow`, `top`, `both`, or the name of a camera of the model."""
         self.problem = ""
         """Why there are no pictures; empty if there are."""
+        self.closed = False
+        """Whether the run is over."""
         self._backend, self._settings, self._clock = backend or RAYS, settings, clock
         self._changed = threading.Condition()
         self._waiting = 0
@@ -93,11 +97,19 @@ class LiveFrames:
             self._waiting += 1
             self._wanted = True
             try:
-                self._changed.wait_for(lambda: self._number > number, timeout_s)
+                self._changed.wait_for(lambda: self._number > number or self.closed, timeout_s)
             finally:
                 self._waiting -= 1
                 self._wanted = self._waiting > 0
             return self._number, self._jpeg
+
+    def close(self) -> None:
+        """Sends everybody who waits away and ends the drawing."""
+        with self._changed:
+            self.closed = True
+            self._changed.notify_all()
+        if self._drawer is not None:
+            self._drawer.join(_PATIENCE_S)
 
     def _draw_all(self) -> None:
         try:
@@ -112,20 +124,20 @@ class LiveFrames:
 
     def _draw_with(self, backend: str) -> None:
         easel: _Easel | None = None
-        while True:
-            state = self._next_state()
+        while (state := self._next_state()) is not None:
             if easel is None or easel.model is not state.model:
                 if easel is not None:
                     easel.close()
                 easel = _Easel(state, replace(self._settings, camera=self.camera), backend)
             self._publish(easel.draw(state, self.camera))
+        if easel is not None:
+            easel.close()
 
-    def _next_state(self) -> _State:
+    def _next_state(self) -> _State | None:
         with self._changed:
-            self._changed.wait_for(lambda: self._state is not None)
+            self._changed.wait_for(lambda: self._state is not None or self.closed)
             state, self._state = self._state, None
-            assert state is not None
-            return state
+            return None if self.closed else state
 
     def _publish(self, jpeg: bytes) -> None:
         with self._changed:

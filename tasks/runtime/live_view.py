@@ -13,10 +13,12 @@ second, and never holds the run up: results are the same with and without.
 
 import json
 import os
+import socket
 import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -65,13 +67,14 @@ class LiveView:
         """
         self.next_time_s = 0.0
         self.url: str | None = None
+        self._server: _Server | None = None
         self._plan, self._clock = plan, clock
         self._frames = LiveFrames(backend, settings, clock)
         self._state, self._time_s = "starting", 0.0
         self._began_s = clock()
         self._file = plan.work_dir / LIVE_VIEW_FILE
         try:
-            server = _Server((_ADDRESS, plan.live_view_port or 0), self._frames, self.status)
+            self._server = server = _Server((_ADDRESS, plan.live_view_port or 0), self._frames, self.status)
         except OSError as error:
             self.next_time_s = float("inf")
             sys.stderr.write(f"No live view: port {plan.live_view_port} of {_ADDRESS}: {error}\n")
@@ -90,9 +93,12 @@ class LiveView:
         self.next_time_s = time_s + _CHECK_EVERY_S
 
     def close(self, ended_by: str | None) -> Findings:
-        """Takes the address back; the server ends with the process."""
-        self._state = "over" if ended_by else "failed"
+        """Ends the server and takes its address back."""
+        del ended_by
         self._file.unlink(missing_ok=True)
+        self._frames.close()
+        if self._server is not None:
+            self._server.stop()
         return Findings()
 
     def state(self) -> None:
@@ -124,12 +130,20 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, address: tuple[str, int], frames: LiveFrames, status: Callable[[], dict[str, Any]]) -> None:
         super().__init__(address, _Handler)
         self.frames, self.status = frames, status
+        self._stopped = False
         self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
 
     def serve(self) -> None:
-        """Serves for ever, asleep until somebody comes."""
-        while True:
+        """Serves until it is stopped, asleep until somebody comes."""
+        while not self._stopped:
             self.handle_request()
+        self.server_close()
+
+    def stop(self) -> None:
+        """Ends `serve`."""
+        self._stopped = True
+        with suppress(OSError):
+            self.socket.shutdown(socket.SHUT_RDWR)  # wakes it
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Viewers come and go; that is of no interest in the log of a run."""
@@ -201,6 +215,8 @@ class _Handler(BaseHTTPRequestHandler):
         number = 0
         while True:
             newest, jpeg = self._page.frames.next_after(number, _PATIENCE_S)
+            if self._page.frames.closed:
+                return
             if newest == number:
                 continue
             number = newest
