@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import messages as ros
 from .cdr import encode
-from .mcap_file import RECORD_HEAD_BYTES, TIMES_OFFSET, Rows, message_record
+from .mcap_messages import RECORD_HEAD_BYTES, TIMES_OFFSET, Rows, message_record
 
 _NANOSECONDS = 1_000_000_000
 _DOUBLE, _FLOAT = 8, 4

@@ -6,8 +6,8 @@ Messages, of which there are thousands, are packed here, or come as rows of read
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
 import zstandard
@@ -15,7 +15,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -27,17 +26,15 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
+from .mcap_messages import Rows, in_order, message_record
+
 _MAGIC = b"\x89MCAP0\r\n"
-_MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_OPCODE = int(Opcode.MESSAGE)
-_MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _FOOTER_START = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
-TIMES_OFFSET = struct.calcsize("<BQHI")
-"""Where in a message's record its log time and publish time are, unsigned integers of 8 bytes."""
-RECORD_HEAD_BYTES = _MESSAGE.size
-"""What a message's record has before the message itself."""
+_COMPRESSION = b"zstd"
+_CHUNK = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
+_CHUNK_FIELDS_BYTES = _CHUNK.size - struct.calcsize("<BQ")
 _COMPRESSION_LEVEL = -2
 """A third of the time of the default; files become a tenth larger."""
 
@@ -52,30 +49,6 @@ class Stream(Protocol):
     def tell(self) -> int:
         """Returns how many bytes were written so far."""
         ...
-
-
-class Rows(NamedTuple):
-    """Messages of several topics that were logged at the same times: a row has one of each."""
-
-    times_ns: NDArray[np.int64]
-    """When they were logged, in order."""
-
-    records: bytes | memoryview
-    """The rows one after the other, each the records of its messages (see `message_record`)."""
-
-    starts: Mapping[int, int]
-    """Where in a row the record of each channel begins."""
-
-
-def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
-    """Returns a message as a record of the file; log time and publish time are `TIMES_OFFSET` bytes from its beginning.
-
-    Args:
-        channel_id: From `McapFile.add_channel`.
-        time_ns: When it was logged and published.
-        data: The message.
-    """
-    return _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, 0, time_ns, time_ns) + data
 
 
 class McapFile:
@@ -102,6 +75,7 @@ class McapFile:
         self._take_rows = take_rows
         self._chunk_bytes = chunk_bytes
         self._compressor = zstandard.ZstdCompressor(_COMPRESSION_LEVEL)
+        self._buffer = bytearray()
         self._introductions = bytearray()
         """Schemas and channels that the next chunk begins with."""
         self._schemas: dict[str, Schema] = {}
@@ -159,18 +133,9 @@ class McapFile:
         rows = [item for item in self._take_rows() if len(item.times_ns)]
         if not messages and not rows:
             return
-        raw, entries = _in_order(bytes(self._introductions), rows, messages)
+        pieces, size, entries = in_order(bytes(self._introductions), rows, messages)
         self._introductions.clear()
-        times = [column[:, 0] for column in entries.values()]
-        chunk = Chunk(
-            compression="zstd",
-            data=self._compressor.compress(raw),
-            message_start_time=min(int(column.min()) for column in times),
-            message_end_time=max(int(column.max()) for column in times),
-            uncompressed_crc=zlib.crc32(raw),
-            uncompressed_size=len(raw),
-        )
-        self._write_chunk(chunk, entries)
+        self._write_chunk(self._joined(pieces, size), entries)
         for channel, column in entries.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(column)
 
@@ -230,26 +195,42 @@ class McapFile:
         footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(checked))
         self._stream.write(summary + _bytes_of(footer) + _MAGIC)
 
-    def _write_chunk(self, chunk: Chunk, messages: dict[int, NDArray[np.uint64]]) -> None:
-        record = _bytes_of(chunk)
-        start = self._stream.tell()
+    def _joined(self, pieces: Iterable[bytes | memoryview], size: int) -> memoryview:
+        """Puts a chunk's content together, always in the same memory: that of a new one would have to be fetched."""
+        if len(self._buffer) < size:
+            self._buffer = bytearray(size)
+        raw, end = memoryview(self._buffer)[:size], 0
+        for piece in pieces:
+            start, end = end, end + len(piece)
+            raw[start:end] = piece
+        return raw
+
+    def _write_chunk(self, raw: memoryview, messages: dict[int, NDArray[np.uint64]]) -> None:
+        data = self._compressor.compress(raw)
+        times = [column[:, 0] for column in messages.values()]
+        first_ns, last_ns = min(int(column.min()) for column in times), max(int(column.max()) for column in times)
+        head = _CHUNK.pack(
+            Opcode.CHUNK, _CHUNK_FIELDS_BYTES + len(data), first_ns, last_ns, len(raw), zlib.crc32(raw),
+            len(_COMPRESSION), _COMPRESSION, len(data),
+        )  # fmt: skip
+        start, length = self._stream.tell(), len(head) + len(data)
         indexes, places = b"", {}
         for channel, entries in messages.items():
-            places[channel] = start + len(record) + len(indexes)
+            places[channel] = start + length + len(indexes)
             size = entries.nbytes
             indexes += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size) + entries.tobytes()
-        self._stream.write(record + indexes)
+        self._stream.write(b"".join((head, data, indexes)))
         self._chunk_indexes.append(
             ChunkIndex(
-                chunk_length=len(record),
+                chunk_length=length,
                 chunk_start_offset=start,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                message_end_time=chunk.message_end_time,
+                compression=_COMPRESSION.decode(),
+                compressed_size=len(data),
+                message_end_time=last_ns,
                 message_index_length=len(indexes),
                 message_index_offsets=places,
-                message_start_time=chunk.message_start_time,
-                uncompressed_size=chunk.uncompressed_size,
+                message_start_time=first_ns,
+                uncompressed_size=len(raw),
             )
         )
 
@@ -266,71 +247,6 @@ class McapFile:
             metadata_count=0,
             schema_count=len(self._schemas),
         )
-
-
-def _in_order(
-    introductions: bytes, rows: Sequence[Rows], messages: Sequence[tuple[int, int, bytes]]
-) -> tuple[bytes, dict[int, NDArray[np.uint64]]]:
-    """Puts messages and rows in the order of their times.
-
-    Returns:
-        The content of a chunk, and by channel the times of its messages and their places in the chunk.
-    """
-    sizes = [np.full(len(item.times_ns), len(item.records) // len(item.times_ns)) for item in rows]
-    lengths = np.concatenate([*sizes, np.fromiter((len(record) for _, _, record in messages), np.int64, len(messages))])
-    time_ns = np.concatenate(
-        [*(item.times_ns for item in rows), np.array([time_ns for time_ns, _, _ in messages], np.int64)]
-    )
-    order = np.argsort(time_ns, kind="stable")
-    places = np.empty(len(order), np.int64)
-    places[order] = len(introductions) + np.cumsum(lengths[order]) - lengths[order]
-    pieces = _pieces(order, rows, [record for _, _, record in messages])
-    channels: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
-    first = 0
-    for item in rows:
-        stop = first + len(item.times_ns)
-        channels += [(channel, time_ns[first:stop], places[first:stop] + at) for channel, at in item.starts.items()]
-        first = stop
-    of_messages = np.fromiter((channel for _, channel, _ in messages), np.int64, len(messages))
-    for channel in np.unique(of_messages).tolist():
-        chosen = first + np.flatnonzero(of_messages == channel)
-        channels.append((channel, time_ns[chosen], places[chosen]))
-    return b"".join([introductions, *pieces]), _by_channel(channels)
-
-
-def _pieces(order: NDArray[np.intp], rows: Sequence[Rows], records: Sequence[bytes]) -> Iterator[bytes | memoryview]:
-    """Cuts rows where something else comes in between.
-
-    Args:
-        order: Numbers of the rows, one item after the other, and then of the other records.
-        rows: The rows.
-        records: What else there is.
-    """
-    sources: list[bytes | memoryview] = [memoryview(item.records) for item in rows]
-    counts = np.array([*(len(item.times_ns) for item in rows), *(1 for _ in records)])
-    sources += records
-    firsts = np.cumsum(counts) - counts
-    source_of = np.repeat(np.arange(len(sources)), counts)[order]
-    # A piece goes on while the next number is the next row of the same source.
-    begins = np.flatnonzero(np.concatenate(([True], (np.diff(order) != 1) | (np.diff(source_of) != 0))))
-    ends = np.append(begins[1:], len(order)) - 1
-    chosen = source_of[begins]
-    first_rows, last_rows = order[begins] - firsts[chosen], order[ends] - firsts[chosen]
-    for number, first, last in zip(chosen.tolist(), first_rows.tolist(), last_rows.tolist(), strict=True):
-        source = sources[number]
-        size = len(source) // int(counts[number])
-        yield source[first * size : (last + 1) * size]
-
-
-def _by_channel(
-    parts: Sequence[tuple[int, NDArray[np.int64], NDArray[np.int64]]],
-) -> dict[int, NDArray[np.uint64]]:
-    """Times and places side by side; the messages of a channel may come in several parts."""
-    entries: dict[int, NDArray[np.uint64]] = {}
-    for channel, times, places in parts:
-        columns = np.stack((times, places), axis=1).astype("<u8")
-        entries[channel] = np.concatenate((entries[channel], columns)) if channel in entries else columns
-    return entries
 
 
 def _bytes_of(record: McapRecord) -> bytes:

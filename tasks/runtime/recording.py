@@ -13,7 +13,8 @@ from typing import Any
 from .cdr import Message, encode
 from .columns import RowEncoder, Series
 from .foxglove import LAYOUT_FILE, layout
-from .mcap_file import McapFile, Rows
+from .mcap_file import McapFile
+from .mcap_messages import Rows
 from .rosbag2 import METADATA_FILE, RecordedTopic, channel_metadata, metadata
 
 _CHUNK_BYTES = 768 * 1024

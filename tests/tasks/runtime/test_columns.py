@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from prefect_robomaker.tasks.runtime import messages as ros
 from prefect_robomaker.tasks.runtime.cdr import encode
 from prefect_robomaker.tasks.runtime.columns import RowEncoder, clock, joint_states, odometry, transform
-from prefect_robomaker.tasks.runtime.mcap_file import message_record
+from prefect_robomaker.tasks.runtime.mcap_messages import message_record
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
