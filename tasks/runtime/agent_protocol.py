@@ -180,6 +180,9 @@ class ObservationWriter:
                     value = value[key]
             except (LookupError, TypeError):
                 raise ObservationError(f"the observation has no {field.where}, which its spec has") from None
+            if type(value) is np.ndarray and value.shape == shape and value.dtype == field.dtype:
+                target[...] = value  # the usual case, quickly
+                continue
             if getattr(value, "shape", None) != shape:
                 value = _with_shape(value, field)
             try:

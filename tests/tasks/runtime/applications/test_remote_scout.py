@@ -1,5 +1,7 @@
 """Scout in a process of its own, over the socket, does what it does in the job's process, to the last bit."""
 
+import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -8,6 +10,7 @@ from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.run_programs import ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime import agent_client
 from prefect_robomaker.tasks.runtime.child import BUILT_IN_ENVIRONMENT
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 
@@ -25,6 +28,9 @@ with connect() as simulation:
     context = types.SimpleNamespace(world=world, world_dir=world_dir, recorder=NullRecorder())
     simulation.run(make_agent(context, simulation))
 """
+
+
+PAGE = Path(__file__).parents[4] / "docs" / "agents.md"
 
 
 def recorded(plan: RunPlan) -> list[tuple[str, int, bytes]]:
@@ -69,3 +75,26 @@ def test_the_same_seed_gives_the_same_run_in_one_process_and_in_two(
     assert topics >= {"/clock", "/odom", "/scan", "/joint_states", "/tf"}
     assert len(second) > 1000
     assert sorted(message for message in first if message[0] in topics) == sorted(second)
+
+
+def test_the_robot_in_the_documentation_drives(launcher: Launcher, make_context, tmp_path: Path) -> None:
+    (text,) = re.findall(r"^<!-- robot: indoor-navigation -->\n```py\n(.*?)^```$", PAGE.read_text(), re.M | re.S)
+    shutil.copy(agent_client.__file__, tmp_path)
+    (tmp_path / "robot.py").write_text(text)
+    argv = [sys.executable, "robot.py"]
+    plan = make_context().plan.model_copy(
+        update={
+            "work_dir": tmp_path / "work",
+            "output_dir": tmp_path / "out",
+            "simulation_application": BUILT_IN_ENVIRONMENT,
+            "robot_application": ApplicationPlan(role="robot", name="careful"),
+            "programs": [ProgramPlan(name="robot", role="robot", kind="application", argv=argv, folder=tmp_path)],
+        }
+    )
+    outcome = launcher.run(plan, lambda: None)
+    assert outcome.status == "Completed", outcome.failure_reason
+    result = RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
+    assert result.ended_by == "agent"
+    assert result.sim_time_s == pytest.approx(20.0, abs=0.1)
+    assert result.metrics["distance_m"] > 1.0
+    assert result.collisions == []
