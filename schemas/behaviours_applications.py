@@ -15,7 +15,8 @@ APPLICATIONS = (
         "What archives hold",
         f"{_CREATE} {_UPDATE}",
         known="`sources` were colcon bundles, started with roslaunch.",
-        here="`sources` are .tar, .tar.gz or .zip archives of Python packages; ROS suites are recorded only.",
+        here="`sources` are .tar, .tar.gz or .zip archives of Python packages and programs; ROS suites are recorded "
+        "only.",
     ),
     differs(
         "Installed packages",
@@ -29,11 +30,12 @@ APPLICATIONS = (
         known="An account began empty.",
         here="`scout` and `indoor-navigation` are there from the start; they can be neither updated nor deleted.",
     ),
-    not_yet(
+    differs(
         "Container images",
-        f"{_CREATE} {_UPDATE} CreateSimulationJob StartSimulationJobBatch",
-        known="Applications were images from 2022 on.",
-        here="Images are kept, versioned and described; a job that is to run one is refused.",
+        f"{_CREATE} {_UPDATE}",
+        known="Images in ECR, whose digest was read when a version was made.",
+        here="Images that docker or podman finds. A version keeps the digest that its URI or `imageDigest` says, and a "
+        "job whose image has another one fails; without either the version runs whatever the tag names.",
     ),
     decided(
         "Both or neither of sources and environment",

@@ -1,6 +1,6 @@
 """What calls about simulation jobs and batches do that their shapes do not say."""
 
-from .behaviour import decided, differs, not_yet
+from .behaviour import decided, differs
 
 _ORDERS = "CreateSimulationJob StartSimulationJobBatch"
 
@@ -9,19 +9,20 @@ SIMULATIONS = (
         "Roles",
         f"{_ORDERS} CreateWorldExportJob",
         known="Jobs had the rights of `iamRole`.",
-        here="It is recorded, not assumed: jobs have the rights of whoever performs them. Batches do without it.",
+        here="It is recorded, not assumed: jobs run as whoever performs them, without any of their variables that "
+        "hold credentials. Batches do without it.",
     ),
     differs(
         "What runs",
         _ORDERS,
         known="Two containers on one host, or two bundles with roslaunch.",
-        here="One process group; both applications are Python factories that speak `dm_env`, on MuJoCo.",
+        here="Python factories that speak `dm_env`, on MuJoCo, in one process; programs of their own; containers.",
     ),
     differs(
         "One application is enough",
         _ORDERS,
         known="A job had a robot application, a simulation application, or both.",
-        here="The one that is missing is the built-in `scout` or `indoor-navigation`.",
+        here="The one that is missing is the built-in `scout` or `indoor-navigation`; a program may be alone.",
     ),
     differs(
         "Same seed, same run",
@@ -30,52 +31,106 @@ SIMULATIONS = (
         here="`seed` and `video`, or the tags `robomaker:seed` and `robomaker:video`.",
     ),
     differs(
-        "Network and machine",
+        "Verdicts",
         _ORDERS,
-        known="`vpcConfig`, `portForwardingConfig`, `streamUI` and `compute` decided where a job ran.",
-        here="They are echoed and without effect: applications share the machine, and its ports.",
+        known="A job that ran was `Completed`; whether the robot did well was for its own code to say.",
+        here="`requirements`, or the launch variable `ROBOMAKER_REQUIREMENTS`, say what a run is judged by. The verdict "
+        "is in `result.json` and in reports, the job's status stays `Completed`. See [Verdicts](verdicts.md).",
     ),
     differs(
-        "Usual tools and uploads",
+        "Network",
         _ORDERS,
-        known="`useDefaultTools`, `useDefaultUploadConfigurations` and `useDefaultApplications` started or kept some.",
-        here="They are accepted and without effect; outputs and logs are always stored.",
+        known="`vpcConfig` and `portForwardingConfig` gave a job an address and open ports.",
+        here="`vpcConfig` is echoed. A job port answers on 127.0.0.1 of the machine that performs the job, with or "
+        "without `vpcConfig`; `enableOnPublicIp` changes nothing.",
+    ),
+    differs(
+        "Simulation units",
+        _ORDERS,
+        known="A unit was a virtual processor and 2 GB of memory on a host of the job's own.",
+        here="As many processors, or as many as there are, and 2 GiB of memory each, at most. `GPU_AND_CPU` needs a "
+        "GPU where the job is performed, else it fails with `InvalidInput`.",
+    ),
+    differs(
+        "Usual tools",
+        _ORDERS,
+        known="`useDefaultTools` and `useDefaultApplications` started rviz, rqt, a terminal and rosbag record.",
+        here="They are accepted and start nothing: every run is recorded anyway, and there is no screen.",
     ),
     differs(
         "Logs",
         _ORDERS,
         known="CloudWatch, group `/aws/robomaker/SimulationJobs`.",
-        here="`logs/stdout.log` and `logs/stderr.log` of the job's outputs, and Prefect's flow runs.",
+        here="Files in `logs/` of the job's outputs, one pair for the simulation and for each program, and Prefect's "
+        "flow runs.",
     ),
-    not_yet(
-        "Commands",
+    differs(
+        "Commands, scripts and launch files",
         _ORDERS,
-        known="`launchConfig.command` replaced an image's command.",
-        here="Refused; `packageName` and `launchFile` say what is started.",
+        known="`launchConfig.command` replaced an image's command; bundles were started with roslaunch.",
+        here="A command is a process in the application's folder, also without an image; a `.py` file is run as a "
+        "script; `.launch` files need ROS on this machine. [What is started](simulation-jobs.md#what-is-started).",
     ),
-    not_yet(
+    differs(
+        "Container images",
+        _ORDERS,
+        known="Every application was one, pulled from ECR.",
+        here="docker or podman runs them where jobs are performed; without either the job fails with `InvalidInput`. "
+        "They share the machine's network and processors, not its folders.",
+    ),
+    differs(
+        "Folders of a job",
+        _ORDERS,
+        known="`/home/robomaker`, `/var/log` and `/opt/robomaker/datasources` of a container.",
+        here="Programs without a container find them below `$ROBOMAKER_JOB_ROOT`, and `$HOME` is the first of them.",
+    ),
+    differs(
         "Tools",
         _ORDERS,
-        known="Up to ten programs ran beside an application.",
-        here="Refused; applications may start them.",
+        known="Their output went to CloudWatch, their windows to viewers.",
+        here="Their output is `logs/<application>-<tool>.stdout.log` and `.stderr.log`; `streamUI` shows no windows. "
+        "The same tool is started again after a pause that grows from half a second to thirty.",
     ),
-    not_yet(
-        "Own uploads",
+    decided(
+        "Paths of uploads",
         _ORDERS,
-        known="`uploadConfigurations` said which files were kept, and when.",
-        here="Refused; all files in `context.output_dir` are kept, at the end.",
+        known="What follows the configuration's name was not documented.",
+        here="The path below the glob's fixed folder: `/var/log/nav/**` keeps `/var/log/nav/a/b.log` as "
+        "`<name>/a/b.log`.",
     ),
-    not_yet(
-        "Where data is mounted",
+    decided(
+        "Files that are being written",
         _ORDERS,
-        known="`dataSources[].destination` was a folder in the container.",
-        here="Refused; a source is in `context.data_dir`, below its name.",
+        known="`UPLOAD_ROLLING_AUTO_REMOVE` uploads and deletes every five seconds; what happens to a file that is "
+        "open was not documented.",
+        here="It is left until it is closed, or the job ends. A file that still changes when all code has stopped "
+        "fails the job with `UploadContentMismatchError`.",
     ),
-    not_yet(
+    decided(
+        "Default uploads",
+        _ORDERS,
+        known="The guide adds them to own ones unless they are refused; the API names no default.",
+        here="So does this; alone they are there for `useDefaultUploadConfigurations: true`. `ros-logs` is "
+        "`/home/robomaker/.ros/log/**`, `ros-bags` `.ros/bag/**`, `gazebo-logs` `.gazebo/**`.",
+    ),
+    decided(
+        "Where data is in a destination",
+        _ORDERS,
+        known="The folder is replaced; whether keys keep their folders was not documented.",
+        here="Files keep their whole key below it; an archive is unpacked into it. Everything is read-only.",
+    ),
+    decided(
         "Going on after a crash",
         _ORDERS,
-        known="`failureBehavior: Continue` left the host running, as `RunningFailed`.",
-        here="Accepted, and treated as `Fail`.",
+        known="`failureBehavior: Continue` left the host running; how the job ended then was not documented.",
+        here="`RunningFailed` with its code and reason, while the rest goes on. At the duration limit it becomes "
+        "`Failed`, when it is cancelled `Canceled`; a restart forgets the crash.",
+    ),
+    decided(
+        "Images that break the rules",
+        _ORDERS,
+        known="VOLUME and EXPOSE made a job fail with an unnamed 4XX code.",
+        here="`InvalidInput`.",
     ),
     decided(
         "How long a job may take",
@@ -113,7 +168,8 @@ SIMULATIONS = (
         "When a job ends by itself",
         _ORDERS,
         known="What a program that ends well means was not documented; jobs often cancelled themselves.",
-        here="The end of the episode, or `StopIteration`, ends the job as `Completed`. `Terminated` is never used.",
+        here="The end of the episode, `StopIteration`, or exit code 0 of an application that is a program ends the job "
+        "as `Completed`. It can still cancel itself. `Terminated` is never used.",
     ),
     decided(
         "Name of a job", "DescribeSimulationJob", known="It has one, and no way to set it.", here="The id: `sim-…`."

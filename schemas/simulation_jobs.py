@@ -106,7 +106,7 @@ class SimulationJobOrder(Shape):
         description="Wall-clock limit in seconds, 1 to 1209600; reaching it ends the job normally."
     )
     failureBehavior: FailureBehavior | None = Field(
-        default=None, description="What happens after a crash; both Fail (the default) and Continue end the job."
+        default=None, description="After a crash Fail (the default) ends the job, Continue leaves the rest running."
     )
     robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
     simulationApplications: SimulationApplicationConfigs | None = Field(
