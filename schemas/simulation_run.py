@@ -6,7 +6,8 @@
 | file in the output folder | content |
 | --- | --- |
 | `result.json` | `RunResult` |
-| `recording.mcap` | ROS 2 messages |
+| `recording.mcap`, `metadata.yaml` | ROS 2 messages, as a rosbag2 |
+| `foxglove-layout.json` | how Foxglove shows them |
 | `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
 | `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
 | `video.mp4`, `poster.png` | when asked for |
