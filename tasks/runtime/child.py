@@ -135,7 +135,9 @@ def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
         observers.insert(0, remote)  # told of the end before others take their time for it
     try:
         episode = _run(plan, rng, recorder, progress, stop, observers, remote, checkpoints)
-    except BaseException:
+    except BaseException as error:
+        # Said before the robot's program is told, whose end would seem to be what went wrong.
+        progress.write_report(_report_of(error, progress))
         # What failed first is what counts; a full disk may keep the rest from being closed too.
         for observer in observers:
             with suppress(Exception):
@@ -202,17 +204,23 @@ def _read_world(world_dir: Path | None) -> World | None:
 def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
     """Writes the traceback to the error log and the short form to the supervisor."""
     trace = _without_runtime(error.__traceback__)
-    if isinstance(error, _SAY_ALL) and error.__cause__ is None:
-        sys.stderr.write(f"{error}\n")
-    else:
-        traceback.print_exception(type(error), error, trace)
+    with suppress(Exception):  # the disk may be full, and the application may have closed or replaced the stream
+        if isinstance(error, _SAY_ALL) and error.__cause__ is None:
+            sys.stderr.write(f"{error}\n")
+        else:
+            traceback.print_exception(type(error), error, trace)
+    progress.write_report(_report_of(error, progress))
+    (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
+
+
+def _report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
     runtime_fault = isinstance(error, RecordingError)
     phase = Phase.FINISHING if runtime_fault else progress.phase
-    report: dict[str, Any] = {"error": _describe(error, trace)[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}
+    what = _describe(error, _without_runtime(error.__traceback__))
+    report: dict[str, Any] = {"error": what[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}
     if isinstance(error, LaunchError):
         report["code"] = error.failure_code
-    progress.write_report(report)
-    (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
+    return report
 
 
 def _describe(error: BaseException, trace: TracebackType | None) -> str:

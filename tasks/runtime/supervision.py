@@ -183,12 +183,18 @@ class Supervision:
     # What an end means
 
     def _on_run_end(self) -> None:
+        exit_of_run = self._exit()
+        is_about_robot = exit_of_run.ended_by == "agent" or _blamed_role(exit_of_run.report) == "robot"
+        if is_about_robot and self._robot_program() is not None:
+            # Unless its end, which is to come, says more.
+            self._after(LAST_WORD_S, partial(self._conclude, exit_of_run))
+        else:
+            self._conclude(exit_of_run)
+
+    def _conclude(self, exit_of_run: Exit) -> None:
         if self._is_ending or self._has_crashed:
             return
-        exit_of_run = self._exit()
-        if exit_of_run.ended_by == "agent" and self._robot_program() is not None:
-            self._after(LAST_WORD_S, self._end)  # unless it says before that it crashed
-        elif exit_of_run.ended_by is None and self._plan.failure_behavior == "Continue":
+        if exit_of_run.ended_by is None and self._plan.failure_behavior == "Continue":
             self._go_on(exit_of_run)
         else:
             self._end()
@@ -201,16 +207,20 @@ class Supervision:
             program.clear_away()
             self._after(pause_s, partial(self._start, program))
         elif program.plan.kind == "tool" or status != 0:
-            self._on_crash(_crash_of(program, how_it_ended(status)))
+            if program.plan.kind == "tool" or not self._is_failing_by_itself():
+                self._on_crash(_crash_of(program, how_it_ended(status)))
         elif self._run_pid is None:
             self._is_completed = not self._has_crashed
             if self._is_completed:
                 self._end()
         elif self._run_status is not None:
-            if not self._has_crashed:
-                self._end()
+            self._conclude(self._exit())
         else:
             self._after(AGENT_GONE_S, self._tell_run_that_agent_is_gone)
+
+    def _is_failing_by_itself(self) -> bool:
+        """Whether the run's process has said that it fails, which its robot program may have noticed first."""
+        return self._run_status is None and _blamed_role(self._progress.read_report()) == "simulation"
 
     def _on_crash(self, crash: Crash) -> None:
         if self._plan.failure_behavior == "Continue":
@@ -304,6 +314,10 @@ class Supervision:
         exit_code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else None
         signal_number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
         return Exit(exit_code, signal_number, phase, report, self._crash)
+
+
+def _blamed_role(report: dict[str, Any]) -> str | None:
+    return Phase(report["phase"]).role if "error" in report else None
 
 
 def _restarts(program: Program) -> bool:

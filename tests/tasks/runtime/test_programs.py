@@ -311,6 +311,14 @@ class TestEpisodesWithPrograms:
         assert launcher.run(plan, never).status == "Completed"
         assert read_result(plan).ended_by == "environment"
 
+    def test_the_robot_notices_first_that_the_simulation_fails(
+        self, launcher: Launcher, plan_drive: Callable[..., RunPlan]
+    ) -> None:
+        """Its error at the lost simulation is not taken for the reason."""
+        plan = plan_drive(self.DRIVE.format(end="pass") + "raise SystemExit(8)", environment="raising")
+        code, reason = failure(launcher.run(plan, never))
+        assert (code, "the table is on fire" in reason) == ("SimulationApplicationCrash", True)
+
     def test_the_simulation_fails(self, launcher: Launcher, plan_drive: Callable[..., RunPlan], tmp_path: Path) -> None:
         plan = plan_drive(WAITING, environment="unable")
         code, reason = failure(launcher.run(plan, never))
