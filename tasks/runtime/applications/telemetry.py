@@ -92,7 +92,7 @@ class Telemetry(KeepsAttributes):
         robot = self._robot
         base = robot.planar_joints or ((robot.free_joint,) if robot.free_joint else ())
         # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
-        names = [f"{joint}_joint" for joint in robot.joints] if robot.name == "scout" else robot.joints
+        names = [f"{joint}_joint" for joint in robot.joints] if robot.is_differential else robot.joints
         return StateSeries(
             model,
             data,

@@ -1,6 +1,7 @@
 """The example of a robot in a bundle, and the walker, as jobs drive them: packed, unpacked, run, recorded."""
 
 import math
+import re
 import shutil
 import tarfile
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from small_flat import BODY
 
+from prefect_robomaker.schemas.robot_model import ROBOT_MODELS
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.spec_check import load_spec
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
@@ -132,3 +134,21 @@ def test_the_examples_specification_is_right_and_its_model_is_as_the_urdf_says()
     assert links <= {model.body(index).name for index in range(model.nbody)}
     assert model.body_subtreemass[1] == pytest.approx(5.0 + 2 * 0.4 + 2 * 0.1 + 0.2)
     assert model.actuator_forcerange[0].tolist() == [-1.5, 1.5]
+
+
+def test_the_mapping_that_the_documentation_shows_is_a_right_one(unpacked: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "robots.md").read_text()
+    [shown] = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (unpacked / "my_rover" / "robot.yaml").write_text(shown)
+    rover = find_robot(robot("my_rover.make_agent", unpacked), {})
+    assert (rover.limits.radius_m, rover.limits.linear_mps) == (0.23, 0.5)
+    assert rover.lidar_height_m == pytest.approx(0.23)
+
+
+def test_every_member_of_a_mapping_is_in_the_documentation() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "robots.md").read_text()
+    for model in ROBOT_MODELS.values():
+        schema = model.model_json_schema()
+        for shape in (schema, *schema["$defs"].values()):
+            missing = [name for name in shape["properties"] if f"`{name}" not in page and f".{name}`" not in page]
+            assert not missing, (shape["title"], missing)

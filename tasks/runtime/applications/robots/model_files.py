@@ -18,6 +18,8 @@ from .urdf import rewrite_urdf
 
 _TEXTURE_TAGS = frozenset({"texture"})
 _MODEL_TAGS = frozenset({"include", "model"})
+_File = tuple[str, Path]
+"""A file as it is named, and where it is."""
 
 
 def load_model(path: Path, root: Path) -> mujoco.MjSpec:
@@ -61,7 +63,7 @@ def _parse(path: Path) -> ET.Element:
         raise invalid(path, f"it is no XML: {cause}") from cause
 
 
-def _files_of(element: ET.Element, path: Path, folder: Path, depth: int = 0) -> Iterator[tuple[str, Path]]:
+def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
     """Every file that an MJCF names, with those of what it includes; relative names are the main file's."""
     compilers = list(element.iter("compiler"))
     meshes, textures = (
@@ -77,5 +79,8 @@ def _files_of(element: ET.Element, path: Path, folder: Path, depth: int = 0) -> 
             inside = "" if each.tag in _MODEL_TAGS else textures if each.tag in _TEXTURE_TAGS else meshes
             file = folder / str(inside) / name
             yield name, file
-            if each.tag in _MODEL_TAGS and file.is_file() and file.suffix == ".xml" and depth < 10:
-                yield from _files_of(_parse(file), file, folder if each.tag == "include" else file.parent, depth + 1)
+            if each.tag in _MODEL_TAGS and file.suffix == ".xml" and file.is_file():
+                if file.resolve() in seen:
+                    raise invalid(path, f"the file {name!r} includes itself")
+                within = seen | {file.resolve()}
+                yield from _files_of(_parse(file), file, folder if each.tag == "include" else file.parent, within)

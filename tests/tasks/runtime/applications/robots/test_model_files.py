@@ -104,6 +104,12 @@ def test_an_mjcf_that_names_files_outside_is_refused(bundle: Path, file: str, co
         load_model(mjcf(bundle, file, compiler, more), bundle)
 
 
+def test_an_mjcf_that_includes_itself_is_refused(bundle: Path) -> None:
+    (bundle / "my_box" / "inner.xml").write_text('<mujoco><include file="inner.xml"/></mujoco>')
+    with pytest.raises(LaunchError, match=r"inner\.xml: the file 'inner.xml' includes itself"):
+        load_model(mjcf(bundle, "meshes/box.stl", "", '<include file="inner.xml"/>'), bundle)
+
+
 @pytest.mark.parametrize(("text", "message"), [("no xml", "it is no XML"), ("<mujoco><nonsense/></mujoco>", "MuJoCo")])
 def test_what_is_no_model_is_named(bundle: Path, text: str, message: str) -> None:
     (bundle / "bad.xml").write_text(text)
