@@ -16,7 +16,10 @@ FailureBehavior = Literal["Fail", "Continue"]
 class ProgramPlan(Model):
     """One program, resolved to something that can be executed on this machine."""
 
-    name: str = Field(description="Unique in the run; names its logs: `robot`, `simulation`, `robot-<tool>`.")
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_.-]+$",
+        description="Unique in the run; names its logs: `robot`, `simulation`, `robot-<tool>`.",
+    )
     role: ApplicationRole = Field(description="The application that it is, or beside which it runs.")
     kind: ProgramKind = Field(description="An application, whose end ends the job, or a tool.")
     argv: list[str] = Field(min_length=1, description="Program and arguments, as for `execvpe`.")

@@ -10,6 +10,7 @@
 | `foxglove-layout.json` | how Foxglove shows them |
 | `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
 | `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
+| `logs/<program>.stdout.log`, `….stderr.log` | what a program of the run printed |
 | `video.mp4`, `poster.png` | when asked for |
 | `last-10s.mp4` | of a run that failed, when asked for |
 | `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
@@ -190,7 +191,10 @@ class RunResult(Model):
     sim_time_s: float = Field(description="Simulated time at the end.")
     wall_time_s: float = Field(description="Wall-clock time spent stepping.")
     real_time_factor: float = Field(description="`sim_time_s / wall_time_s`.")
-    ended_by: str = Field(description="`environment`, `agent`, `requirements`, `duration limit` or `canceled`.")
+    ended_by: str = Field(
+        description="`environment`, `agent`, `requirements`, `application` (a program, in a run without an episode), "
+        "`duration limit` or `canceled`."
+    )
     seed: int = Field(description="Seed of the run.")
     versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
     state_digest: str | None = Field(

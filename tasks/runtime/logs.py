@@ -12,6 +12,8 @@ STDOUT_LOG = "stdout.log"
 STDERR_LOG = "stderr.log"
 
 _TAIL_BYTES = 8192
+_MAX_STEM_CHARACTERS = 240
+"""File names have 255 bytes; tools may have longer names than that leaves."""
 _ESCAPE_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|[\x00-\x08\x0b-\x1f\x7f]")
 
 
@@ -37,7 +39,8 @@ def redirect_output(output_dir: Path) -> None:
 
 def program_logs(program: str) -> tuple[str, str]:
     """Names of the logs of one of the run's programs, in `logs/`: standard output, standard error."""
-    return f"{program}.{STDOUT_LOG}", f"{program}.{STDERR_LOG}"
+    stem = program[:_MAX_STEM_CHARACTERS]
+    return f"{stem}.{STDOUT_LOG}", f"{stem}.{STDERR_LOG}"
 
 
 def log_tail(output_dir: Path, program: str | None = None) -> tuple[str, list[str]]:

@@ -96,3 +96,11 @@ def test_killed_from_outside(
     plan = plan_programs(program(pid), tool("echo $$ > pid; sleep 1000", exit_behavior="RESTART"))
     assert launcher.run(plan, never).status == "Completed"
     assert f"it was killed by {signal.SIGKILL.name}; " in log_of(plan, "robot-rviz.stderr.log")
+
+
+def test_the_longest_name_a_tool_may_have(
+    launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+) -> None:
+    plan = plan_programs(program("import time; time.sleep(.2)"), tool("echo hello", name="simulation-" + "x" * 255))
+    assert launcher.run(plan, never).status == "Completed"
+    assert [path.read_text() for path in plan.output_dir.glob("logs/simulation-xxx*.stdout.log")] == ["hello\n"]
