@@ -31,6 +31,7 @@ from .provenance import machine_facts
 from .recording import McapRecorder, NullRecorder, RecordingError
 from .remote_agent import RobotProgramError
 from .remote_robot import RemoteRobot
+from .requirement_checks import RequirementError
 from .results import RESULT_FILE, Episode, make_result, versions, write_result
 from .run_request import RunRequest
 
@@ -214,8 +215,8 @@ def _report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> 
 
 
 def _report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
-    runtime_fault = isinstance(error, RecordingError)
-    phase = Phase.FINISHING if runtime_fault else progress.phase
+    faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
+    phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
     what = _describe(error, _without_runtime(error.__traceback__))
     report: dict[str, Any] = {"error": what[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}
     if isinstance(error, LaunchError):

@@ -66,10 +66,10 @@ def film_failure(
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:
-    """Whether a run crashed, ran out of time, or was judged FAIL; canceled ones did not."""
+    """Whether a run crashed, ran out of time, or was judged FAIL or ERROR; canceled ones did not."""
     if outcome.status != "Completed":
         return outcome.status == "Failed"
-    return outcome.timed_out or _verdict(plan.output_dir) == "FAIL"
+    return outcome.timed_out or _verdict(plan.output_dir) in ("FAIL", "ERROR")
 
 
 def _request(plan: RunPlan) -> FilmRequest:

@@ -27,6 +27,7 @@ class Phase(IntEnum):
     STEP = 5
     REPORT = 6
     FINISHING = 7
+    JUDGING = 8
 
     @property
     def role(self) -> ApplicationRole | None:
@@ -56,6 +57,7 @@ _ACTIVITIES = {
     Phase.STEP: "environment.step()",
     Phase.REPORT: "environment.run_result()",
     Phase.FINISHING: "writing the outputs",
+    Phase.JUDGING: "judging the run",
 }
 
 

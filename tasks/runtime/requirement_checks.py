@@ -40,6 +40,13 @@ Look = Callable[[float], None]
 _MAX_SHOWN = 12
 
 
+class RequirementError(LaunchError):
+    """A requirement cannot be judged; nobody's application is to blame but whoever asked for it."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, "InvalidInput")
+
+
 @dataclass(frozen=True)
 class Scene:
     """What requirements are measured in: one model and its data."""
@@ -69,7 +76,7 @@ class Scene:
         """The robot's body: the one that is named, else the environment's `robot_body`, else the one that acts.
 
         Raises:
-            LaunchError: The model has no such body, or none that can be taken for a robot.
+            RequirementError: The model has no such body, or none that can be taken for a robot.
         """
         named = body if body is not None else getattr(self.environment, "robot_body", None)
         if named is None:
@@ -131,7 +138,7 @@ def bind(rule: Rule, scene: Scene) -> Look:
     """Ties a rule to a scene.
 
     Raises:
-        LaunchError: It cannot be judged there: no such body, room, function.
+        RequirementError: It cannot be judged there: no such body, room, function.
     """
     match rule:
         case GoalRule():
@@ -225,9 +232,9 @@ def _has(path: Path, package: str) -> bool:
     return (path / package).is_dir() or (path / f"{package}.py").is_file()
 
 
-def cannot(requirement: JobRequirement, why: str) -> LaunchError:
+def cannot(requirement: JobRequirement, why: str) -> RequirementError:
     """The error for a requirement that cannot be judged here."""
-    return LaunchError(f"requirement {requirement.name} ({requirement.kind}): {why}", "InvalidInput")
+    return RequirementError(f"requirement {requirement.name} ({requirement.kind}): {why}")
 
 
 def _below(model: mujoco.MjModel, body: int) -> Any:

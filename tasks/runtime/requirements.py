@@ -4,13 +4,13 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ...schemas.errors import InvalidParameterException, LaunchError
+from ...schemas.errors import InvalidParameterException
 from ...schemas.requirements import JobRequirement, parse_requirements, rooms_of
 from ...schemas.simulation_run import RunPlan
 from ...schemas.world import World
 from .loop import RunEnded
 from .physics import raw_physics
-from .requirement_checks import Look, Scene, bind, make_rules
+from .requirement_checks import Look, RequirementError, Scene, bind, make_rules
 from .requirement_rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule
 from .results import Findings
 
@@ -45,7 +45,7 @@ class RequirementsObserver:
 
         Raises:
             RunEnded: A requirement that stops the run is violated, or all goals that do are reached.
-            LaunchError: A requirement cannot be judged.
+            RequirementError: A requirement cannot be judged.
         """
         self._time_s = time_s
         if self._rules is None:
@@ -74,7 +74,7 @@ class RequirementsObserver:
         """Goes on from where `state` was taken.
 
         Raises:
-            LaunchError: A requirement cannot be judged.
+            RequirementError: A requirement cannot be judged.
         """
         self._rules, self._time_s = state["rules"], state["time_s"]
         if self._rules:
@@ -176,7 +176,7 @@ def _own_requirements(environment: Any) -> list[JobRequirement]:
     """What the environment itself asks for.
 
     Raises:
-        LaunchError: It is no list of requirements.
+        RequirementError: It is no list of requirements.
     """
     ask = getattr(environment, "requirements", None)
     if not callable(ask):
@@ -184,7 +184,7 @@ def _own_requirements(environment: Any) -> list[JobRequirement]:
     try:
         return parse_requirements(ask(), "environment.requirements()")
     except InvalidParameterException as error:
-        raise LaunchError(str(error), "InvalidInput") from error
+        raise RequirementError(str(error)) from None
 
 
 def _needs_world(requirements: Sequence[JobRequirement]) -> bool:

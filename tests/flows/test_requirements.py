@@ -73,6 +73,14 @@ def test_a_room_that_the_world_has_not_fails_the_job_before_it_runs(drive: Drive
     assert "requirement there: the world has no room 'cellar'; its rooms are" in job["failureReason"]
 
 
+def test_a_body_that_the_model_has_not_fails_the_job_at_its_first_step(drive: Drive) -> None:
+    job, _ = drive(requirements=[{"kind": "goal", "name": "there", "x": 0.0, "y": 0.0, "body": "scoot/base"}])
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert job["failureReason"].startswith(
+        "The runtime failed in judging the run: requirement there (goal): the model has no body 'scoot/base'; did you"
+    )
+
+
 def test_a_variable_that_cannot_be_understood_is_refused(service: Service) -> None:
     config = {
         "application": "indoor-navigation",
