@@ -34,8 +34,8 @@ SIMULATIONS = (
         "Verdicts",
         _ORDERS,
         known="A job that ran was `Completed`; whether the robot did well was for its own code to say.",
-        here="`requirements`, or the launch variable `ROBOMAKER_REQUIREMENTS`, say what a run is judged by. The verdict "
-        "is in `result.json` and in reports, the job's status stays `Completed`. See [Verdicts](verdicts.md).",
+        here="`requirements`, or the launch variable `ROBOMAKER_REQUIREMENTS`, say what a run is judged by. The "
+        "verdict is in `result.json` and in reports; the job is `Completed` all the same. See [Verdicts](verdicts.md).",
     ),
     differs(
         "Network",
