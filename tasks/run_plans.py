@@ -16,6 +16,7 @@ from .catalog import Resource
 from .compute import compute_limits
 from .data_sources import fetch_data_sources
 from .process_variables import process_variables
+from .resuming import CHECKPOINTS_FOLDER, checkpoint_every_s
 from .service import Service
 from .surroundings import Surroundings, run_sandbox
 
@@ -54,6 +55,7 @@ def run_plan(
         root_dir=sandbox.root,
         work_dir=work_dir,
         output_dir=output_dir,
+        checkpoint_dir=folder / CHECKPOINTS_FOLDER,
         compute=limits,
         environment=process_variables(sandbox, service.settings, os.environ),
         failure_behavior=request.get("failureBehavior") or "Fail",
@@ -65,6 +67,7 @@ def run_plan(
     applications = plan_applications(request, Surroundings(plan, folder, sandbox, destinations, service, stopped))
     return plan.model_copy(
         update={
+            "checkpoint_every_s": checkpoint_every_s(applications.plans.get("simulation")),
             "simulation_application": applications.plans.get("simulation"),
             "robot_application": applications.plans.get("robot"),
             "programs": applications.programs,
