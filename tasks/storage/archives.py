@@ -37,6 +37,10 @@ class ArchiveLimits:
     """Files and folders."""
     depth: int = 32
     """Components of a path."""
+    ratio: int = 200
+    """All files together, in sizes of the archive; held against what is larger than `unsuspicious_bytes`."""
+    unsuspicious_bytes: int = 256 << 20
+    """What every archive may hold, however small it is."""
 
 
 def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:
@@ -60,7 +64,7 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
         unpacked = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         try:
             unpacked.chmod(0o755)
-            extraction = _Extraction(unpacked, limits or ArchiveLimits())
+            extraction = _Extraction(unpacked, limits or ArchiveLimits(), archive.stat().st_size)
             try:
                 for member in members(archive):
                     extraction.add(member)
@@ -113,6 +117,7 @@ class _Extraction:
 
     top: Path
     limits: ArchiveLimits
+    archive_bytes: int
     entries: int = 0
     size: int = 0
     last: str = ""
@@ -199,5 +204,9 @@ class _Extraction:
             if self.size > self.limits.total_bytes:
                 raise BundleError(
                     f"member {member.name!r}: with it the archive has more than {self.limits.total_bytes} bytes"
+                )
+            if self.size > max(self.limits.unsuspicious_bytes, self.limits.ratio * self.archive_bytes):
+                raise BundleError(
+                    f"member {member.name!r}: with it the archive has more than {self.limits.ratio} times its own size"
                 )
             target.write(chunk)

@@ -14,6 +14,7 @@ from small_flat import ROLE
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.errors import InvalidParameterException
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.job_runs import perform_job
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
@@ -155,3 +156,38 @@ def test_keys_that_may_not_write_end_jobs_with_the_code_for_that(
 
     assert (exported["status"], exported["failureCode"]) == ("Failed", "AccessDenied")
     assert foreign in exported["failureReason"]
+
+
+@pytest.mark.parametrize(
+    ("part", "code"),
+    [
+        ("data", "BadPermissionsS3Object"),
+        ("robot", "BadPermissionsRobotApplication"),
+        ("simulation", "BadPermissionsSimulationApplication"),
+        ("output", "BadPermissionsS3Output"),
+    ],
+)
+def test_a_job_of_somebody_who_may_not_reach_a_part_of_it_says_which(
+    service: Service, limited: Service, order: Order, s3_server: S3Server, part: str, code: str
+) -> None:
+    foreign = f"foreign-{uuid4().hex[:8]}"
+    s3_server.client("s3").create_bucket(Bucket=foreign)
+    service.store.put_bytes(foreign, "there", b"there")
+    request = order()
+    # The keys may read nothing of the bucket that the applications' archive is in; here the rest has to be theirs.
+    builtin = {"robot": "scout", "simulation": "indoor-navigation"}
+    for role, name in builtin.items():
+        if role != part:
+            request[f"{role}Applications"] = [{"application": name, "launchConfig": {}}]
+    if part == "data":
+        request["dataSources"] = [{"name": "x", "s3Bucket": foreign, "s3Keys": ["there"]}]
+    if part == "output":
+        request["outputLocation"] = {"s3Bucket": foreign}
+        request["robotApplications"] = [{"application": "scout", "launchConfig": {"command": ["true"]}}]
+        del request["simulationApplications"]
+    arn = call("CreateSimulationJob", request, service)["arn"]
+
+    perform_job(arn, limited)
+
+    job = call("DescribeSimulationJob", {"job": arn}, service)
+    assert (job["status"], job["failureCode"]) == ("Failed", code), job["failureReason"]

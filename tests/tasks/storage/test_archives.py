@@ -3,6 +3,7 @@
 import gzip
 import io
 import os
+import shutil
 import stat
 import tarfile
 import zipfile
@@ -60,6 +61,7 @@ def try_to_unpack(tmp_path: Path) -> Callable[..., dict[str, bytes]]:
 
     def attempt(data: bytes, **limits: int) -> dict[str, bytes]:
         archive, folder = tmp_path / "archive", tmp_path / "in" / "folder"
+        shutil.rmtree(folder, ignore_errors=True)
         archive.write_bytes(data)
         try:
             unpack(archive, folder, limits=ArchiveLimits(**limits))
@@ -204,6 +206,22 @@ def test_a_bomb_is_stopped_by_what_comes_out_whatever_it_claims(try_to_unpack, t
     for data in (honest, claiming, make_tar({"bomb": bytes(50_000_000)}, mode="w:gz")):
         with pytest.raises(BundleError):
             try_to_unpack(data, total_bytes=1_000_000)
+
+
+def test_a_bomb_below_all_limits_is_told_by_its_ratio(try_to_unpack):
+    data = make("tar.gz", {"bomb": bytes(5_000_000)})
+    with pytest.raises(BundleError, match="'bomb': with it the archive has more than 200 times its own size"):
+        try_to_unpack(data, unsuspicious_bytes=1_000_000)
+    assert try_to_unpack(data)  # small enough to be let in
+    random = os.urandom(2_000_000)
+    assert try_to_unpack(make("tar.gz", {"meshes": random}), unsuspicious_bytes=1_000_000)
+
+
+def test_a_million_entries_are_refused_after_the_first_hundred_thousand(try_to_unpack):
+    folder = make_tar({"folder/": b""})[:512]
+    data = gzip.compress(folder * 10_000) * 100  # parts of a gzip file may simply be joined
+    with pytest.raises(BundleError, match="more than 100000 files and folders"):
+        try_to_unpack(data)
 
 
 def test_special_modes_and_owners_are_dropped(try_to_unpack, tmp_path: Path):
