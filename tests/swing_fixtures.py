@@ -29,7 +29,7 @@ def upload_swinger(service: Service, tmp_path: Path, more: bytes = b"") -> None:
 
 @pytest.fixture
 def swing(service: Service, tmp_path: Path) -> Simulate:
-    """Runs a job of the swinging pendulum to its end and returns its description."""
+    """Orders a job of the swinging pendulum, runs it to its end, and returns its description."""
     upload_swinger(service, tmp_path)
     source = [{"s3Bucket": "applications", "s3Key": "swinger.tar.gz"}]
     call("CreateRobotApplication", {"name": "pusher", "sources": source, "robotSoftwareSuite": SUITE}, service)
@@ -37,7 +37,7 @@ def swing(service: Service, tmp_path: Path) -> Simulate:
     request = {"name": "swing", "sources": source, "robotSoftwareSuite": SUITE, "simulationSoftwareSuite": runtime}
     call("CreateSimulationApplication", request, service)
 
-    def run(duration_s: int = 60, seed: int = 3, **variables: str) -> dict[str, Any]:
+    def run(duration_s: int = 60, seed: int = 3, perform: bool = True, **variables: str) -> dict[str, Any]:
         launch = {"packageName": "swinger", "launchFile": "make_environment", "environmentVariables": variables}
         request = {
             "maxJobDurationInSeconds": duration_s,
@@ -49,7 +49,8 @@ def swing(service: Service, tmp_path: Path) -> Simulate:
             ],
         }
         job = call("CreateSimulationJob", request, service)
-        perform_job(job["arn"], service)
+        if perform:
+            perform_job(job["arn"], service)
         return call("DescribeSimulationJob", {"job": job["arn"]}, service)
 
     return run

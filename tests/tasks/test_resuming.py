@@ -1,0 +1,158 @@
+"""Jobs whose performer is killed go on where they were, or begin anew and say why."""
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from swing_fixtures import outputs_of
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.provenance import Provenance
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunResult
+from prefect_robomaker.tasks.catalog import Catalog
+from prefect_robomaker.tasks.job_runs import perform_job
+from prefect_robomaker.tasks.resuming import checkpoint_every_s
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import read_manifest
+
+Swing = Callable[..., dict[str, Any]]
+SLOW = {"SLEEP_S": "0.01", "TIME_LIMIT_S": "6", "ROBOMAKER_CHECKPOINT_EVERY_S": "1"}
+PERFORM = """
+import os, sys
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.job_runs import perform_job
+from prefect_robomaker.tasks.service import Service
+perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
+"""
+
+
+@pytest.fixture
+def performer(service: Service) -> Iterator[Callable[[str], "subprocess.Popen[bytes]"]]:
+    """Starts processes that perform jobs."""
+    started = []
+
+    def start(arn: str) -> "subprocess.Popen[bytes]":
+        environment = {**os.environ, "ROBOMAKER_HOME": str(service.settings.home)}
+        process = subprocess.Popen([sys.executable, "-c", PERFORM, arn], env=environment)
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def later(service: Service) -> Service:
+    """The same service when the leases of the dead have run out."""
+    catalog = Catalog.open(service.settings.catalog_url, clock=lambda: datetime.now(UTC) + timedelta(minutes=2))
+    return replace(service, catalog=catalog)
+
+
+def wait_for(what: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + 60
+    while not (found := what()):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    return found
+
+
+def killed(service: Service, job: dict[str, Any], performer: Callable[..., "subprocess.Popen[bytes]"]) -> Path:
+    """Has a job performed and kills the performer in the middle; returns the run's folder, of which nobody is left."""
+    process = performer(job["arn"])
+    folder = service.settings.home / "jobs" / job["name"]
+    [checkpoint, *_] = wait_for(lambda: list(folder.glob("*/checkpoints/checkpoint-*.bin")))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    run = checkpoint.parent.parent
+    # The run dies with its performer; its lock says that it has.
+    wait_for(lambda: not _is_locked(run / "checkpoints" / "lock"))
+    return run
+
+
+def _is_locked(path: Path) -> bool:
+    return subprocess.run(["flock", "--nonblock", path, "true"], check=False).returncode != 0
+
+
+def result_of(service: Service, job: dict[str, Any]) -> RunResult:
+    return RunResult.model_validate_json((outputs_of(service, job) / "result.json").read_bytes())
+
+
+def test_the_next_performer_goes_on_and_ends_in_the_same_state(
+    service: Service, swing: Swing, performer: Callable[..., Any]
+) -> None:
+    whole, job = swing(**SLOW), swing(perform=False, **SLOW)
+    run = killed(service, job, performer)
+    assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] == "Running"
+
+    perform_job(job["arn"], later(service))
+
+    ended = call("DescribeSimulationJob", {"job": job["arn"]}, service)
+    document = service.catalog.get(job["arn"]).document
+    assert (ended["status"], document["runId"], document["attempts"]) == ("Completed", run.name, 2)
+    assert result_of(service, job).state_digest == result_of(service, whole).state_digest
+    assert result_of(service, job).metrics == result_of(service, whole).metrics
+    provenance = Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
+    assert len(provenance.resumed_at_s) == 1
+    assert "digest.bin" in {file.path for file in read_manifest(service.store, **document["outputs"]).files}
+    assert not run.exists()
+
+
+@pytest.mark.deep
+def test_one_that_has_not_opted_in_begins_anew_and_the_reason_is_logged(
+    service: Service, swing: Swing, performer: Callable[..., Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    job = swing(perform=False, CLOSED="1", SLEEP_S="0.01")
+    process = performer(job["arn"])
+    folder = service.settings.home / "jobs" / job["name"]
+    wait_for(lambda: list(folder.glob("*/checkpoints/not-resumable.txt")))
+    process.kill()
+    process.wait()
+
+    with caplog.at_level(logging.WARNING):
+        perform_job(job["arn"], later(service))
+
+    document = service.catalog.get(job["arn"]).document
+    assert "attempts" not in document
+    assert "is run from the start again: the environment (ClosedSwinging) has no state() and restore()" in caplog.text
+    assert result_of(service, job).state_digest is not None
+
+
+@pytest.mark.deep
+def test_a_restart_begins_anew(service: Service, swing: Swing, performer: Callable[..., Any]) -> None:
+    job = swing(perform=False, **SLOW)
+    run = killed(service, job, performer)
+    call("RestartSimulationJob", {"job": job["arn"]}, service)
+
+    perform_job(job["arn"], later(service))
+
+    document = service.catalog.get(job["arn"]).document
+    assert document["runId"] != run.name
+    assert "attempts" not in document
+    provenance = Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
+    assert provenance.resumed_at_s == []
+
+
+@pytest.mark.parametrize(("text", "every_s"), [(None, 5.0), ("2.5", 2.5), ("0", None)])
+def test_how_often(text: str | None, every_s: float | None) -> None:
+    variables = {} if text is None else {"ROBOMAKER_CHECKPOINT_EVERY_S": text}
+    application = ApplicationPlan(role="simulation", name="a", environment_variables=variables)
+    assert checkpoint_every_s(application) == every_s
+    assert checkpoint_every_s(None) == 5.0
+
+
+@pytest.mark.parametrize("text", ["often", "-1", "nan", "inf", ""])
+def test_what_is_no_number_of_seconds_is_refused(text: str) -> None:
+    variables = {"ROBOMAKER_CHECKPOINT_EVERY_S": text}
+    with pytest.raises(LaunchError, match=r"ROBOMAKER_CHECKPOINT_EVERY_S is '.*'; seconds of simulated time, or 0"):
+        checkpoint_every_s(ApplicationPlan(role="simulation", name="a", environment_variables=variables))
