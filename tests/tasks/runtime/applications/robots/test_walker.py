@@ -14,12 +14,13 @@ from prefect_robomaker.schemas.simulation_run import ApplicationPlan
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications import walker
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.applications.mission import TIPPED_OVER_RAD
 from prefect_robomaker.tasks.runtime.applications.robots.walker import LIMITS, WALKER
 from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 UPRIGHT_RAD = math.radians(10)
-STEPS = """<geom type="box" pos="0.5 0 0" size="0.1 1 0.012"/><geom type="box" pos="1 0 0" size="0.02 1 0.015"/>"""
+STEPS = """<geom type="box" pos="0.5 0 0" size="0.1 1 0.012"/><geom type="box" pos="1 0 0" size="0.02 1 0.020"/>"""
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.25, LIMITS.linear_mps, -0.2])
@@ -65,18 +66,24 @@ def test_stands_still_without_a_command_and_after_one() -> None:
 
 def test_walks_over_rugs_and_thresholds() -> None:
     stand = Stand(WALKER, FLOOR.replace("</worldbody>", f"{STEPS}</worldbody>"))
-    assert stand.drive((0.25, 0.0), 6.0) < math.radians(20)
+    assert stand.drive((0.25, 0.0), 6.0) < TIPPED_OVER_RAD
     assert stand.base.read().x > 1.25
+
+
+def test_walks_up_a_slope() -> None:
+    stand = Stand(WALKER, FLOOR.replace('type="plane"', 'type="plane" euler="0 -6 0"'))
+    assert stand.drive((0.25, 0.0), 4.0) < TIPPED_OVER_RAD
+    assert stand.base.read().x > 0.8
 
 
 def test_keeps_its_feet_when_pushed() -> None:
     stand = Stand(WALKER)
     stand.drive((0.2, 0.0), 1.0)
     body = stand.model.body("walker/body").id
-    stand.data.xfrc_applied[body, 1] = 6.0  # a fifth of its weight, from the side
-    assert stand.drive((0.2, 0.0), 0.25) < math.radians(20)
+    stand.data.xfrc_applied[body, 1] = 15.0  # half its weight, from the side
+    assert stand.drive((0.2, 0.0), 0.25) < TIPPED_OVER_RAD
     stand.data.xfrc_applied[body, 1] = 0.0
-    assert stand.drive((0.2, 0.0), 2.0) < math.radians(20)
+    assert stand.drive((0.2, 0.0), 2.0) < TIPPED_OVER_RAD
     assert stand.base.read().tilt < UPRIGHT_RAD
 
 
