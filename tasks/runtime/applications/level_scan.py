@@ -74,6 +74,7 @@ class LevelScan:
         self._height_m, self._range_max_m, self._groups, self._fan = height_m, range_max_m, groups, fan
         self._rays = np.stack((fan.directions.real, fan.directions.imag, np.zeros(fan.count)), axis=1)
         self._geoms, self._ends = np.zeros(fan.count, np.int32), np.zeros(fan.count)
+        self._asked = np.zeros(fan.count, np.bool_)
         self._tolerance_m = range_max_m * _LEVEL + _SWAY_M
         low, high = _vertical_extents(model, data)
         fixed = model.geom_bodyid == 0
@@ -125,6 +126,12 @@ class LevelScan:
         self._middles += geoms[bodies == 0].tolist()
         radii_m += model.geom_rbound[geoms[bodies == 0]].tolist()
         self._radii_m = [radius_m + _MARGIN_M for radius_m in radii_m]
+        # Upright boxes that do not move are seen at smaller angles than the spheres around them.
+        fixed = geoms[bodies == 0]
+        boxes = (model.geom_type[fixed] == _BOX) & _are_upright(model, self._data)[fixed]
+        outlines = iter(_corners(model, self._data, fixed[boxes]).tolist())
+        self._outlines: list[list[complex]] = [[]] * (len(self._middles) - len(fixed))
+        self._outlines += [next(outlines) if box else [] for box in boxes.tolist()]
         # A model in which rays meet nothing else; its order of geoms is the same, so that it can be used with the data.
         self._model = copy.copy(model)
         self._model.geom_group[:] = _UNSEEN
@@ -134,22 +141,37 @@ class LevelScan:
         """Shortens the rays that end at what is left to MuJoCo."""
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
-        for (middle_x, middle_y, middle_z), radius_m in zip(middles, self._radii_m, strict=True):
+        parts: list[slice] = []
+        for (middle_x, middle_y, middle_z), radius_m, corners in zip(
+            middles, self._radii_m, self._outlines, strict=True
+        ):
             aside = complex(middle_x - x, middle_y - y)
             if abs(middle_z - height_m) < radius_m + self._tolerance_m and abs(aside) < radius_m + self._range_max_m:
-                for part in self._fan.to_disc(frame.enter(aside), radius_m, distances):
-                    self._ask(part, distances[part], (x, y, height_m))
+                center = frame.enter(aside)
+                if corners:
+                    seen = [frame.enter(corner - frame.origin) for corner in corners]
+                    parts += self._fan.to_corners(seen, abs(center) - radius_m, distances)
+                else:
+                    parts += self._fan.to_disc(center, radius_m, distances)
+        if parts:
+            # All at once: MuJoCo's preparations for a bundle of rays cost as much as many rays.
+            self._asked[:] = False
+            for part in parts:
+                self._asked[part] = True
+            self._ask(self._asked.nonzero()[0], distances, (x, y, height_m))
 
-    def _ask(self, part: slice, distances: Floats, origin: tuple[float, float, float]) -> None:
-        vectors = self._rays[part] @ self._rotation.T
-        count = len(vectors)
+    def _ask(self, numbers: NDArray[np.intp], distances: Floats, origin: tuple[float, float, float]) -> None:
+        count = len(numbers)
+        ahead, aside = self._rotation[:, 0], self._rotation[:, 1]
+        chosen = self._rays.take(numbers, axis=0)
+        vectors = chosen[:, :1] * ahead + chosen[:, 1:2] * aside
         ends = self._ends[:count]
         mujoco.mj_multiRay(
             self._model, self._data, origin, vectors.ravel(), _SEEN_ONLY, True, self._body_id,
             self._geoms[:count], ends, None, count, self._range_max_m,
         )  # fmt: skip
         ends[ends < 0] = np.inf
-        np.minimum(distances, ends, out=distances)
+        distances[numbers] = np.minimum(distances.take(numbers), ends)
 
 
 def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ straight face it is a linear function of the ray's direction, and the largest on
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -97,10 +97,31 @@ class Fan:
         middle, half = cmath.phase(center) * self._per_rad + self._zero, self.count / 2
         if away_m > radius_m:
             half = math.asin(radius_m / away_m) * self._per_rad
-        first, stop, count = math.ceil(middle - half) % self.count, 0, math.floor(middle + half)
-        stop = min(first + count - math.ceil(middle - half) + 1, first + self.count)
+        return self._parts(middle - half, middle + half, away_m - radius_m, distances)
+
+    def to_corners(self, corners: Sequence[complex], least_m: float, distances: Floats) -> Iterator[slice]:
+        """Gives the rays that meet a convex polygon, unless all of them have ended before it.
+
+        Args:
+          corners: of the polygon, in order, in the fan's frame.
+          least_m: how far away all of it is at least.
+          distances: where the rays have ended so far.
+        """
+        center = sum(corners) / len(corners)
+        middle = cmath.phase(center) * self._per_rad + self._zero
+        # Seen from outside, no side is seen from within.
+        turns = [(one.conjugate() * other).imag for one, other in zip(corners, (*corners[1:], corners[0]), strict=True)]
+        if min(turns) > -_BESIDE_M or max(turns) < _BESIDE_M:
+            return self._parts(middle - self.count / 2, middle + self.count / 2, least_m, distances)
+        sides = [cmath.phase(corner * center.conjugate()) * self._per_rad for corner in corners]
+        return self._parts(middle + min(sides) - _ROUNDING, middle + max(sides) + _ROUNDING, least_m, distances)
+
+    def _parts(self, begin: float, end: float, least_m: float, distances: Floats) -> Iterator[slice]:
+        """The rays between two numbers, in one piece or two, as far as they have not ended before."""
+        first = math.ceil(begin) % self.count
+        stop = min(first + math.floor(end) - math.ceil(begin) + 1, first + self.count)
         for part in (slice(first, min(stop, self.count)), slice(0, max(stop - self.count, 0))):
-            if part.stop > part.start and distances[part].max() > away_m - radius_m:
+            if part.stop > part.start and distances[part].max() > least_m:
                 yield part
 
 
