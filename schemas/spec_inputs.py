@@ -105,6 +105,7 @@ class InputCheck:
         if construct := for_each_of(node):
             return self._for_each(construct, location, annotation, scope)
         if isinstance(node, MappingNode):
+            annotation = _chosen(annotation, node)
             if isinstance(kind_of(annotation), ListOf) and (key := _misspelt_for_each(node)):
                 self._report((*location, key), f"is not known; did you mean '{FOR_EACH}'?", at_key=True)
                 return self._unknown(location, annotation)
@@ -268,6 +269,17 @@ def _inner(annotation: Any, step: str | int) -> Any:
     if get_origin(core) in (list, dict):
         return get_args(core)[-1]
     return Any
+
+
+def _chosen(annotation: Any, node: MappingNode) -> Any:
+    """The one of several models that a mapping says it is; what it was, if there is no choice or no such model."""
+    tag = node.entries.get("kind")
+    models = get_args(without_none(annotation)) if isinstance(tag, ScalarNode) else ()
+    for model in models:
+        is_model = isinstance(model, type) and issubclass(model, BaseModel) and "kind" in model.model_fields
+        if is_model and isinstance(tag, ScalarNode) and tag.value in get_args(model.model_fields["kind"].annotation):
+            return model
+    return annotation
 
 
 def _misspelt_for_each(node: MappingNode) -> str | None:

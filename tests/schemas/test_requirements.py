@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import InvalidParameterException
+from prefect_robomaker.schemas.errors import InvalidParameterException, SpecError
 from prefect_robomaker.schemas.operations import check_request, parse_request
 from prefect_robomaker.schemas.requirement_orders import ordered_requirements, unknown_room
 from prefect_robomaker.schemas.requirements import (
@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.requirements import (
     parse_requirements,
 )
 from prefect_robomaker.schemas.simulation_jobs import CreateSimulationJobRequest
+from prefect_robomaker.schemas.spec_check import load_spec
 
 LIMIT = {"kind": "time_limit", "name": "quick", "limit_s": 60}
 WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/w-1"
@@ -121,3 +122,39 @@ def test_models_are_as_good_as_mappings() -> None:
     goal = GoalRequirement(kind="goal", name="there", x=1, y=2)
     clearance = ClearanceRequirement(kind="clearance", name="apart", min_m=0.1)
     assert parse_requirements([goal, clearance], "requirements") == [goal, clearance]
+
+
+SPEC = """\
+version: 1
+name: drive
+steps:
+  worlds: {operation: ListWorlds}
+  drive:
+    operation: CreateSimulationJob
+    input:
+      maxJobDurationInSeconds: 600
+      iamRole: arn:aws:iam::000000000000:role/any
+      simulationApplications:
+        - {application: indoor-navigation, launchConfig: {}, worldConfigs: [{world: "${{ worlds.worldSummaries[0].arn }}"}]}
+      requirements:
+        - {kind: goal, name: there, room: "${{ worlds.worldSummaries[0].template }}"}
+        - {kind: no_collision, name: soft, max_force_N: 3}
+"""  # noqa: E501
+
+
+def test_specifications_may_refer_to_what_steps_gave() -> None:
+    assert load_spec(SPEC, "spec.yaml").order == ("worlds", "drive")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("max_force_N", "max_force", "spec.yaml:14:44: steps.drive.input.requirements[1].max_force: is not known; did"),
+        ("no_collision", "no_colision", "spec.yaml:14:18: steps.drive.input.requirements[1].kind: is 'no_colision'; d"),
+        ("N: 3", 'N: "${{ worlds.nextToken }}"', "spec.yaml:14:57: steps.drive.input.requirements[1].max_force_N: ${{"),
+    ],
+)
+def test_specifications_are_checked_with_line_and_column(before: str, after: str, words: str) -> None:
+    with pytest.raises(SpecError) as error:
+        load_spec(SPEC.replace(before, after), "spec.yaml")
+    assert str(error.value).startswith(words)
