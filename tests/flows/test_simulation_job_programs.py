@@ -9,9 +9,11 @@ from typing import Any
 
 import pytest
 from application_calls import Applications
+from endpoint_process import Serve
 from fake_engine import FakeEngine
 from small_flat import ROLE
 
+from prefect_robomaker.deployments.sdk.installation import DATA_PATH
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.job_runs import perform_job
 from prefect_robomaker.tasks.service import Service
@@ -155,6 +157,26 @@ def test_a_job_cancels_itself_with_the_command(service: Service, order_command: 
 
     assert (job["status"], job.get("failureCode")) == ("Canceled", None)
     assert time.monotonic() - began < 30
+
+
+def test_a_job_cancels_itself_with_boto3_and_leaves_a_tag(
+    service: Service, order_command: Order, run: Any, serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = """
+      python3 -c "
+import boto3, os
+job = os.environ['AWS_ROBOMAKER_SIMULATION_JOB_ARN']
+robomaker = boto3.client('robomaker')
+robomaker.tag_resource(resourceArn=job, tags={'verdict': 'good'})
+robomaker.cancel_simulation_job(job=job)"
+      sleep 60
+    """
+    with serve("--execute", "none") as served:
+        monkeypatch.setenv("AWS_ENDPOINT_URL_ROBOMAKER", served.url)
+        monkeypatch.setenv("AWS_DATA_PATH", str(DATA_PATH))
+        job = run(order_command(script))
+
+    assert (job["status"], job["tags"]) == ("Canceled", {"verdict": "good"}), job
 
 
 @pytest.mark.parametrize(

@@ -217,6 +217,7 @@ def test_a_bomb_below_all_limits_is_told_by_its_ratio(try_to_unpack):
     assert try_to_unpack(make("tar.gz", {"meshes": random}), unsuspicious_bytes=1_000_000)
 
 
+@pytest.mark.deep
 def test_a_million_entries_are_refused_after_the_first_hundred_thousand(try_to_unpack):
     folder = make_tar({"folder/": b""})[:512]
     data = gzip.compress(folder * 10_000) * 100  # parts of a gzip file may simply be joined
