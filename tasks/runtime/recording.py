@@ -196,7 +196,9 @@ class McapRecorder:
 
     def _take_rows(self) -> Iterator[Rows]:
         for series, encoder in self._series:
-            yield encoder.encode(*series.take())
+            times_s, values = series.take()
+            if len(times_s):
+                yield encoder.encode(times_s, values)
 
     def _channel(self, topic: str, kind: type[Message]) -> int:
         channel = self._channels.get(topic)
