@@ -13,8 +13,10 @@ import pytest
 from dm_control.rl.control import PhysicsError
 
 from prefect_robomaker.schemas.failure_state import FailureState
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.digest import digest_of_model
 from prefect_robomaker.tasks.runtime.failure_state import FailureKeeper
+from prefect_robomaker.tasks.runtime.launcher import Launcher
 from prefect_robomaker.tasks.runtime.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording import NullRecorder
 
@@ -154,3 +156,51 @@ def test_a_run_without_trouble_says_nothing_and_a_crash_of_code_leaves_no_state(
     with pytest.raises(ValueError, match="no fault"):
         run(Raw(crash), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["work"]
+
+
+BUNDLE = """
+import numpy as np
+from dm_control import mujoco
+from dm_control.rl import control
+
+
+class Push(control.Task):
+    def initialize_episode(self, physics): ...
+    def before_step(self, action, physics): physics.set_control(action)
+    def action_spec(self, physics): return mujoco.action_spec(physics)
+    def get_observation(self, physics): return {}
+    def get_reward(self, physics): return 0.0
+
+
+def make_environment(context):
+    physics = mujoco.Physics.from_xml_string(MODEL)
+    return control.Environment(physics, Push(), time_limit=9, control_timestep=0.02)
+
+
+def make_agent(context, environment):
+    def agent(timestep):
+        time_s = environment.physics.time()
+        return np.array([0.1 if time_s < 1 else 1e3 * 10 ** (50 * (time_s - 1))])
+    return agent
+"""
+
+
+def test_a_real_job_leaves_its_state_behind(
+    launcher: Launcher, make_plan: Callable[..., RunPlan], tmp_path: Path
+) -> None:
+    bundle = tmp_path / "bundle"
+    bundle.mkdir()
+    (bundle / "pusher.py").write_text(f"MODEL = '''{MODEL.format(option='')}'''\n{BUNDLE}")
+    applications = {
+        f"{role}_application": ApplicationPlan(role=role, name="pusher", attribute=f"pusher.{factory}", path=bundle)
+        for role, factory in (("simulation", "make_environment"), ("robot", "make_agent"))
+    }
+    plan = make_plan(**applications)
+    outcome = launcher.run(plan, lambda: None)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "SimulationApplicationCrash")
+    assert "mjWARN_BADQ" in (outcome.failure_reason or "")
+    state = FailureState.model_validate_json((plan.output_dir / "failure-state.json").read_bytes())
+    assert state.warnings[0].joint == "elbow"
+    assert 1.0 <= state.time_s < 1.5
+    assert (plan.output_dir / "failure-model.mjb").stat().st_size > 1000
+    assert not (plan.output_dir / "result.json").exists()

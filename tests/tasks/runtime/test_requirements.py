@@ -373,3 +373,13 @@ def test_a_run_that_is_continued_is_judged_as_a_whole(tmp_path: Path) -> None:
     judged = observer.close("agent").requirements
     assert [item.satisfied for item in judged] == [True, True, True]
     assert [item.satisfied for item in first.close("agent").requirements] != [True, True, True]
+
+
+def test_without_requirements_nothing_is_asked_again(tmp_path: Path) -> None:
+    plan = RunPlan(
+        job_id="sim-1", job_arn="arn:aws:robomaker:us-east-1:111122223333:simulation-job/sim-1", run_id="run-1",
+        seed=1, max_duration_s=60.0, work_dir=tmp_path, output_dir=tmp_path,
+    )  # fmt: skip
+    observer = RequirementsObserver(plan)
+    observer.watch(environment(), 0.0)
+    assert observer.next_time_s == float("inf")
