@@ -16,8 +16,6 @@ from pathlib import Path
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 _POLL_S = 0.002
-_CROWD = 64
-"""With more processes than these, all are stopped before any is killed."""
 _PAGE_BYTES = os.sysconf("SC_PAGESIZE")
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -105,9 +103,9 @@ def children_of(pid: int) -> list[int]:
     return [int(child) for children in lists for child in children.split()]
 
 
-def descendants_of(pid: int, spared: Container[int] = ()) -> Iterator[ProcessState]:
-    """Yields all processes below one, parents first, without some of its children and what is below those."""
-    waiting = [child for child in children_of(pid) if child not in spared]
+def descendants_of(pid: int) -> Iterator[ProcessState]:
+    """Yields all processes below one, parents first."""
+    waiting = children_of(pid)
     while waiting:
         child = waiting.pop()
         state = process_state(child)
@@ -129,31 +127,59 @@ def kill_children(spared: Container[int] = ()) -> dict[int, int]:
     """
     own = os.getpid()
     ended: dict[int, int] = {}
-    stopped: set[int] = set()
-    while any(child not in spared for child in children_of(own)):
-        crowd = list(descendants_of(own, spared))
-        fresh = [state for state in crowd if state.pid not in stopped]
-        if len(crowd) > _CROWD and fresh:
-            # What is stopped does not fork, and does not make room for others to fork either.
-            _send(signal.SIGSTOP, fresh)
-            stopped |= {state.pid for state in fresh}
-            continue
-        _send(signal.SIGKILL, crowd)
+    while left := [child for child in children_of(own) if child not in spared]:
+        reached: set[int] = set()
+        for pid in _stop_all(left):
+            _send(signal.SIGKILL, pid, reached)
         if not _reap(ended):
             time.sleep(_POLL_S)
     return ended
 
 
-def _send(number: signal.Signals, states: list[ProcessState]) -> None:
-    """Signals descendants with their groups; numbers are handed out in a circle, so none is another's so soon."""
-    own_group = os.getpgrp()
-    for group in {state.group for state in states} - {own_group, 0}:
-        with suppress(ProcessLookupError, PermissionError):
+def _stop_all(children: list[int]) -> set[int]:
+    """Stops processes and all their descendants; returns them.
+
+    What is stopped does not fork, does not make room for others to fork, and does not compete for the processor.
+    """
+    stopped: set[int] = set()
+    fresh = True
+    while fresh:
+        fresh = False
+        waiting, reached = list(children), set[int]()
+        while waiting:
+            pid = waiting.pop()
+            if pid not in stopped:
+                _send(signal.SIGSTOP, pid, reached)
+                stopped.add(pid)
+                fresh = True
+            waiting += _children_of_first_thread(pid)
+    return stopped
+
+
+def _send(number: signal.Signals, pid: int, reached: set[int]) -> None:
+    """Signals a descendant with its group; numbers are handed out in a circle, so it is no other's so soon.
+
+    Args:
+        number: The signal.
+        pid: The process.
+        reached: Groups that have just had it.
+    """
+    with suppress(ProcessLookupError, PermissionError):
+        group = os.getpgid(pid)
+        if group == os.getpgrp():
+            os.kill(pid, number)
+        elif group not in reached:
+            reached.add(group)
             os.killpg(group, number)
-    for state in states:
-        if state.group in (own_group, 0):
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(state.pid, number)
+
+
+def _children_of_first_thread(pid: int) -> list[int]:
+    """Most of the children of a process, four times faster than all; what is missing is found once it is an orphan."""
+    try:
+        with open(f"/proc/{pid}/task/{pid}/children", "rb", buffering=0) as listed:  # noqa: PTH123
+            return [int(child) for child in listed.read().split()]
+    except OSError:
+        return []
 
 
 def _reap(ended: dict[int, int]) -> bool:
