@@ -61,6 +61,7 @@ def run_plan(
         failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=job.document["video"],
+        live_view_port=_live_view_port(request),
         requirements=_requirements(job, world_dir),
     )
     destinations = tuple(each["destination"] for each in sources if each.get("destination"))
@@ -74,6 +75,12 @@ def run_plan(
             "ports": applications.ports,
         }
     )
+
+
+def _live_view_port(request: Mapping[str, Any]) -> int | None:
+    """Any free port for the page of the run, if an application's `streamUI` asks for one."""
+    configs = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
+    return 0 if any(config["launchConfig"].get("streamUI") for config in configs) else None
 
 
 def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
