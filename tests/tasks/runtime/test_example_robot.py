@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from robot_stands import CART_MAPPING, write_robot
 from small_flat import BODY
 
 from prefect_robomaker.schemas.robot_model import ROBOT_MODELS
@@ -23,6 +24,7 @@ from prefect_robomaker.tasks.worldforge.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "urdf_robot_bundle"
+APPLICATIONS = "prefect_robomaker.tasks.runtime.applications"
 MakePlan = Callable[..., RunPlan]
 
 
@@ -88,7 +90,7 @@ def test_the_urdf_robot_of_a_bundle_visits_every_room(
 
 
 def test_the_walker_visits_every_room(launcher: Launcher, make_plan: MakePlan, world: Path) -> None:
-    application = robot("prefect_robomaker.tasks.runtime.applications.walker.make_agent")
+    application = robot(f"{APPLICATIONS}.walker.make_agent")
     plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)
     result = carry_out(launcher, plan)
     assert result.verdict == "PASS", result.summary
@@ -113,16 +115,26 @@ def test_a_robot_that_cannot_be_made_fails_the_job_with_its_file_line_and_member
     assert "robot.yaml:17:3" in outcome.failure_reason
 
 
-def test_menagerie_is_found_by_the_jobs_variables(launcher: Launcher, make_plan: MakePlan, world: Path) -> None:
-    application = robot(
-        "prefect_robomaker.tasks.runtime.applications.scout.make_agent",
-        ROBOMAKER_ROBOT="menagerie:unitree_go2",
-        MENAGERIE_ROOT=str(EXAMPLE),
-    )
-    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world)
+def test_menagerie_is_where_the_workers_environment_says(
+    launcher: Launcher, make_plan: MakePlan, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "menagerie").mkdir()
+    cart = tmp_path / "menagerie" / "acme_cart"
+    write_robot(tmp_path, CART_MAPPING)
+    (tmp_path / "my_cart").rename(cart)
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path / "menagerie"))
+    application = robot(f"{APPLICATIONS}.scout.make_agent", ROBOMAKER_ROBOT="menagerie:acme_cart")
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)
+    result = carry_out(launcher, plan)
+    assert result.verdict == "PASS", result.summary
+    assert list(messages(plan)["/joint_states"][0].name) == ["left", "right", "lift"]
+    application = robot(f"{APPLICATIONS}.scout.make_agent", ROBOMAKER_ROBOT="menagerie:acme_card")
+    plan = make_plan(
+        simulation_application=None, robot_application=application, world_dir=world, run_id="run-2"
+    )  # fmt: skip
     outcome = launcher.run(plan, lambda: None)
     assert (outcome.status, outcome.failure_code) == ("Failed", "InvalidInput")
-    assert "has no model 'unitree_go2'" in str(outcome.failure_reason)
+    assert "has no model 'acme_card'; did you mean 'acme_cart'?" in str(outcome.failure_reason)
 
 
 def test_the_examples_specification_is_right_and_its_model_is_as_the_urdf_says() -> None:

@@ -46,16 +46,16 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
       LaunchError: the model cannot be read, or a name in the mapping is not in it.
     """
     builder = ModelBuilder(mapping, files)
-    # The first model shows what there is; the others' footprint is where the floor really is.
-    first = stand_alone(builder.build(), files)
-    planar = planar_joints(mapping, first, files.mapping.name)
-    home = _home(mapping, builder, first)
-    data = _standing(first, mapping, home)
-    if planar:
-        builder.carrier = first.body(int(first.jnt_bodyid[first.joint(planar[2]).id])).name
-        builder.footprint_z_m = -float(data.body(builder.carrier).xpos[2])
     model = stand_alone(builder.build(), files)
+    planar = planar_joints(mapping, model, files.mapping.name)
+    home = {name: value for name, value in _home(mapping, builder, model).items() if name not in (planar or ())}
     data = _standing(model, mapping, home)
+    if planar:
+        # Now that it is known which body moves over the floor, its place there can be marked.
+        builder.carrier = model.body(int(model.jnt_bodyid[model.joint(planar[2]).id])).name
+        builder.footprint_z_m = -float(data.body(builder.carrier).xpos[2])
+        model = stand_alone(builder.build(), files)
+        data = _standing(model, mapping, home)
     limits = _limits(mapping)
     _warn_of_overhang(mapping, model, data, files.mapping.name)
     return Robot(

@@ -21,7 +21,7 @@ PLANAR = """<mujoco><worldbody><body name="chassis" pos="1 0 0.4">
 <body name="top" pos="0 0 0.1"><joint name="turn" axis="0 0 1"/>
 <geom type="box" size="0.1 0.1 0.05" mass="3"/></body></body></worldbody>
 <actuator><velocity joint="x" kv="200"/><velocity name="across" joint="y" kv="200"/><velocity joint="turn" kv="50"/>
-</actuator></mujoco>"""
+</actuator><keyframe><key name="away" qpos="3 2 1"/></keyframe></mujoco>"""
 PLANAR_DRIVE = {
     "kind": "velocity", "frame": "world", "x": "x", "y": "across", "yaw": "turn", "max_linear_mps": 0.8,
     "max_angular_radps": 1.5,
@@ -103,7 +103,7 @@ def test_a_base_on_slides_and_a_hinge_moves_in_the_worlds_frame(make_cart: MakeC
     robot = make_cart(
         {"cart_xml": PLANAR},
         drive=PLANAR_DRIVE,
-        spawn={"height_m": 0.1},
+        spawn={"height_m": 0.1, "keyframe": "away"},  # it is the world that says where it starts
         sensors={"lidar": {"height_m": 0.3}},
         footprint={"radius_m": 0.16},
     )
