@@ -79,11 +79,11 @@ def cpu_s(plan: RunPlan) -> float:
     """CPU time of a run's process."""
     plan.work_dir.mkdir(parents=True)
     plan.output_dir.mkdir()
-    request = make_request(plan, None)
+    request, progress = make_request(plan, None), Progress()
     if (pid := os.fork()) == 0:
-        os._exit(run_child(request, Progress()))
+        os._exit(run_child(request, progress))
     _, status, used = os.wait4(pid, 0)
-    assert status == 0, (plan.output_dir / "logs" / "stderr.log").read_text()
+    assert status == 0, progress.read_report()
     return used.ru_utime + used.ru_stime
 
 
