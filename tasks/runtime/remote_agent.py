@@ -11,7 +11,8 @@ from typing import Any
 import dm_env
 
 from .agent_client import ACTION, END, ERROR, ProtocolError
-from .agent_protocol import ActionReader, Layout, ObservationWriter, RobotHello, read_words
+from .agent_layout import Layout
+from .agent_protocol import ActionReader, ObservationWriter, RobotHello, read_words
 from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
 from .context import ActionError
 from .loop import RunStopped

@@ -22,7 +22,8 @@ from .agent_client import (
     ProtocolError,
     words,
 )
-from .agent_protocol import MAX_WORDS_BYTES, Layout, RobotHello, read_hello, read_words
+from .agent_layout import Layout
+from .agent_protocol import MAX_WORDS_BYTES, RobotHello, read_hello, read_words
 from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Stop, Stopped
 from .context import SimulationContext
 from .loop import RunStopped

@@ -14,7 +14,7 @@ from dm_env import specs
 
 from prefect_robomaker.tasks.runtime import agent_client
 from prefect_robomaker.tasks.runtime.agent_client import ArraySpec, SimulationError, connect
-from prefect_robomaker.tasks.runtime.agent_protocol import Layout
+from prefect_robomaker.tasks.runtime.agent_layout import Layout
 
 FILE = Path(agent_client.__file__)
 SPECS = {

@@ -23,7 +23,8 @@ from prefect_robomaker.tasks.runtime.agent_client import (
     FrameBuffer,
     ProtocolError,
 )
-from prefect_robomaker.tasks.runtime.agent_protocol import ActionReader, Layout, ObservationWriter
+from prefect_robomaker.tasks.runtime.agent_layout import Layout
+from prefect_robomaker.tasks.runtime.agent_protocol import ActionReader, ObservationWriter
 from prefect_robomaker.tasks.runtime.context import ActionError, ObservationError
 
 DTYPES = st.sampled_from(sorted(ITEM_FORMATS)).map(np.dtype)

@@ -1,0 +1,143 @@
+"""How the arrays of observations and actions lie in messages of the agent protocol (`docs/agents.md`)."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .agent_client import ITEM_FORMATS
+
+_ALIGNMENT = 8
+_MAX_CONTENT_BYTES = 2**30
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class ArrayField:
+    """One array in a message's content."""
+
+    path: Path
+    """Keys that lead to it; empty when it is all there is."""
+
+    spec: Any
+    """The environment's own, with at least `shape` and `dtype`."""
+
+    dtype: np.dtype
+    """Little-endian."""
+
+    offset: int
+    """Where it begins, in bytes."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Length of each dimension."""
+        return tuple(self.spec.shape)
+
+    @property
+    def where(self) -> str:
+        """Its path in words."""
+        return "/".join(map(str, self.path))
+
+    def view(self, content: bytearray | memoryview) -> NDArray[Any]:
+        """The array in a message's content, which it shares."""
+        return np.ndarray(self.shape, self.dtype, content, self.offset)
+
+    def describe(self) -> dict[str, Any]:
+        """What the robot is told; members come in this order."""
+        description = {
+            "path": list(self.path),
+            "dtype": self.dtype.name,
+            "shape": list(self.shape),
+            "offset": self.offset,
+        }
+        for name in ("minimum", "maximum"):
+            bound = _plain_bound(getattr(self.spec, name, None), self.shape)
+            if bound is not None:
+                description[name] = bound
+        text = getattr(self.spec, "name", None)
+        return {**description, "description": text} if isinstance(text, str) else description
+
+
+class Layout:
+    """How the arrays of an observation or of the action lie in a message's content.
+
+    Every array is little-endian, in C order, and begins at a multiple of eight bytes.
+    """
+
+    def __init__(self, spec: Any, header_bytes: int) -> None:
+        """Lays arrays out.
+
+        Args:
+            spec: A dm_env spec, or mappings and sequences of them.
+            header_bytes: What comes before the arrays.
+
+        Raises:
+            ValueError: A name is no text, or all of it is larger than 1 GiB.
+        """
+        self.fields: list[ArrayField] = []
+        self.left_out: list[str] = []
+        """Paths of what has no fixed size, such as text."""
+        offset = header_bytes
+        for path, leaf in _leaves(spec):
+            dtype = _item_type(leaf)
+            if dtype is None:
+                self.left_out.append("/".join(map(str, path)) or "all of it")
+                continue
+            field = ArrayField(path, leaf, dtype, offset)
+            self.fields.append(field)
+            offset += math.prod(field.shape) * dtype.itemsize
+            offset += -offset % _ALIGNMENT
+        if offset > _MAX_CONTENT_BYTES:
+            raise ValueError(f"it has {offset} bytes; a message may have {_MAX_CONTENT_BYTES}")
+        self.size = offset
+        self.spec = spec
+        """The environment's own."""
+
+    def describe(self) -> dict[str, Any]:
+        """What the robot is told."""
+        return {"size": self.size, "arrays": [field.describe() for field in self.fields], "left_out": self.left_out}
+
+    def summary(self) -> str:
+        """The form in words: `float64[2]`, or `grip: bool[], wheels: float32[4]`."""
+        shown = (
+            (f"{field.where}: " if field.path else "") + f"{field.dtype.name}{list(field.shape)}"
+            for field in self.fields
+        )
+        return ", ".join(shown) or "nothing"
+
+
+def _leaves(spec: Any, path: Path = ()) -> list[tuple[Path, Any]]:
+    if isinstance(spec, Mapping):
+        for key in spec:
+            if not isinstance(key, str):
+                raise ValueError(f"{'/'.join(map(str, path)) or 'it'} has the key {key!r}; keys have to be text")
+        return [leaf for key, item in spec.items() for leaf in _leaves(item, (*path, key))]
+    if isinstance(spec, Sequence) and not isinstance(spec, str | bytes):
+        return [leaf for index, item in enumerate(spec) for leaf in _leaves(item, (*path, index))]
+    return [(path, spec)]
+
+
+def _item_type(leaf: Any) -> np.dtype | None:
+    """The little-endian type of an array's items; None if it is no array of a type that can be sent."""
+    try:
+        dtype = np.dtype(leaf.dtype)
+        if not all(isinstance(length, int | np.integer) for length in leaf.shape):
+            return None
+    except (AttributeError, TypeError):
+        return None
+    return dtype.newbyteorder("<") if dtype.name in ITEM_FORMATS else None
+
+
+def _plain_bound(bound: Any, shape: tuple[int, ...]) -> Any:
+    """A bound as JSON: one number if it is the same for all, else a list with null for none."""
+    if bound is None or math.prod(shape) == 0:
+        return None
+    values = np.broadcast_to(np.asarray(bound), shape).reshape(-1)
+    if (values == values[0]).all():
+        values = values[:1]
+    plain = [item if math.isfinite(item) else None for item in values.tolist()]
+    return plain if len(plain) > 1 else plain[0]
