@@ -189,9 +189,8 @@ def _clearance(rule: ClearanceRule, scene: Scene) -> Look:
     meter = ClearanceMeter(model, scene.data, part, meant & ~own & ~floor_geoms(model, scene.data), scene.names)
 
     def look(time_s: float) -> None:
-        # Only what is nearer than ever before changes anything, until then and after.
-        wanted = rule.nearest_m if rule.violated_s is None or not asked.stop else asked.min_m
-        if (found := meter.measure(wanted)) is not None:
+        # Only what is nearer than anything before changes the score, and asking for that alone is faster.
+        if (found := meter.measure(rule.nearest_m)) is not None:
             rule.update(time_s, *found)
 
     return look
