@@ -9,6 +9,7 @@ applications' code anyway; what others have to know of them is in a line of JSON
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 import fcntl
+import hashlib
 import os
 import pickle
 import random
@@ -38,6 +39,8 @@ COST_SHARE = 0.01
 """Most of the time that may go into checkpoints; where one costs more, they become rarer."""
 
 _PATTERN = "checkpoint-*.bin"
+_MOST_MODELS = 3
+"""Models that are kept apart; of environments that change theirs more often, each checkpoint has its own."""
 
 
 class CheckpointError(Exception):
@@ -153,6 +156,7 @@ class Checkpointer:
         self._next_time_s = self._every_s if self._every_s is not None else float("inf")
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock = _locked(self._folder / LOCK_FILE)
+        self._physics = _KeptPhysics(self._folder)
         _write(self._folder / PLAN_FILE, plan.model_dump_json().encode())
         self._resumed = last_checkpoint(self._folder)
 
@@ -260,7 +264,7 @@ class Checkpointer:
         return pickle.dumps(
             {
                 # All of it, not only what integration starts from: sensors and contacts are of the last step too.
-                "data": data,
+                "data": self._physics.kept(data),
                 "rng": self._rng.bit_generator.state,
                 "python_random": random.getstate(),
                 "numpy_random": np.random.get_state(),  # noqa: NPY002 - applications may use it
@@ -276,7 +280,7 @@ class Checkpointer:
     def _restore(self, kept: dict[str, Any], parts: RunParts) -> None:
         environment, watchers = parts.environment, parts.watchers
         model, data = raw_physics(environment.physics)
-        _copy_physics(kept["data"], model, data)
+        _copy_physics(self._physics.read(*kept["data"]), model, data)
         environment.restore(kept["environment"])
         parts.agent.restore(kept["agent"])
         names = [type(watcher).__name__ for watcher in watchers]
@@ -289,6 +293,57 @@ class Checkpointer:
         self._rng.bit_generator.state = kept["rng"]
         random.setstate(kept["python_random"])
         np.random.set_state(kept["numpy_random"])  # noqa: NPY002
+
+
+class _KeptPhysics:
+    """MuJoCo's data as bytes, without the model that comes with them: it is most of them, and hardly ever changes."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._common = b""
+        self._name = ""
+        self._models = 0
+
+    def kept(self, data: mujoco.MjData) -> tuple[str, bytes]:
+        """Returns the file with the common beginning, and what is different."""
+        whole = data.__getstate__()
+        if not (self._common and whole.startswith(self._common)) and self._models < _MOST_MODELS:
+            self._keep_model(data.model, whole)
+        if not whole.startswith(self._common):
+            return "", whole
+        return self._name, whole[len(self._common) :]
+
+    def read(self, name: str, rest: bytes) -> mujoco.MjData:
+        """Returns the data that `kept` was given.
+
+        Raises:
+            CheckpointError: The file with the model is gone, or not whole.
+        """
+        common = b""
+        if name:
+            try:
+                common = (self._folder / name).read_bytes()
+            except OSError as error:
+                raise CheckpointError(f"its model cannot be read: {error}") from error
+            if name != _model_file(common):
+                raise CheckpointError(f"{self._folder / name} is not whole")
+        data = mujoco.MjData.__new__(mujoco.MjData)
+        data.__setstate__(common + rest)
+        return data
+
+    def _keep_model(self, model: mujoco.MjModel, whole: bytes) -> None:
+        self._models += 1
+        content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, content)
+        place = whole.find(content.tobytes())
+        self._common = whole[: place + len(content)] if place >= 0 else b""
+        self._name = _model_file(self._common) if self._common else ""
+        if self._name:
+            _write(self._folder / self._name, self._common)
+
+
+def _model_file(content: bytes) -> str:
+    return f"model-{hashlib.sha256(content).hexdigest()[:16]}.bin"
 
 
 def discard_checkpoints(folder: Path) -> None:
