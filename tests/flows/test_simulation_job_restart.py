@@ -126,8 +126,8 @@ def restart_at_the_end(service: Service, monkeypatch: pytest.MonkeyPatch) -> lis
     real, runs = job_runs.launcher(), []
 
     class Slow:
-        def run(self, plan: Any, stop: Any) -> Any:
-            outcome = real.run(plan, stop)
+        def run(self, plan: Any, stop: Any, **options: Any) -> Any:
+            outcome = real.run(plan, stop, **options)
             runs.append(plan.run_id)
             if len(runs) == 1:
                 restart(service, plan.job_arn)

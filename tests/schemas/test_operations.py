@@ -149,7 +149,7 @@ def test_commands_may_have_several_lines() -> None:
         ),
         (
             "CreateSimulationJob",
-            app(uploadConfigurations=[{"name": "u", "path": "/a/*", "uploadBehavior": "UPLOAD_ON_TERMINATE"}]),
+            app(uploadConfigurations=[{"name": "u", "path": "/var/log/*", "uploadBehavior": "UPLOAD_ON_TERMINATE"}]),
             "uploadConfigurations need an outputLocation",
         ),
         (
