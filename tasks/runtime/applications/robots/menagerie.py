@@ -12,6 +12,7 @@ MENAGERIE = "menagerie:"
 ROOT_VARIABLE = "MENAGERIE_ROOT"
 
 _INVALID_INPUT = "InvalidInput"
+_FREE_JOINT_NUMBERS = 7
 
 
 def menagerie_root(variables: Mapping[str, str]) -> Path:
@@ -110,11 +111,10 @@ def _first_body(path: Path) -> tuple[str, float, str]:
     try:
         root = ET.parse(path).getroot()  # noqa: S314 the robot's model is loaded next
         body, key = root.find("./worldbody/body"), root.find("./keyframe/key")
-        position = (body.get("pos", "0 0 0") if body is not None else "0 0 0").split()
-        return (
-            body.get("name", "base") if body is not None else "base",
-            float(position[2]),
-            key.get("name", "") if key is not None else "",
-        )
+        name = body.get("name", "base") if body is not None else "base"
+        place = body.get("pos", "0 0 0") if body is not None else "0 0 0"
+        if key is not None and len(key.get("qpos", "").split()) >= _FREE_JOINT_NUMBERS:
+            place = key.get("qpos", "")  # the first joint of what moves freely is the free one
+        return name, float(place.split()[2]), key.get("name", "") if key is not None else ""
     except (ET.ParseError, OSError, ValueError, IndexError):
         return "base", 0.3, ""

@@ -121,6 +121,7 @@ def test_a_model_of_menagerie_without_a_mapping_says_what_to_write(menagerie: di
     with pytest.raises(LaunchError, match=r"acme_cart has no robot\.yaml") as error:
         find_robot(None, menagerie)
     begin = str(error.value).partition("To begin with:\n")[2]
+    assert "spawn: {height_m: 0.05, keyframe: up}" in begin
     assert begin.startswith("version: 1\nmodel: cart.xml\nbase: chassis\n")
     (tmp_path / "menagerie" / "acme_cart" / "robot.yaml").write_text(begin)
     assert find_robot(None, menagerie).home["lift"] == 0.5  # what it says is right
