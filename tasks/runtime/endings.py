@@ -2,6 +2,7 @@
 
 import os
 import stat
+from contextlib import suppress
 from datetime import datetime
 
 from pydantic import ValidationError
@@ -34,7 +35,8 @@ def finish_outputs(plan: RunPlan, ended: Exit | None, judgement: Judgement, time
     if plan.has_episode:
         remove_agent_socket(plan)
         if judgement.status == "Failed":
-            (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
+            with suppress(OSError):  # the application may have put anything in the folder's place
+                (plan.output_dir / RESULT_FILE).unlink()
             return False
         return ended is not None and ended.ended_by is not None
     if judgement.status == "Failed":
