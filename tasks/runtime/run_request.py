@@ -19,6 +19,8 @@ DEFAULT_VARIABLES = {
     # Runs are parallel to each other; threads inside numpy would only fight over the cores.
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
+    # Mesa's software renderer draws in the thread that asks.
+    "LP_NUM_THREADS": "0",
     # The order of sets of strings is part of what a seed has to repeat.
     "PYTHONHASHSEED": "0",
     "MUJOCO_GL": "disable",
