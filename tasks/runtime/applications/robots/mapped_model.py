@@ -29,6 +29,9 @@ _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SCOUT_RADIUS_M = 0.17
 """Of the robot whose follow camera others' is scaled from."""
 
+_MAX_FOLLOW_SCALE = 1.6
+"""Cameras farther back than a metre or so are behind the walls of rooms more often than not."""
+
 
 @dataclass(frozen=True)
 class RobotFiles:
@@ -169,7 +172,7 @@ class ModelBuilder:
             body = self.find(spec.bodies, wanted.at, f"sensors.cameras[{index}].at", "bodies")
             _add_camera(body, wanted.name, (0, 0, 0), (0, 0, 1), wanted.fovy_deg)
         if self._mapping.video_camera is None and all(each.name != FOLLOW_CAMERA for each in spec.cameras):
-            scale = max(1.0, self._mapping.footprint.radius_m / _SCOUT_RADIUS_M)
+            scale = min(max(1.0, self._mapping.footprint.radius_m / _SCOUT_RADIUS_M), _MAX_FOLLOW_SCALE)
             place = (-0.75 * scale, 0.0, 0.95 * scale - self._mapping.spawn.height_m)
             _add_camera(base, FOLLOW_CAMERA, place, (0.72, 0, 0.69), 62.0)
 
