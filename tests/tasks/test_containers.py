@@ -1,7 +1,9 @@
 """Container engines: how they are found, what is asked of them, and what of an image is refused."""
 
+import os
 import shutil
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -156,3 +158,33 @@ def test_pulling_is_given_up_when_the_job_is_stopped(tmp_path: Path) -> None:
 
     with pytest.raises(LaunchError, match="was stopped"):
         get_image(Engine(str(slow), {"PATH": "/usr/bin:/bin"}), "robot", "robot", digest=None, stopped=lambda: True)
+
+
+@pytest.fixture
+def real() -> Engine:
+    """An engine that really runs containers, with a small image."""
+    try:
+        engine = find_engine(os.environ, shutil.which)
+        get_image(engine, "busybox", "robot", digest=None, pull_timeout_s=60)
+    except LaunchError as error:
+        pytest.skip(str(error))
+    return engine
+
+
+def test_a_real_engine_runs_a_container_with_its_folder(real: Engine, tmp_path: Path) -> None:
+    name = f"robomaker-test-{os.getpid()}"
+    home = tmp_path / "home"
+    home.mkdir(mode=0o777)
+    copy_out(real, "busybox", f"{name}-image", {"/home": home, "/nowhere": tmp_path})
+    command = ["sh", "-c", "echo $SPEED > /home/robomaker/said; sleep 60"]
+    container = Container(real.program, name, "busybox", command, {"SPEED": "2"}, [Mount(home, "/home/robomaker")])
+    run = subprocess.Popen(run_argv(container), env=dict(real.environment))
+    try:
+        deadline = time.monotonic() + 60
+        while not (home / "said").exists() or not (home / "said").read_text():
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        assert (home / "said").read_text() == "2\n"
+    finally:
+        subprocess.run(remove_argv(container), check=True)
+    assert run.wait(20) != 0

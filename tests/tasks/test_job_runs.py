@@ -1,5 +1,7 @@
 """Outputs of simulation jobs: kept when they cannot be stored, found when a performer died, cleaned up after."""
 
+import hashlib
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -121,6 +123,25 @@ def test_outputs_of_a_performer_that_died_are_published_by_the_next(
     manifest = read_manifest(service.store, **place_of(service, job))
     assert [file.path for file in manifest.files] == ["result.json"]
     assert not runs_of(service, job).exists()
+
+
+def test_uploads_that_a_dead_performer_had_taken_are_published_too(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    folder = runs_of(service, died_publishing) / RUN
+    taken = folder / "rolling" / "00000003" / "bags" / "b.bag"
+    taken.parent.mkdir(parents=True)
+    taken.write_text("taken")
+    rolled = {"path": "bags/a.bag", "size_bytes": 6, "sha256": hashlib.sha256(b"stored").hexdigest()}
+    (folder / "rolled.jsonl").write_text(json.dumps(rolled) + '\n{"path": "half a li')
+    service.store.ensure_bucket("robomaker")
+    service.store.put_bytes("robomaker", f"simulation-jobs/{died_publishing['name']}/{RUN}/bags/a.bag", b"stored")
+
+    place = place_of(service, perform(service, died_publishing))
+
+    manifest = read_manifest(service.store, **place)
+    assert [file.path for file in manifest.files] == ["bags/a.bag", "bags/b.bag", "result.json"]
+    assert service.store.get_bytes("robomaker", f"{place['prefix']}/bags/b.bag") == b"taken"
 
 
 def test_outputs_that_were_stored_just_in_time_are_found_from_another_machine(
