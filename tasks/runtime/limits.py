@@ -7,6 +7,8 @@ control groups can be made (`cgroups.py`), the kernel counts processes besides.
 
 import os
 import resource
+import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +20,9 @@ METER_INTERVAL_S = 0.1
 _OOM_SCORE = 500
 """Where memory runs out for the whole machine, the kernel takes runs before those who perform them."""
 _MANY = 64
+_PATIENCE_S = 0.03
+_MAX_PATIENCE_S = 1.0
+"""What could not be weighed for so long counts as what it weighs at most."""
 _OTHER_FORKS = 512
 """Processes of the same user, outside the run, that may be added while it runs."""
 
@@ -78,6 +83,7 @@ class Meter:
         self._limits = limits
         self._others = others
         self._count = 0
+        self._scales = _Scales()
 
     def look(self) -> Excess | None:
         """Returns the limit that is exceeded, if one is."""
@@ -101,12 +107,49 @@ class Meter:
         # Resident memory counts shared pages once per process: never too little, and cheap.
         if limit is None or sum(state.resident_bytes for state in states) <= limit:
             return None
-        exact = {state.pid: _exact_bytes(state) for state in states}
+        weighed = self._scales.weigh(states)
+        if weighed is None:
+            return None
+        states, exact = weighed
         total = sum(exact.values())
         if total <= limit:
             return None
         use = f"{_in_mib(limit)} MiB of memory are allowed, and it used {_in_mib(total)} MiB"
         return Excess(use, _most(states, exact))
+
+
+Weighed = tuple[list[ProcessState], dict[int, int]]
+
+
+class _Scales:
+    """Weighs processes exactly, in a thread.
+
+    The kernel answers only when a process is not just changing its memory. One that forks without end may never be, and
+    must not keep a supervisor waiting.
+    """
+
+    def __init__(self) -> None:
+        self._thread: threading.Thread | None = None
+        self._began_s = 0.0
+        self._weighed: Weighed | None = None
+
+    def weigh(self, states: list[ProcessState]) -> Weighed | None:
+        """Returns what processes weigh, perhaps of a moment ago; None while that is not known."""
+        if self._thread is None:
+            self._began_s = time.monotonic()
+            self._weighed = None
+            self._thread = threading.Thread(target=self._weigh, args=[states], daemon=True)
+            self._thread.start()
+        self._thread.join(_PATIENCE_S)
+        if not self._thread.is_alive():
+            self._thread = None
+            return self._weighed
+        if time.monotonic() - self._began_s < _MAX_PATIENCE_S:
+            return None
+        return states, {state.pid: state.resident_bytes for state in states}
+
+    def _weigh(self, states: list[ProcessState]) -> None:
+        self._weighed = states, {state.pid: _exact_bytes(state) for state in states}
 
 
 def _exact_bytes(state: ProcessState) -> int:

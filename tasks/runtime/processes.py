@@ -128,11 +128,13 @@ def kill_children(spared: Container[int] = ()) -> dict[int, int]:
     own = os.getpid()
     ended: dict[int, int] = {}
     while left := [child for child in children_of(own) if child not in spared]:
+        began = time.monotonic()
         reached: set[int] = set()
         for pid in _stop_all(left):
             _send(signal.SIGKILL, pid, reached)
-        if not _reap(ended):
-            time.sleep(_POLL_S)
+        _reap(ended)
+        # Those that die need the processor more than this process, which may come before them (`come_first`).
+        time.sleep(max(_POLL_S, 4.0 * (time.monotonic() - began)))
     return ended
 
 
@@ -182,13 +184,11 @@ def _children_of_first_thread(pid: int) -> list[int]:
         return []
 
 
-def _reap(ended: dict[int, int]) -> bool:
-    """Takes note of all children that have ended; returns whether there were any."""
-    before = len(ended)
+def _reap(ended: dict[int, int]) -> None:
+    """Takes note of all children that have ended."""
     with suppress(ChildProcessError):
         while (reaped := os.waitpid(-1, os.WNOHANG))[0]:
             ended[reaped[0]] = reaped[1]
-    return len(ended) > before
 
 
 def _children_from_all(pid: int) -> list[int]:

@@ -91,6 +91,20 @@ def test_programs_that_break(
     assert bystander.plan.work_dir.joinpath("busy").exists()
 
 
+@pytest.mark.deep
+@pytest.mark.parametrize("child", ["pass", "os.setsid()"])
+def test_a_fork_bomb_that_never_ends(
+    launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, bystander: Bystander, child: str
+) -> None:
+    """It would go on for twenty seconds; the limit alone ends it."""
+    code = f"import os, time\nuntil = time.time() + 20\nwhile time.time() < until:\n    if os.fork() == 0: {child}"
+    began = time.monotonic()
+    outcome = launcher.run(plan_programs(program(code), compute=SMALL), never)
+    assert "100 processes and threads" in (outcome.failure_reason or "")
+    assert time.monotonic() - began < 15.0
+    assert processes_with(str(bystander.plan.work_dir.parent.parent / "run-1")) == []
+
+
 @pytest.fixture
 def plan_fault(make_plan: Plan) -> Callable[..., RunPlan]:
     """Plans a run with a simulation application of another module of the `trouble` bundle."""
@@ -193,7 +207,7 @@ class TestOutput:
 
     @pytest.mark.deep
     def test_a_flood(self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan) -> None:
-        code = "import time, os\nuntil = time.time() + 2.0\nwhile time.time() < until: os.write(1, b'x' * 1_000_000)\n"
+        code = "import time, os\nfor _ in range(300): os.write(1, b'x' * 1_000_000); time.sleep(0.005)\n"
         plan = plan_programs(program(f"{code}\nprint('the last line', flush=True)"))
         assert launcher.run(plan, never).status == "Completed"
         log = (plan.output_dir / "logs/robot.stdout.log").read_bytes()
