@@ -8,7 +8,7 @@ from pathlib import Path
 from ..schemas.errors import LaunchError
 from ..schemas.simulation_run import ApplicationPlan, RunPlan
 from .catalog import Resource
-from .runtime.checkpoints import CheckpointError, resumable_plan
+from .runtime.checkpoint_files import CheckpointError, resumable_plan
 
 CHECKPOINTS_FOLDER = "checkpoints"
 EVERY_VARIABLE = "ROBOMAKER_CHECKPOINT_EVERY_S"

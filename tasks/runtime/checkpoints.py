@@ -5,46 +5,38 @@ keep theirs by opting in (`Resumable`). Checkpoints are pickles that only the ru
 applications' code anyway; what others have to know of them is in a line of JSON before.
 """
 
-# MuJoCo ships no types for its compiled module.
-# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-
-import fcntl
-import hashlib
 import os
 import pickle
 import random
 import time
 import zlib
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-import mujoco
 import numpy as np
-from pydantic import Field, ValidationError
 
-from ...schemas.base import Model
 from ...schemas.simulation_run import RunPlan
-from .digest import digest_of_model
+from .checkpoint_files import (
+    LOCK_FILE,
+    PLAN_FILE,
+    REASON_FILE,
+    CheckpointError,
+    CheckpointHeader,
+    checkpoint_file,
+    checkpoints_in,
+    last_checkpoint,
+    payload_of,
+    take_lock,
+    write_whole,
+)
+from .kept_physics import KeptPhysics, copy_physics
 from .physics import raw_physics
 
-PLAN_FILE = "plan.json"
-REASON_FILE = "not-resumable.txt"
-LOCK_FILE = "lock"
 KEPT = 2
 """Checkpoints that are kept: the last may have been cut off by a machine that died."""
 COST_SHARE = 0.01
 """Most of the time that may go into checkpoints; where one costs more, they become rarer."""
-
-_PATTERN = "checkpoint-*.bin"
-_MOST_MODELS = 3
-"""Models that are kept apart; of environments that change theirs more often, each checkpoint has its own."""
-
-
-class CheckpointError(Exception):
-    """A checkpoint cannot be continued from; the message says why."""
 
 
 @runtime_checkable
@@ -86,16 +78,6 @@ class ResumableRecorder(Protocol):
     def restore(self, state: Any) -> None:
         """Goes on from where `state` was taken."""
         ...
-
-
-class CheckpointHeader(Model):
-    """What can be known of a checkpoint without unpickling it."""
-
-    sim_time_s: float = Field(description="Simulated time.")
-    steps: int = Field(description="Steps of the environment so far.")
-    wall_time_s: float = Field(description="Wall-clock time that the run has taken so far, all attempts together.")
-    payload_bytes: int = Field(description="Size of what follows.")
-    payload_crc32: int = Field(description="CRC-32 of what follows.")
 
 
 @dataclass(frozen=True)
@@ -155,9 +137,9 @@ class Checkpointer:
         self._every_s = plan.checkpoint_every_s
         self._next_time_s = self._every_s if self._every_s is not None else float("inf")
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._lock = _locked(self._folder / LOCK_FILE)
-        self._physics = _KeptPhysics(self._folder)
-        _write(self._folder / PLAN_FILE, plan.model_dump_json().encode())
+        self._lock = take_lock(self._folder / LOCK_FILE)
+        self._physics = KeptPhysics(self._folder)
+        write_whole(self._folder / PLAN_FILE, plan.model_dump_json().encode())
         self._resumed = last_checkpoint(self._folder)
 
     @property
@@ -189,7 +171,7 @@ class Checkpointer:
     def give_up(self, reason: str) -> None:
         """Makes no more checkpoints and says why, for whoever would continue the run."""
         self._next_time_s = float("inf")
-        _write(self._folder / REASON_FILE, reason.encode())
+        write_whole(self._folder / REASON_FILE, reason.encode())
 
     def due(self, time_s: float) -> bool:
         """Whether a checkpoint is to be made at a simulated time."""
@@ -222,9 +204,8 @@ class Checkpointer:
             payload_crc32=zlib.crc32(payload),
         )
         self._number += 1
-        name = _PATTERN.replace("*", f"{self._number:08d}")
-        _write(self._folder / name, header.model_dump_json().encode() + b"\n", payload)
-        for old in _checkpoints(self._folder)[:-KEPT]:
+        write_whole(self._folder / checkpoint_file(self._number), header.model_dump_json().encode() + b"\n", payload)
+        for old in checkpoints_in(self._folder)[:-KEPT]:
             old.unlink()
         now = self._clock()
         self._not_before = now + (now - began) * (1 / COST_SHARE - 1)
@@ -244,7 +225,7 @@ class Checkpointer:
         assert self._resumed is not None
         path, header = self._resumed
         try:
-            kept = pickle.loads(_payload_of(path, header))  # noqa: S301 - written by this run
+            kept = pickle.loads(payload_of(path, header))  # noqa: S301 - written by this run
             self._restore(kept, parts)
         except CheckpointError:
             raise
@@ -280,7 +261,7 @@ class Checkpointer:
     def _restore(self, kept: dict[str, Any], parts: RunParts) -> None:
         environment, watchers = parts.environment, parts.watchers
         model, data = raw_physics(environment.physics)
-        _copy_physics(self._physics.read(*kept["data"]), model, data)
+        copy_physics(self._physics.read(*kept["data"]), model, data)
         environment.restore(kept["environment"])
         parts.agent.restore(kept["agent"])
         names = [type(watcher).__name__ for watcher in watchers]
@@ -293,138 +274,3 @@ class Checkpointer:
         self._rng.bit_generator.state = kept["rng"]
         random.setstate(kept["python_random"])
         np.random.set_state(kept["numpy_random"])  # noqa: NPY002
-
-
-class _KeptPhysics:
-    """MuJoCo's data as bytes, without the model that comes with them: it is most of them, and hardly ever changes."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._common = b""
-        self._name = ""
-        self._models = 0
-
-    def kept(self, data: mujoco.MjData) -> tuple[str, bytes]:
-        """Returns the file with the common beginning, and what is different."""
-        whole = data.__getstate__()
-        if not (self._common and whole.startswith(self._common)) and self._models < _MOST_MODELS:
-            self._keep_model(data.model, whole)
-        if not whole.startswith(self._common):
-            return "", whole
-        return self._name, whole[len(self._common) :]
-
-    def read(self, name: str, rest: bytes) -> mujoco.MjData:
-        """Returns the data that `kept` was given.
-
-        Raises:
-            CheckpointError: The file with the model is gone, or not whole.
-        """
-        common = b""
-        if name:
-            try:
-                common = (self._folder / name).read_bytes()
-            except OSError as error:
-                raise CheckpointError(f"its model cannot be read: {error}") from error
-            if name != _model_file(common):
-                raise CheckpointError(f"{self._folder / name} is not whole")
-        data = mujoco.MjData.__new__(mujoco.MjData)
-        data.__setstate__(common + rest)
-        return data
-
-    def _keep_model(self, model: mujoco.MjModel, whole: bytes) -> None:
-        self._models += 1
-        content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, content)
-        place = whole.find(content.tobytes())
-        self._common = whole[: place + len(content)] if place >= 0 else b""
-        self._name = _model_file(self._common) if self._common else ""
-        if self._name:
-            _write(self._folder / self._name, self._common)
-
-
-def _model_file(content: bytes) -> str:
-    return f"model-{hashlib.sha256(content).hexdigest()[:16]}.bin"
-
-
-def discard_checkpoints(folder: Path) -> None:
-    """Removes all checkpoints, so that the run begins anew."""
-    for path in _checkpoints(folder):
-        path.unlink()
-
-
-def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
-    """Finds the last checkpoint that is whole."""
-    for path in reversed(_checkpoints(folder)):
-        with suppress(OSError, ValidationError, CheckpointError), path.open("rb") as file:
-            header = CheckpointHeader.model_validate_json(file.readline())
-            _payload_of(path, header)
-            return path, header
-    return None
-
-
-def wall_time_used_s(plan: RunPlan) -> float:
-    """Wall-clock time that a run had taken by its last checkpoint; 0 without one."""
-    last = last_checkpoint(plan.checkpoint_dir) if plan.checkpoint_dir else None
-    return last[1].wall_time_s if last else 0.0
-
-
-def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
-    """Returns the plan of a run that a dead process left, and its last checkpoint.
-
-    Args:
-        folder: The plan's `checkpoint_dir`.
-
-    Raises:
-        CheckpointError: It cannot be continued; the message says why.
-    """
-    try:
-        plan = RunPlan.model_validate_json((folder / PLAN_FILE).read_bytes())
-    except (OSError, ValidationError):
-        raise CheckpointError("no checkpoints of it are on this machine") from None
-    last = last_checkpoint(folder)
-    if last is None:
-        reason = folder / REASON_FILE
-        raise CheckpointError(reason.read_text() if reason.exists() else "it had not come to its first checkpoint")
-    os.close(_locked(folder / LOCK_FILE))
-    return plan, last[1]
-
-
-def _copy_physics(kept: mujoco.MjData, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    if digest_of_model(kept.model) != digest_of_model(model):
-        raise CheckpointError("the environment built another model than it had then")
-    mujoco.mj_copyData(data, model, kept)
-
-
-def _checkpoints(folder: Path) -> list[Path]:
-    return sorted(folder.glob(_PATTERN))
-
-
-def _payload_of(path: Path, header: CheckpointHeader) -> bytes:
-    payload = path.read_bytes().partition(b"\n")[2]
-    if len(payload) != header.payload_bytes or zlib.crc32(payload) != header.payload_crc32:
-        raise CheckpointError(f"{path} is not whole")
-    return payload
-
-
-def _write(path: Path, *parts: bytes) -> None:
-    """Writes a file that is there whole or not at all, whenever the process is killed."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    with unfinished.open("wb") as file:
-        for part in parts:
-            file.write(part)
-    unfinished.replace(path)
-
-
-def _locked(path: Path) -> int:
-    """Takes a lock until the descriptor is closed, or this process ends.
-
-    Raises:
-        CheckpointError: Another process has it.
-    """
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise CheckpointError("another process still runs it") from None
-    return descriptor

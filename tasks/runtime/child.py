@@ -20,7 +20,8 @@ from ...schemas.world import World
 from . import gl
 from .camera_recorder import CameraRecorder
 from .camera_settings import camera_recording
-from .checkpoints import Checkpointer, CheckpointError, discard_checkpoints
+from .checkpoint_files import CheckpointError, discard_checkpoints
+from .checkpoints import Checkpointer
 from .context import SimulationContext
 from .loading import LoadError, load_factory
 from .logs import redirect_output

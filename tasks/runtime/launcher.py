@@ -16,7 +16,7 @@ from types import TracebackType
 
 from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
-from .checkpoints import wall_time_used_s
+from .checkpoint_files import wall_time_used_s
 from .cores import Cores
 from .endings import finish_outputs
 from .failure_films import film_failure

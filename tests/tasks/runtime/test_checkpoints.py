@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,8 @@ from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.provenance import Provenance
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime import checkpoints
-from prefect_robomaker.tasks.runtime.checkpoints import CheckpointError, last_checkpoint, resumable_plan
+from prefect_robomaker.tasks.runtime import checkpoint_files, checkpoints
+from prefect_robomaker.tasks.runtime.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 
 SWINGER = Path(__file__).parents[2] / "replays"
@@ -83,13 +84,13 @@ def test_a_killed_run_goes_on_to_the_bit(launcher: Launcher, swing: Callable[...
     assert 0.5 <= resumed_at_s <= 3.0
     # The agent was made twice, but what was written before stays.
     assert (broken.output_dir / "logs" / "stdout.log").read_text() == "agent begins\n" * 2
-    assert len(list((broken.checkpoint_dir or Path()).glob("checkpoint-*.bin"))) == 2
+    assert 1 <= len(list((broken.checkpoint_dir or Path()).glob("checkpoint-*.bin"))) <= checkpoints.KEPT
 
 
 def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
     plan = swing(variables={"SLEEP_S": "0.005", "KILL_AT": "120", "TIME_LIMIT_S": "3600"}, max_duration_s=1.5)
     assert launcher.run(plan, lambda: None).status == "Failed"
-    used_s = checkpoints.wall_time_used_s(plan)
+    used_s = checkpoint_files.wall_time_used_s(plan)
     assert 0.25 < used_s < 1.5
     outcome = launcher.run(plan, lambda: None)
     assert outcome.timed_out
@@ -99,11 +100,11 @@ def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunP
 
 
 def test_a_checkpoint_that_was_cut_off_is_passed_over(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
-    plan = swing(variables={"SLEEP_S": "0.003", "KILL_AT": "190"})
+    plan = swing(variables={"SLEEP_S": "0.001", "KILL_AT": "150"})
     launcher.run(plan, lambda: None)
     assert plan.checkpoint_dir is not None
-    older, newer = sorted(plan.checkpoint_dir.glob("checkpoint-*.bin"))
-    os.truncate(newer, newer.stat().st_size - 1)
+    older = sorted(plan.checkpoint_dir.glob("checkpoint-*.bin"))[-1]
+    (plan.checkpoint_dir / "checkpoint-00000099.bin").write_bytes(older.read_bytes()[:-1])
     found = last_checkpoint(plan.checkpoint_dir)
     assert found is not None
     assert found[0] == older
@@ -124,7 +125,7 @@ def test_what_cannot_be_continued_begins_anew_and_says_why(
         newest = sorted(plan.checkpoint_dir.glob("checkpoint-*.bin"))[-1]
         header = json.loads(newest.read_bytes().partition(b"\n")[0])
         payload = pickle.dumps({"data": None})
-        about = {"payload_bytes": len(payload), "payload_crc32": checkpoints.zlib.crc32(payload)}
+        about = {"payload_bytes": len(payload), "payload_crc32": zlib.crc32(payload)}
         newest.write_bytes(json.dumps({**header, **about}).encode() + b"\n" + payload)
     else:
         os.truncate(plan.output_dir / broken, 10)
