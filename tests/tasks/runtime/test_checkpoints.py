@@ -91,7 +91,7 @@ def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunP
     plan = swing(variables={"SLEEP_S": "0.005", "KILL_AT": "120", "TIME_LIMIT_S": "3600"}, max_duration_s=1.5)
     assert launcher.run(plan, lambda: None).status == "Failed"
     used_s = checkpoint_files.wall_time_used_s(plan)
-    assert 0.25 < used_s < 1.5
+    assert 0.05 < used_s < 1.5
     outcome = launcher.run(plan, lambda: None)
     assert outcome.timed_out
     took_s = (outcome.ended_at - outcome.started_at).total_seconds()
