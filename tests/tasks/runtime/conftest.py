@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from remote_jobs import Job
 
 from prefect_robomaker.schemas.run_programs import ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
@@ -76,3 +77,28 @@ def plan_programs(make_plan: Callable[..., RunPlan]) -> Callable[..., RunPlan]:
         return make_plan(**(applications | {"programs": list(programs)} | members))
 
     return make
+
+
+@pytest.fixture
+def start(launcher: Launcher, make_plan: Callable[..., RunPlan]) -> Iterator[Callable[..., Job]]:
+    """Starts a run of the `trouble` bundle whose robot application is a program."""
+    jobs = []
+
+    def start(environment: str = "make_environment", robot: dict[str, str] | None = None, **members: Any) -> Job:
+        if "." in environment:
+            members["simulation_application"] = ApplicationPlan(
+                role="simulation", name="arena", attribute=environment, path=TROUBLE
+            )
+        plan = make_plan(
+            environment,
+            robot_application=ApplicationPlan(role="robot", name="driver", environment_variables=robot or {}),
+            **members,
+        )
+        jobs.append(Job(launcher, plan))
+        return jobs[-1]
+
+    yield start
+    for job in jobs:
+        job.cancel = True
+        job.outcome()
+        assert not job.path.exists()
