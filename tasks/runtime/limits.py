@@ -1,8 +1,7 @@
 """What a run may use of the machine, and finding out when it uses more.
 
 Cores are a matter of the kernel. Memory and the number of processes are counted over the whole tree of
-processes ten times a second, which needs no rights and costs about a thousandth of a core; where
-control groups can be made (`cgroups.py`), the kernel counts processes besides.
+processes ten times a second, which needs no rights and works wherever there is a `/proc`.
 """
 
 import os
@@ -58,7 +57,7 @@ def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
 def _bound_forks(processes: int) -> None:
     """A last resort against fork bombs, well above the limit because it counts all processes of the user.
 
-    It holds nobody who is root; they need control groups.
+    It holds nobody who is root; there a supervisor comes before all others (`processes.come_first`).
     """
     with suppress(OSError, ValueError, IndexError):
         there = int(Path("/proc/loadavg").read_text().split()[3].split("/")[1])
