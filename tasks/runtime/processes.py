@@ -17,6 +17,7 @@ _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 _POLL_S = 0.002
 _PAGE_BYTES = os.sysconf("SC_PAGESIZE")
+_HAS_ROLLUP = Path("/proc/self/smaps_rollup").exists()
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -75,18 +76,24 @@ def process_state(pid: int) -> ProcessState | None:
 
 
 def proportional_bytes(pid: int) -> int | None:
-    """Memory of a process in which a page shared by n processes counts 1/n (`Pss`); None when not to be had.
+    """Memory of a process in which a page shared by n processes counts 1/n (`Pss`); 0 when it has just ended.
 
-    Exact, but the kernel walks all page tables for it: milliseconds for a large process.
+    Exact, but the kernel walks all page tables for it, milliseconds for a large process, and lets wait for a process
+    that is changing its memory.
+
+    Returns:
+        Bytes; None when they are not to be had, because this kernel or this user cannot.
     """
     try:
         text = Path(f"/proc/{pid}/smaps_rollup").read_bytes()
-    except OSError:
+    except PermissionError:
         return None
+    except OSError:
+        return 0 if _HAS_ROLLUP else None
     for line in text.splitlines():
         if line.startswith(b"Pss:"):
             return int(line.split()[1]) * 1024
-    return None
+    return 0
 
 
 def children_of(pid: int) -> list[int]:
