@@ -1,8 +1,8 @@
 """A rolling digest of a run's states, from which two runs can be told apart to the bit.
 
-Twice a simulated second the state that integration starts from (`mjSTATE_INTEGRATION`) is hashed together
-with the hash before: equal last links mean equal runs. `digest.bin` keeps the beginning of every link and, once a
-second, times, positions and velocities themselves, so that the first difference can be found and a joint be named.
+Once a simulated second the state that integration starts from (`mjSTATE_INTEGRATION`) is hashed together
+with the hash before: equal last links mean equal runs. `digest.bin` keeps the beginning of every link and, as often,
+times, positions and velocities themselves, so that the first difference can be found and a joint be named.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...schemas.provenance import JointPlace, StateDigestSummary
 
 DIGEST_FILE = "digest.bin"
-LOOK_EVERY_S = 0.5
+LOOK_EVERY_S = 1.0
 """Simulated time between two links: with 25 steps of a furnished flat in 50 ms, a link costs under 1 % of them."""
 STATE_EVERY_S = 1.0
 """Simulated time between two states that are kept themselves."""

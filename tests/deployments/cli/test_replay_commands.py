@@ -18,14 +18,14 @@ def home(service: Service) -> Path:
 
 def test_verify_says_bit_identical(robomaker: Any, swing: Any) -> None:
     shown = robomaker("verify", swing()["name"])
-    assert (shown.code, shown.out, shown.err) == (0, "bit-identical: 9 states over 4.000 s\n", "")
+    assert (shown.code, shown.out, shown.err) == (0, "bit-identical: 5 states over 4.000 s\n", "")
 
 
 def test_verify_says_when_and_where_it_diverged(robomaker: Any, swing: Any) -> None:
     shown = robomaker("verify", swing(DRIFT_AT="60")["arn"], "-o", "json")
     answer = json.loads(shown.out)
     assert (shown.code, answer["answer"]) == (1, "diverged")
-    assert answer["divergence"]["time_s"] == pytest.approx(1.5)
+    assert answer["divergence"]["time_s"] == pytest.approx(2.0)
     assert answer["divergence"]["joint"] in ("shoulder", "elbow")
     assert answer["digest"] != answer["digest_again"]
 
