@@ -62,7 +62,7 @@ _FINAL_ANSWERS = {
     "SyncDeploymentJob": "DescribeDeploymentJob",
 }
 REUSABLE = frozenset({"CreateRobotApplication", "CreateSimulationApplication"})
-"""Operations that `ifExists: reuse` is for."""
+"""Operations that `ifExists: reuse` and `ifExists: update` are for."""
 
 
 class Step(Model):

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import PurePath
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
@@ -12,7 +12,7 @@ from .errors import Place, Problem, SpecError
 from .operations import OPERATIONS, operation_shape
 from .reference_kinds import ANYTHING, Kind, Structure
 from .request_problems import nearest, problems_of
-from .spec import REUSABLE, CheckedSpec, CheckedStep, Spec, output_model
+from .spec import REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
 from .spec_inputs import InputCheck
 from .spec_text import (
     Location,
@@ -165,9 +165,9 @@ class _Check:
         if operation not in OPERATIONS:
             hint = nearest(operation, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
             self._report((*location, "operation"), f"there is no operation {operation!r}{hint}")
-        reuse = _scalar(node, "ifExists") == "reuse"
-        if reuse and operation in OPERATIONS and operation not in REUSABLE:
-            message = f"'reuse' is for {' and '.join(sorted(REUSABLE))}; remove it"
+        if_exists = _if_exists(node)
+        if if_exists != "fail" and operation in OPERATIONS and operation not in REUSABLE:
+            message = f"{if_exists!r} is for {' and '.join(sorted(REUSABLE))}; remove it"
             self._report((*location, "ifExists"), message)
         place = key_place(self._root, (*location, "input" if "input" in node.entries else "operation"))
         request = node.entries.get("input", MappingNode(place, {}, {}))
@@ -183,7 +183,7 @@ class _Check:
             operation=operation,
             input=request,
             needs=tuple(each for each in scope if each in needs),
-            if_exists="reuse" if reuse else "fail",
+            if_exists=if_exists,
             location=self._shown((*location, "input")),
             place=place,
         )
@@ -226,6 +226,12 @@ def _operation(step: MappingNode) -> str | None:
 def _scalar(step: MappingNode, key: str) -> Any:
     node = child(step, key)
     return node.value if isinstance(node, ScalarNode) else None
+
+
+def _if_exists(step: MappingNode) -> IfExists:
+    """What a step does when the name is taken; `fail` where it says something that does not exist."""
+    said = _scalar(step, "ifExists")
+    return said if said in get_args(IfExists) else "fail"
 
 
 def _position(place: Place) -> tuple[int, int]:

@@ -141,6 +141,20 @@ def test_a_specification_runs_to_its_report_and_runs_again(run: Run, service: Se
     assert rebuild_report(first, service).read_text() == written
 
 
+def test_a_step_updates_an_application_of_its_name(run: Run, service: Service) -> None:
+    def step(module: str) -> dict[str, Any]:
+        request = {"name": "mine", "environment": {"uri": f"python://{module}"}, "robotSoftwareSuite": SUITE}
+        return {"mine": {"operation": "CreateRobotApplication", "input": request, "ifExists": "update"}}
+
+    first, second = run(step("first")), run(step("second"))
+
+    assert [record.steps[0].error for record in (first, second)] == [None, None]
+    assert first.steps[0].arn == second.steps[0].arn
+    resource = service.catalog.find("robot-application", "mine")
+    assert resource is not None
+    assert resource.document["environment"] == {"uri": "python://second"}
+
+
 def test_steps_after_a_failure_are_skipped_and_the_report_is_written(run: Run, events: list[ProgressEvent]) -> None:
     missing = {"operation": "DescribeWorld", "input": {"world": "arn:aws:robomaker:us-east-1:000000000000:world/none"}}
 

@@ -217,6 +217,7 @@ def test_one_mistake_gives_one_problem() -> None:
     [
         ("{operation: ListWorlds, needs: [frist]}", "s.yaml:5:37: steps.first.needs[0]: there is no step 'frist'; did you mean 'first'?"),
         ("{operation: ListWorlds, ifExists: reuse}", "s.yaml:5:39: steps.first.ifExists: 'reuse' is for CreateRobotApplication"),
+        ("{operation: ListWorlds, ifExists: update}", "s.yaml:5:39: steps.first.ifExists: 'update' is for CreateRobotApplication"),
         ("{operation: ListWorlds, ifExists: maybe}", "s.yaml:5:39: steps.first.ifExists: is 'maybe'; it has to be 'fail', 'reuse' or 'update'"),
         ("{operation: [ListWorlds]}", "s.yaml:5:17: steps.first.operation: is ['ListWorlds']; it has to be text"),
         ("{operation: ListWorlds, input: all}", "s.yaml:5:36: steps.first.input: is 'all'; it has to be a mapping"),
