@@ -119,7 +119,7 @@ def broken(draw: st.DrawFn, request: Mapping[str, Any]) -> dict[str, Any]:
         there = list(places(changed))
         how = draw(st.sampled_from(("replace", "replace", "remove", "rename", "double", "add")))
         if how == "add" or not there:
-            changed[draw(st.text(max_size=8))] = draw(WILD)
+            changed[draw(st.text(max_size=8))] = copy.deepcopy(draw(WILD))
             continue
         *way, last = draw(st.sampled_from(there))
         holder: Any = changed

@@ -138,7 +138,8 @@ def test_a_specification_runs_to_its_report_and_runs_again(run: Run, service: Se
     assert "request 2" in written
     assert "robomaker run &#39;a folder/tiny.yaml&#39;" in written
     (first.run_dir / "report.html").unlink()
-    assert rebuild_report(first, service).read_text() == written
+    assert rebuild_report(first, service).report_path == first.run_dir / "report.html"
+    assert (first.run_dir / "report.html").read_text() == written
 
 
 def test_a_step_updates_an_application_of_its_name(run: Run, service: Service) -> None:

@@ -53,7 +53,8 @@ def test_interiors_of_one_floor_plan_share_it(service: Service, generate: Callab
         bundle = world.document["bundle"]
         names = {file.path for file in read_manifest(service.store, **bundle).files}
         pictures = {name for name in names if name.startswith("textures/")}
-        assert names - pictures == {"world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg", "preview.png"}
+        described = {"world.json", "world_description.json", "floorplan.svg", "preview.png"}
+        assert names - pictures == {*described, "world.xml", "map.pgm", "map.yaml"}
         assert pictures
         plans.append(json.loads(service.store.get_bytes(bundle["bucket"], bundle["prefix"] + "/world.json")))
     assert plans[0]["floorplan"]["walls"] == plans[1]["floorplan"]["walls"]

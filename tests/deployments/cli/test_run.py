@@ -143,7 +143,7 @@ def lines(shown: RunRecord) -> list[str]:
 def test_the_final_block() -> None:
     assert lines(record()) == [
         "",
-        "night: broken, 1 of 1 verdicts pass, after 3 min 05 s",
+        "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s",
         "",
         "  ✗ export (CreateWorldExportJob): no bucket",
         "",

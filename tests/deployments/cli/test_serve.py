@@ -36,8 +36,10 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
         wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
         wait_for(lambda: served.performer()["simulation-job"] == "1 of at most 1 running", "the health page")
+        wait_for(lambda: status(service, batch) == "Completing", "the batch's last request")
+        # The performer, its warm parent of simulations, two supervisors and simulations.
+        wait_for(lambda: len(descendants(served.process.pid)) >= 6, "the processes of both jobs")
         processes = descendants(served.process.pid)
-        assert len(processes) >= 6  # the performer, its warm parent of simulations, two supervisors and simulations
         served.process.send_signal(signal.SIGINT)
         assert served.process.wait(20) == 0, served.log.read_text()
 
@@ -57,8 +59,8 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         service.catalog.request_cancel(long)
         wait_for(lambda: status(service, long) == "Canceled", "the end of the long job")
         wait_for(lambda: working_below(service.settings.home / "jobs"), "the batch's job")
+        wait_for(lambda: len(descendants(served.process.pid)) >= 4, "the processes of the batch's job")
         processes = descendants(served.process.pid)
-        assert len(processes) >= 4
         served.process.kill()
         served.process.wait(5)
         wait_for(lambda: not alive(processes), "the end of every process", 10)
