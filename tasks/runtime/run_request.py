@@ -46,6 +46,14 @@ class RunRequest(Model):
     video_backend: str | None = Field(default=None, description="How to render; None: no video.")
     cores: list[int] | None = Field(default=None, description="Processor cores it may use; absent: all.")
 
+    def for_run_process(self) -> "RunRequest":
+        """What the run's own process is given: it writes its plan down, so variables of programs are left out.
+
+        Those of a container's program are what its engine is called with, credentials of registries among them.
+        """
+        programs = [program.model_copy(update={"environment": {}}) for program in self.plan.programs]
+        return self.model_copy(update={"plan": self.plan.model_copy(update={"programs": programs})})
+
     def program_environment(self, program: ProgramPlan) -> dict[str, str]:
         """The whole environment of one of the plan's programs."""
         plan = self.plan

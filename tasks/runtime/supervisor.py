@@ -87,7 +87,7 @@ def _become_run(
         die_with_parent()
         if os.getppid() == supervisor:
             confine()
-            code = run_child(request, progress)
+            code = run_child(request.for_run_process(), progress)
     finally:
         # Not sys.exit: this fork must not run the clean-up of the process it was copied from.
         os._exit(code)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.schemas.provenance import PROVENANCE_FILE, Provenance
+from prefect_robomaker.schemas.run_programs import ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 from prefect_robomaker.tasks.runtime.provenance import digest_of_folder, machine_facts
@@ -79,6 +80,21 @@ def test_a_run_that_fails_has_one_and_one_without_physics_has_no_digest(
     assert result_of(fine).state_digest is None
     assert (read(fine).digest, read(fine).ended_by) == (None, "environment")
     assert (read(failing).digest, read(failing).ended_by) == (None, None)
+
+
+def test_variables_of_programs_are_not_written_down(
+    launcher: Launcher, cartpole: Callable[..., RunPlan], tmp_path: Path
+) -> None:
+    """Those of a container's program are what its engine is called with: credentials of registries, for one."""
+    tool = ProgramPlan(
+        name="simulation-idle", role="simulation", kind="tool", argv=["sleep", "60"], folder=tmp_path,
+        environment={"DOCKER_AUTH_CONFIG": "s3cr3t"},
+    )  # fmt: skip
+    plan = cartpole(programs=[tool], checkpoint_dir=tmp_path / "checkpoints", checkpoint_every_s=1.0)
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert read(plan).plan.programs == [tool.model_copy(update={"environment": {}})]
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert [path for path in written if b"s3cr3t" in path.read_bytes()] == []
 
 
 def test_this_machine_says_what_matters() -> None:
