@@ -1,7 +1,6 @@
 """What a run's end leaves in its output folder."""
 
 import os
-import stat
 from contextlib import suppress
 from datetime import datetime
 
@@ -9,12 +8,12 @@ from pydantic import ValidationError
 
 from ...schemas.simulation_run import RunPlan, RunResult
 from .agent_socket import remove_agent_socket
+from .left_files import read_left
 from .outcomes import Exit, Judgement
-from .results import RESULT_FILE, versions, write_result
+from .results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
 
 INVALID_RESULT_FILE = "result.invalid.json"
 """What an application wrote as `result.json`, if it is none."""
-_MAX_RESULT_BYTES = 16 * 1024 * 1024
 
 
 def finish_outputs(plan: RunPlan, ended: Exit | None, judgement: Judgement, times: tuple[datetime, datetime]) -> bool:
@@ -75,10 +74,7 @@ def _is_result(plan: RunPlan) -> bool:
     """Whether an application wrote a valid `result.json`; links and other things than files are none."""
     path = plan.output_dir / RESULT_FILE
     try:
-        about = path.lstat()
-        if not stat.S_ISREG(about.st_mode) or about.st_size > _MAX_RESULT_BYTES:
-            return False
-        RunResult.model_validate_json(path.read_bytes())
+        RunResult.model_validate_json(read_left(path, MAX_RESULT_BYTES))
     except (OSError, ValidationError):
         return False
     return True

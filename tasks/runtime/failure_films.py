@@ -12,7 +12,8 @@ from pathlib import Path
 
 from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
-from .results import RESULT_FILE
+from .left_files import read_left
+from .results import MAX_RESULT_BYTES, RESULT_FILE
 from .run_notes import add_note
 from .video_backends import best_video_backend
 from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, FilmRequest, unfinished
@@ -91,8 +92,8 @@ def _request(plan: RunPlan) -> FilmRequest:
 
 def _verdict(output_dir: Path) -> str | None:
     try:
-        return json.loads((output_dir / RESULT_FILE).read_bytes())["verdict"]
-    except (OSError, ValueError, KeyError, TypeError):
+        return json.loads(read_left(output_dir / RESULT_FILE, MAX_RESULT_BYTES))["verdict"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # a program may have written it
         return None
 
 
@@ -137,4 +138,5 @@ def _carry_out(
 
 def _remove_unfinished(output_dir: Path) -> None:
     for name in (VIDEO_FILE, CLIP_FILE):
-        unfinished(output_dir / name).unlink(missing_ok=True)
+        with suppress(OSError):  # the application may have put anything there
+            unfinished(output_dir / name).unlink()

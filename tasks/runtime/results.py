@@ -15,6 +15,8 @@ from ...schemas.base import Model
 from ...schemas.simulation_run import Collision, Requirement, RoomVisit, RunResult, Verdict
 
 RESULT_FILE = "result.json"
+MAX_RESULT_BYTES = 16 * 1024 * 1024
+"""What is longer is no result."""
 MAX_COLLISIONS = 200
 MAX_PATH_POINTS = 600
 

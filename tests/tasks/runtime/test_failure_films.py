@@ -1,8 +1,10 @@
 """Runs with a state log, and what is filmed of it when they fail; real processes, real films."""
 
 import json
+import os
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime.failure_films import film_failure
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunOutcome, RunPlan
+from prefect_robomaker.tasks.runtime.failure_films import film_failure, has_failed
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 
 FILMED = Path(__file__).parent / "bundles" / "filmed"
@@ -149,6 +151,28 @@ def test_a_camera_that_is_not_there_is_told(launcher: Launcher, plan_of: PlanOf)
         "No film of the failure: ValueError: ROBOMAKER_VIDEO_CAMERA is 'chase', but the model's cameras are: side"
         in (errors_of(plan))
     )
+
+
+def test_what_stands_where_films_are_made_costs_the_film_only(launcher: Launcher, plan_of: PlanOf) -> None:
+    plan = plan_of()
+    (plan.output_dir / ".video.mp4.unfinished").mkdir(parents=True)
+    assert launcher.run(plan, lambda: None).status == "Completed"
+
+
+@pytest.mark.parametrize("kind", ["fifo", "link to zeros", "nested without end"])
+def test_a_result_that_programs_have_replaced_is_not_waited_for(plan_of: PlanOf, kind: str) -> None:
+    plan = plan_of()
+    plan.output_dir.mkdir(parents=True)
+    result = plan.output_dir / "result.json"
+    if kind == "fifo":
+        os.mkfifo(result)
+    elif kind == "link to zeros":
+        result.symlink_to("/dev/zero")
+    else:
+        result.write_text("[" * 1_000_000)
+    now = datetime.now(UTC)
+    outcome = RunOutcome(status="Completed", started_at=now, ended_at=now, timed_out=False, finished=True)
+    assert not has_failed(plan, outcome)
 
 
 def test_filming_ends_when_the_job_is_stopped_or_it_takes_too_long(launcher: Launcher, plan_of: PlanOf) -> None:

@@ -1,0 +1,27 @@
+"""Reading files that applications have left, which may have put anything in their place."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+
+
+def read_left(path: Path, most_bytes: int) -> bytes:
+    """Reads a regular file; links are not followed, FIFOs not waited for, what is longer not read.
+
+    Args:
+        path: The file.
+        most_bytes: How long it may be.
+
+    Raises:
+        OSError: It is not there, is no regular file, is too long, or cannot be read.
+    """
+    with os.fdopen(os.open(path, _FLAGS), "rb") as file:
+        about = os.fstat(file.fileno())
+        if not stat.S_ISREG(about.st_mode):
+            raise OSError(errno.EINVAL, "no regular file", str(path))
+        if about.st_size > most_bytes:
+            raise OSError(errno.EFBIG, f"longer than {most_bytes} bytes", str(path))
+        return file.read(most_bytes)
