@@ -1,6 +1,8 @@
 """Container engines of this machine: which there is, and what it knows of an image."""
 
 import json
+import os
+import signal
 import subprocess
 import time
 from collections.abc import Callable, Mapping
@@ -138,6 +140,8 @@ def get_image(
     Raises:
       LaunchError: it cannot be had, is another one, or breaks the rules for images.
     """
+    if uri.startswith("-"):  # an option, to an engine
+        raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0", "InvalidInput")
     code = role.capitalize()
     image = _inspect(engine, uri)
     if image is None or "@" not in uri:
@@ -219,7 +223,7 @@ def _finish(
         except subprocess.TimeoutExpired:
             late = time.monotonic() >= deadline
             if late or stopped():
-                process.kill()
+                os.killpg(process.pid, signal.SIGKILL)  # with helpers, which have its output open too
                 process.communicate()
                 why = f"did not end within {timeout_s:g} s" if late else "was stopped"
                 raise EngineError(f"`{arguments[0]}` {why}") from None
