@@ -7,6 +7,7 @@ whoever goes on after a crash knows what each of them is. What was stored is not
 import hashlib
 import json
 import logging
+import os
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -77,6 +78,8 @@ class RollingUploads:
     def sweep(self) -> None:
         """Takes the files that are finished, and stores them; what cannot be stored waits for the next time."""
         for upload in self._uploads:
+            if os.path.lexists(self._folder / "output" / upload.name):
+                continue  # they get names of their own at the end, which the run's own outputs do not have
             target = self._folder / _WAITING / f"{self._sweeps:08d}" / upload.name
             visit_matches(upload.sandbox.root, upload.glob, self._taker(target))
         self._sweeps += 1

@@ -34,6 +34,7 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 60.0
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
 _MOST_NOTES = 200
+_IN_THE_WAY = (FileExistsError, NotADirectoryError, IsADirectoryError)
 
 _logger = logging.getLogger(__name__)
 
@@ -148,7 +149,7 @@ class RunOutputs:
             about={"job": self._job.arn, "run": self._run_id, "seed": self._job.document["seed"], **about},
             created_at=self._service.clock(),
             more=uploaded,
-            stored=rolled_files(self._folder, [file.name for file in uploaded]),
+            stored=rolled_files(self._folder, [file.name for file in (*uploaded, *regular_files(self.output_dir))]),
         )
 
     def _uploads(self) -> list[Upload]:
@@ -162,9 +163,11 @@ class RunOutputs:
         staged = self._folder / "uploads"
         notes: list[str] = []
         for name, path in taken_files(self._folder):
-            target = staged / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            path.replace(target)
+            try:
+                (staged / name).parent.mkdir(parents=True, exist_ok=True)
+                path.replace(staged / name)
+            except _IN_THE_WAY as error:  # a folder took the place of a file that was taken before, or the reverse
+                notes.append(f"{name} is not uploaded: {error}")
         for upload in self._uploads():
             visit_matches(upload.sandbox.root, upload.glob, self._stager(staged / upload.name, notes))
         if notes:

@@ -144,6 +144,44 @@ def test_uploads_that_a_dead_performer_had_taken_are_published_too(
     assert service.store.get_bytes("robomaker", f"{place['prefix']}/bags/b.bag") == b"taken"
 
 
+def test_what_was_rolled_is_no_longer_listed_once_an_output_has_its_name(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    folder = runs_of(service, died_publishing) / RUN
+    rolled = {"path": "result.json", "size_bytes": 6, "sha256": hashlib.sha256(b"stored").hexdigest()}
+    (folder / "rolled.jsonl").write_text(json.dumps(rolled) + "\n")
+
+    place = place_of(service, perform(service, died_publishing))
+
+    [file] = read_manifest(service.store, **place).files
+    assert (
+        file.sha256
+        == hashlib.sha256(service.store.get_bytes(place["bucket"], f"{place['prefix']}/result.json")).hexdigest()
+    )
+
+
+def test_a_file_that_was_taken_where_a_folder_was_later_is_noted(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    folder = runs_of(service, died_publishing) / RUN
+    for name in ("00000001/bags/day", "00000002/bags/day/a.bag"):
+        (folder / "rolling" / name).parent.mkdir(parents=True)
+        (folder / "rolling" / name).write_text(name)
+
+    job = perform(service, died_publishing)
+
+    assert job["status"] == "Completed", job.get("failureReason")
+    place = place_of(service, job)
+    assert [file.path for file in read_manifest(service.store, **place).files] == [
+        "bags/day",
+        "logs/uploads.log",
+        "result.json",
+    ]
+    assert b"bags/day/a.bag is not uploaded" in service.store.get_bytes(
+        place["bucket"], f"{place['prefix']}/logs/uploads.log"
+    )
+
+
 def test_outputs_that_were_stored_just_in_time_are_found_from_another_machine(
     service: Service, died_publishing: dict[str, Any]
 ) -> None:

@@ -64,6 +64,18 @@ def test_what_is_still_written_to_is_not_cut_off(service: Service, rolling: Roll
     assert stored(service) == {"run/kept/a.bag": b"one two"}
 
 
+def test_what_would_be_named_like_the_runs_own_outputs_waits_for_the_end(
+    service: Service, rolling: RollingUploads, folder: Path, bags: Path
+) -> None:
+    (folder / "output/kept").mkdir(parents=True)
+    (bags / "a.bag").write_bytes(b"bag")
+
+    rolling.sweep()
+
+    assert stored(service) == {}
+    assert (bags / "a.bag").exists()
+
+
 def test_what_cannot_be_stored_waits_and_is_not_lost(
     service: Service, rolling: RollingUploads, folder: Path, bags: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
