@@ -69,7 +69,8 @@ class Provenance(Model):
         default=[], description="What the applications were; empty until the run ends, and of one that was canceled."
     )
     model_sha256: str | None = Field(
-        default=None, description="SHA-256 of the compiled model as MJB; absent: no physics, or not yet begun."
+        default=None,
+        description="SHA-256 of the compiled model, wherever its files lie; absent: no physics, or not yet begun.",
     )
     positions: int = Field(default=0, description="How many positions the model has, `nq`.")
     joints: list[JointPlace] = Field(default=[], description="The model's joints.")

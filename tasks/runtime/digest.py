@@ -35,6 +35,8 @@ _BLOCK_STATES = 30
 _LINK_BYTES = 8
 _CHAIN_BYTES = 32
 _COMPRESSION_LEVEL = 3
+_NOT_COUNTED = frozenset({"paths", "npaths", "nbuffer", "signature"})
+"""Members that tell where a model's files were read from, as its `…_pathadr` do, or how it was compiled."""
 
 
 class StateDigest:
@@ -225,10 +227,31 @@ def read_timeline(path: Path) -> StateTimeline:
 
 
 def digest_of_model(model: mujoco.MjModel) -> str:
-    """SHA-256 of a compiled model as MJB, in hexadecimal; equal only with the same version of MuJoCo."""
-    content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, content)
-    return hashlib.sha256(content.data).hexdigest()
+    """SHA-256 of a compiled model, in hexadecimal; equal only with the same version of MuJoCo.
+
+    Where the model's files were read from does not count: the same world in another folder is the same model.
+    """
+    digest = hashlib.sha256()
+    _take_in(digest, model)
+    return digest.hexdigest()
+
+
+def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
+    """Hashes the members of one of MuJoCo's structures by name, structures in it included."""
+    for name in sorted(dir(structure)):
+        if name.startswith("_") or name in _NOT_COUNTED or name.endswith("_pathadr"):
+            continue
+        value = getattr(structure, name)
+        if callable(value):
+            continue
+        digest.update(name.encode() + b"=")
+        if isinstance(value, np.ndarray):
+            digest.update(repr(value.shape).encode())
+            digest.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
+        elif isinstance(value, bytes | int | float):
+            digest.update(value if isinstance(value, bytes) else repr(value).encode())
+        else:
+            _take_in(digest, value)
 
 
 def joints_of(model: mujoco.MjModel) -> list[JointPlace]:

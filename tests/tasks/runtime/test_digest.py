@@ -107,6 +107,37 @@ def test_continuing_gives_the_same_digest_and_file(model: mujoco.MjModel, tmp_pa
     assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
 
 
+def test_a_model_is_the_same_wherever_its_files_lie(tmp_path: Path) -> None:
+    def digest_in(folder: Path, size: str) -> str:
+        folder.mkdir()
+        corners = ("0 0 0", f"{size} 0 0", "0 1 0", "0 0 1")
+        (folder / "block.obj").write_text(
+            "".join(f"v {corner}\n" for corner in corners) + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+        )
+        (folder / "world.xml").write_text(
+            '<mujoco><asset><mesh file="block.obj"/></asset>'
+            '<worldbody><geom type="mesh" mesh="block"/></worldbody></mujoco>'
+        )
+        return digest_of_model(mujoco.MjModel.from_xml_path(str(folder / "world.xml")))
+
+    first, moved, other = (
+        digest_in(tmp_path / "1", "1"),
+        digest_in(tmp_path / "moved", "1"),
+        digest_in(tmp_path / "3", "2"),
+    )
+    assert first == moved
+    assert first != other
+
+
+def test_every_number_of_a_model_counts(model: mujoco.MjModel) -> None:
+    digests = [digest_of_model(model)]
+    for array in (model.opt.gravity, model.vis.rgba.fog, model.stat.center, model.geom_size[0], model.body_mass):
+        array[-1] = np.nextafter(array[-1], 9)
+        digests.append(digest_of_model(model))
+    model.opt.timestep = 0.02
+    assert len({*digests, digest_of_model(model)}) == 7
+
+
 def test_another_model_on_the_way_counts(model: mujoco.MjModel, tmp_path: Path) -> None:
     heavier = mujoco.MjModel.from_xml_string(MODEL.replace('size=".1"/></body>\n  </w', 'size=".11"/></body>\n  </w'))
     assert digest_of_model(model) != digest_of_model(heavier)
