@@ -9,11 +9,13 @@ from ..schemas.errors import LaunchError
 from ..schemas.simulation_run import ApplicationPlan, RunPlan
 from .catalog import Resource
 from .runtime.checkpoint_files import CheckpointError, resumable_plan
+from .surroundings import run_sandbox
 
 CHECKPOINTS_FOLDER = "checkpoints"
 EVERY_VARIABLE = "ROBOMAKER_CHECKPOINT_EVERY_S"
 
 _DEFAULT_S = 5.0
+_SHOWN = 200
 
 _logger = logging.getLogger(__name__)
 
@@ -54,8 +56,33 @@ def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
         return None
     try:
         plan, last = resumable_plan(folder / CHECKPOINTS_FOLDER)
+        _check_own(plan, job, folder)
     except CheckpointError as error:
         _logger.warning("%s is run from the start again: %s", job.arn, error)
         return None
     _logger.info("%s goes on from %.3f s of simulated time, where its last checkpoint is", job.arn, last.sim_time_s)
     return plan
+
+
+def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
+    """Checks that a plan is that of a run: its applications could write to where it was.
+
+    Raises:
+      CheckpointError: it names another run, folders of others, more time, or programs, with which no run is continued.
+    """
+    folder = folder.absolute()
+    expected = {
+        "job_id": job.id,
+        "run_id": folder.name,
+        "max_duration_s": float(job.document["request"]["maxJobDurationInSeconds"]),
+        "work_dir": folder / "work",
+        "output_dir": folder / "output",
+        "root_dir": run_sandbox(folder).root,
+        "checkpoint_dir": folder / CHECKPOINTS_FOLDER,
+        "programs": [],
+    }
+    for name, value in expected.items():
+        if (found := getattr(plan, name)) != value:
+            raise CheckpointError(
+                f"its plan was changed: {name} is {str(found)[:_SHOWN]!r} and has to be {str(value)!r}"
+            )

@@ -13,16 +13,23 @@ from pydantic import Field, ValidationError
 
 from ...schemas.base import Model
 from ...schemas.simulation_run import RunPlan
+from .left_files import read_left
 
 PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"
 LOCK_FILE = "lock"
 
 _PATTERN = "checkpoint-*.bin"
+_MOST_BYTES = 4 << 30
+_MOST_REASON_BYTES = 64 * 1024
 
 
 class CheckpointError(Exception):
     """A checkpoint cannot be continued from; the message says why."""
+
+
+class RunTakenError(CheckpointError):
+    """Another process carries the run out."""
 
 
 class CheckpointHeader(Model):
@@ -30,7 +37,9 @@ class CheckpointHeader(Model):
 
     sim_time_s: float = Field(description="Simulated time.")
     steps: int = Field(description="Steps of the environment so far.")
-    wall_time_s: float = Field(description="Wall-clock time that the run has taken so far, all attempts together.")
+    wall_time_s: float = Field(
+        ge=0, allow_inf_nan=False, description="Wall-clock time that the run has taken so far, all attempts together."
+    )
     payload_bytes: int = Field(description="Size of what follows.")
     payload_crc32: int = Field(description="CRC-32 of what follows.")
 
@@ -44,8 +53,8 @@ def discard_checkpoints(folder: Path) -> None:
 def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
     """Finds the last checkpoint that is whole."""
     for path in reversed(checkpoints_in(folder)):
-        with suppress(OSError, ValidationError, CheckpointError), path.open("rb") as file:
-            header = CheckpointHeader.model_validate_json(file.readline())
+        with suppress(OSError, ValidationError, CheckpointError):
+            header = CheckpointHeader.model_validate_json(read_left(path, _MOST_BYTES).partition(b"\n")[0])
             payload_of(path, header)
             return path, header
     return None
@@ -67,24 +76,25 @@ def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
         CheckpointError: It cannot be continued; the message says why.
     """
     try:
-        plan = RunPlan.model_validate_json((folder / PLAN_FILE).read_bytes())
+        plan = RunPlan.model_validate_json(read_left(folder / PLAN_FILE, _MOST_BYTES))
     except (OSError, ValidationError):
         raise CheckpointError("no checkpoints of it are on this machine") from None
     last = last_checkpoint(folder)
     if last is None:
-        reason = folder / REASON_FILE
-        raise CheckpointError(reason.read_text() if reason.exists() else "it had not come to its first checkpoint")
+        raise CheckpointError(_reason_in(folder) or "it had not come to its first checkpoint")
     os.close(take_lock(folder / LOCK_FILE))
     return plan, last[1]
 
 
+def _reason_in(folder: Path) -> str:
+    try:
+        return read_left(folder / REASON_FILE, _MOST_REASON_BYTES).decode(errors="replace")
+    except OSError:
+        return ""
+
+
 def checkpoint_file(number: int) -> str:
-    """Returns the name of a checkpoint's file."""
-    return _PATTERN.replace("*", f"{number:08d}")
-
-
-def checkpoint_name(number: int) -> str:
-    """Returns the name of a run's checkpoint, the first of which is 1."""
+    """Returns the name of a checkpoint's file; the first is 1."""
     return _PATTERN.replace("*", f"{number:08d}")
 
 
@@ -99,7 +109,7 @@ def payload_of(path: Path, header: CheckpointHeader) -> bytes:
     Raises:
         CheckpointError: It is not whole.
     """
-    payload = path.read_bytes().partition(b"\n")[2]
+    payload = read_left(path, _MOST_BYTES).partition(b"\n")[2]
     if len(payload) != header.payload_bytes or zlib.crc32(payload) != header.payload_crc32:
         raise CheckpointError(f"{path} is not whole")
     return payload
@@ -118,12 +128,12 @@ def take_lock(path: Path) -> int:
     """Takes a lock until the descriptor is closed, or this process ends.
 
     Raises:
-        CheckpointError: Another process has it.
+        RunTakenError: Another process has it.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise CheckpointError("another process still runs it") from None
+        raise RunTakenError("another process still runs it") from None
     return descriptor

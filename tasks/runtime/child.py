@@ -20,7 +20,7 @@ from ...schemas.world import World
 from . import gl
 from .camera_recorder import CameraRecorder
 from .camera_settings import camera_recording
-from .checkpoint_files import CheckpointError, discard_checkpoints
+from .checkpoint_files import CheckpointError, RunTakenError, discard_checkpoints
 from .checkpoints import Checkpointer
 from .context import SimulationContext
 from .loading import LoadError, load_factory
@@ -114,6 +114,8 @@ def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     """Continues the run from its last checkpoint if there is one, else begins it."""
     try:
         _attempt(run, progress, stop)
+    except RunTakenError:
+        raise  # its checkpoints are those of another process
     except CheckpointError as error:
         assert run.plan.checkpoint_dir is not None
         sys.stderr.write(f"The run begins anew: its last checkpoint cannot be continued from: {error}\n")

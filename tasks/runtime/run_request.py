@@ -140,7 +140,7 @@ def _with_absolute_paths(plan: RunPlan) -> RunPlan:
     """Paths become absolute here, where relative ones still mean what the caller meant."""
     folders = {
         name: value.absolute()
-        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir")
+        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir", "checkpoint_dir")
         if (value := getattr(plan, name)) is not None
     }
     applications = {

@@ -18,10 +18,11 @@ from swing_fixtures import outputs_of
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.provenance import Provenance
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunResult
-from prefect_robomaker.tasks.catalog import Catalog
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.tasks.catalog import Catalog, Resource
 from prefect_robomaker.tasks.job_runs import perform_job
-from prefect_robomaker.tasks.resuming import checkpoint_every_s
+from prefect_robomaker.tasks.resuming import checkpoint_every_s, plan_to_resume
+from prefect_robomaker.tasks.runtime.checkpoint_files import CheckpointHeader, checkpoint_file
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
@@ -141,6 +142,43 @@ def test_a_restart_begins_anew(service: Service, swing: Swing, performer: Callab
     assert "attempts" not in document
     provenance = Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
     assert provenance.resumed_at_s == []
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"run_id": "../../sim-2/run"},
+        {"job_id": "sim-2"},
+        {"output_dir": Path("/home/else/output")},
+        {"work_dir": Path("/home/else/work")},
+        {"root_dir": Path("/home/else/root")},
+        {"max_duration_s": 1e9},
+    ],
+)
+def test_a_plan_that_is_not_the_runs_own_is_not_gone_on_with(
+    tmp_path: Path, changes: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Applications can write to the folder of checkpoints."""
+    now, run = datetime(2026, 1, 2, tzinfo=UTC), tmp_path / "run"
+    job = Resource(
+        arn="arn", kind="simulation-job", id="sim-1", status="Running", revision=1, created_at=now, updated_at=now,
+        document={"request": {"maxJobDurationInSeconds": 600}},
+    )  # fmt: skip
+    plan = RunPlan(
+        job_id="sim-1", job_arn="arn", run_id="run", seed=1, max_duration_s=600.0,
+        work_dir=run / "work", output_dir=run / "output", root_dir=run / "root", checkpoint_dir=run / "checkpoints",
+    )  # fmt: skip
+    run.joinpath("checkpoints").mkdir(parents=True)
+    header = CheckpointHeader(sim_time_s=1.0, steps=1, wall_time_s=1.0, payload_bytes=0, payload_crc32=0)
+    (run / "checkpoints" / checkpoint_file(1)).write_text(header.model_dump_json() + "\n")
+    plan_file = run / "checkpoints" / "plan.json"
+    plan_file.write_text(plan.model_dump_json())
+    assert plan_to_resume(job, run) == plan
+
+    plan_file.write_text(plan.model_copy(update=changes).model_dump_json())
+
+    assert plan_to_resume(job, run) is None
+    assert "run from the start again: its plan was changed" in caplog.text
 
 
 @pytest.mark.parametrize(("text", "every_s"), [(None, 5.0), ("2.5", 2.5), ("0", None)])

@@ -1,6 +1,7 @@
 """Runs that are killed and go on from their last checkpoint as if nothing had been."""
 
 import json
+import math
 import os
 import pickle
 import zlib
@@ -155,6 +156,37 @@ def test_a_run_that_somebody_else_carries_out_is_left_alone(tmp_path: Path, swin
         checkpoints.Checkpointer(plan, None)  # type: ignore[arg-type]
     first.close()
     checkpoints.Checkpointer(plan, None).close()  # type: ignore[arg-type]
+
+
+def test_checkpoints_of_a_run_that_somebody_else_carries_out_stay(
+    launcher: Launcher, swing: Callable[..., RunPlan]
+) -> None:
+    plan = swing(variables={"SLEEP_S": "0.001", "KILL_AT": "150"})
+    launcher.run(plan, lambda: None)
+    assert plan.checkpoint_dir is not None
+    there = checkpoint_files.checkpoints_in(plan.checkpoint_dir)
+    lock = checkpoint_files.take_lock(plan.checkpoint_dir / checkpoint_files.LOCK_FILE)
+    try:
+        outcome = launcher.run(plan, lambda: None)
+    finally:
+        os.close(lock)
+    assert "another process still runs it" in (outcome.failure_reason or "")
+    assert checkpoint_files.checkpoints_in(plan.checkpoint_dir) == there != []
+
+
+def test_what_stands_where_checkpoints_are_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "checkpoint-00000001.bin")
+    os.mkfifo(tmp_path / "plan.json")
+    assert last_checkpoint(tmp_path) is None
+    with pytest.raises(CheckpointError, match="no checkpoints of it"):
+        resumable_plan(tmp_path)
+
+
+@pytest.mark.parametrize("wall_time_s", [-1.0, math.nan])
+def test_no_run_has_taken_less_than_no_time(tmp_path: Path, wall_time_s: float) -> None:
+    numbers = {"sim_time_s": 1.0, "steps": 1, "wall_time_s": wall_time_s, "payload_bytes": 0, "payload_crc32": 0}
+    (tmp_path / "checkpoint-00000001.bin").write_text(json.dumps(numbers).replace("NaN", '"NaN"') + "\n")
+    assert last_checkpoint(tmp_path) is None
 
 
 def test_without_checkpoints_nothing_is_kept(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:
