@@ -10,6 +10,8 @@ from .durations import duration
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
 _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
+_MAX_REASON = 240
+"""Characters of a reason; the report has all of it."""
 
 Cell = tuple[str, str]
 """Text and style."""
@@ -59,6 +61,8 @@ def _headline(record: RunRecord) -> str:
     broken = sum(job.verdict == "ERROR" or job.status in ("Failed", "NotCreated") for job in record.jobs)
     told = [f"{verdicts.count('PASS')} of {len(verdicts)} verdicts pass"] if verdicts else []
     told += [f"{broken} broke"] if broken else []
+    canceled = sum(job.status == "Canceled" for job in record.jobs)
+    told += [f"{canceled} canceled"] if canceled else []
     return f", {', '.join(told)}," if told else ""
 
 
@@ -84,13 +88,26 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
 
 
 def _job_cells(job: JobRecord) -> list[Cell]:
-    verdict = job.verdict or job.status
+    # What a run that was cut short was judged to be means nothing.
+    verdict = job.verdict if job.verdict and job.status == "Completed" else job.status
     rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
     took = duration(job.duration_s) if job.duration_s is not None else ""
-    reason = (job.failure_reason or job.verdict_reason or "").strip().splitlines()
-    trouble = ": ".join(part for part in (job.failure_code or "", reason[0] if reason else "") if part)
+    reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
+    trouble = ": ".join(part for part in (job.failure_code or "", reason) if part)
     style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
-    return [(job.label, ""), (verdict, style), (job.world or "", ""), (rooms, ""), (took, ""), (trouble[:200], "red")]
+    return [(job.label, ""), (verdict, style), (job.world or "", ""), (rooms, ""), (took, ""), (_cut(trouble), "red")]
+
+
+def _in_one_line(reason: str) -> str:
+    """What went wrong and, unless that says it already, the last line of the log that the reason ends with."""
+    head, _, log = reason.strip().partition("\nLast lines of ")
+    first = next(iter(head.splitlines()), "")
+    last = log.splitlines()[-1].strip() if "\n" in log else ""
+    return f"{first}; its log ends with: {last}" if last and last not in first else first
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MAX_REASON else f"{text[: _MAX_REASON - 1]}…"
 
 
 def _outputs(jobs: Sequence[JobRecord]) -> str:

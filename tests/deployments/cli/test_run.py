@@ -115,7 +115,7 @@ def record(**changes: Any) -> RunRecord:
         ),
         JobRecord(
             label="sim-2", arn="arn:2", status="Failed", failure_code="RobotApplicationCrash",
-            failure_reason="it crashed\nTraceback", output_uri="file:///store/robomaker/quickstart/sim-2/run-1",
+            failure_reason="it crashed\nLast lines of logs/stderr.log:\nTraceback\nError: x", output_uri="file:///store/robomaker/quickstart/sim-2/run-1",
         ),
         JobRecord(label="request 3", status="NotCreated", failure_code="InvalidInput", failure_reason="no role"),
     ]  # fmt: skip
@@ -149,7 +149,7 @@ def test_the_final_block() -> None:
         "",
         "  job        verdict     world      rooms  time",
         "  sim-1      PASS        g/world-1  4/4    31 s",
-        "  sim-2      Failed                              RobotApplicationCrash: it crashed",
+        "  sim-2      Failed                              RobotApplicationCrash: it crashed; its log ends with: Error: x",
         "  request 3  NotCreated                          InvalidInput: no role",
         "",
         "  report   /runs/night-1/report.html",
@@ -163,6 +163,22 @@ def test_the_final_block_of_a_run_without_jobs() -> None:
     shown = lines(record(jobs=[], steps=[], state="succeeded", exit_code=0))
     assert shown[1] == "night: succeeded after 3 min 05 s"
     assert not any("outputs" in line or "verdict" in line for line in shown)
+
+
+def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
+    jobs = [
+        JobRecord(label="sim-1", status="Canceled", verdict="NONE"),
+        JobRecord(label="sim-2", status="Failed", failure_reason="it crashed: KeyError\nLast lines of x:\nKeyError"),
+        JobRecord(label="sim-3", status="Failed", failure_reason="x" * 1000),
+    ]
+    shown = lines(record(jobs=jobs, steps=[]))
+    assert shown[1] == "night: broken, 2 broke, 1 canceled, after 3 min 05 s"
+    assert [line.split() for line in shown[4:6]] == [
+        ["sim-1", "Canceled"],
+        ["sim-2", "Failed", "it", "crashed:", "KeyError"],
+    ]
+    assert shown[6].endswith("xxx…")
+    assert len(shown[6]) < 300
 
 
 def test_a_large_batch_does_not_flood_the_terminal() -> None:
