@@ -115,7 +115,7 @@ def record(**changes: Any) -> RunRecord:
         ),
         JobRecord(
             label="sim-2", arn="arn:2", status="Failed", failure_code="RobotApplicationCrash",
-            failure_reason="it crashed\nLast lines of logs/stderr.log:\nTraceback\nError: x", output_uri="file:///store/robomaker/quickstart/sim-2/run-1",
+            failure_reason="it crashed\nLast lines of logs/stderr.log:\nTraceback\nno x", output_uri="file:///store/robomaker/quickstart/sim-2/run-1",
         ),
         JobRecord(label="request 3", status="NotCreated", failure_code="InvalidInput", failure_reason="no role"),
     ]  # fmt: skip
@@ -149,7 +149,7 @@ def test_the_final_block() -> None:
         "",
         "  job        verdict     world      rooms  time",
         "  sim-1      PASS        g/world-1  4/4    31 s",
-        "  sim-2      Failed                              RobotApplicationCrash: it crashed; its log ends with: Error: x",
+        "  sim-2      Failed                              RobotApplicationCrash: it crashed; its log ends with: no x",
         "  request 3  NotCreated                          InvalidInput: no role",
         "",
         "  report   /runs/night-1/report.html",
