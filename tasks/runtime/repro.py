@@ -1,5 +1,6 @@
 """A run in a folder: all that it needs, what came of it, and a test that repeats it."""
 
+import re
 import shutil
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ PLAN_FILE = "plan.json"
 FIRST_OUTPUTS = "first"
 """Folder of what the run wrote down."""
 
+_MOST_OF_NAME = 200
 _TEST = '''\
 """Repeats run {run_id} of {job_id}, which {words}.
 
@@ -165,11 +167,11 @@ def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> 
     ending = ending_of(outputs, failure_code)
     if ending.get("ended_by") == "canceled":
         ending["ended_by"] = "duration limit"  # what a rerun says that ends at the same time
-    name = f"test_repro_{provenance.plan.job_id.replace('-', '_')}.py"
+    name = f"test_repro_{re.sub(r'[^A-Za-z0-9_]', '_', provenance.plan.job_id)[:_MOST_OF_NAME]}.py"
     text = _TEST.format(
-        run_id=provenance.plan.run_id,
-        job_id=provenance.plan.job_id,
-        words=in_words(ending),
+        run_id=_in_docstring(provenance.plan.run_id),
+        job_id=_in_docstring(provenance.plan.job_id),
+        words=_in_docstring(in_words(ending)),
         name=name,
         ending=ending,
         digest=provenance.digest.value if provenance.digest else None,
@@ -177,6 +179,11 @@ def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> 
     path = folder / name
     path.write_text(text)
     return path
+
+
+def _in_docstring(text: str) -> str:
+    """Text that cannot end a docstring: what a run says of itself may be anything."""
+    return text.replace("\\", "/").replace('"', "'")
 
 
 def _copied(plan: RunPlan, folder: Path) -> RunPlan:
@@ -191,7 +198,7 @@ def _copied(plan: RunPlan, folder: Path) -> RunPlan:
         return places[source] if source is not None else None
 
     applications = {
-        name: application.model_copy(update={"path": copy(application.path, f"applications/{application.name}")})
+        name: application.model_copy(update={"path": copy(application.path, f"applications/{application.role}")})
         for name in ("simulation_application", "robot_application")
         if (application := getattr(plan, name)) is not None
     }
