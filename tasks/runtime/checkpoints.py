@@ -38,6 +38,9 @@ KEPT = 2
 COST_SHARE = 0.01
 """Most of the time that may go into checkpoints; where one costs more, they become rarer."""
 
+_WORTH_KEEPING = 0.1
+"""Wall-clock age of a run, as a share of the interval, below which it is not worth a checkpoint."""
+
 
 @runtime_checkable
 class Resumable(Protocol):
@@ -131,11 +134,12 @@ class Checkpointer:
         self._has_programs = bool(plan.programs)
         self._clock = clock
         self._began = clock()
-        self._not_before = self._began
         self._number = 0
         self._used_s = 0.0
         self._every_s = plan.checkpoint_every_s
         self._next_time_s = self._every_s if self._every_s is not None else float("inf")
+        # What took less than this is done again as soon as it is read back: half a second for the usual interval.
+        self._not_before = self._began + _WORTH_KEEPING * (self._every_s or 0.0)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock = take_lock(self._folder / LOCK_FILE)
         self._physics = KeptPhysics(self._folder)
