@@ -10,10 +10,10 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
-from ..schemas.errors import ServiceUnavailableException
+from ..schemas.errors import ServiceUnavailableException, StateConflictError
 from ..schemas.lifecycles import is_terminal
 from .catalog import Resource
 from .giving_up import give_up, why_hopeless
@@ -65,18 +65,32 @@ class Lease:
 
     def transition(self, event: str, **changes: Any) -> Resource:
         """Moves the job on and sets members of its document; returns the job, which `job` is from then on."""
-        self.job = self._service.catalog.transition(self.job.arn, event, document_changes=changes, owner=self._owner)
+        with self._noticing_loss():
+            catalog, arn = self._service.catalog, self.job.arn
+            self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner)
         return self.job
 
     def update(self, changes: Callable[[dict[str, Any]], dict[str, Any]]) -> Resource:
         """Changes the job's document; safe to call from several threads."""
-        self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
+        with self._noticing_loss():
+            self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
         return self.job
 
     def refreshed(self) -> Resource:
         """The job as it is now."""
         self.job = self._service.catalog.get(self.job.arn)
         return self.job
+
+    @contextmanager
+    def _noticing_loss(self) -> Iterator[None]:
+        """Finds out about a change that was refused whether it was for want of the lease, before any clean-up."""
+        try:
+            yield
+        except StateConflictError:
+            with suppress(ServiceUnavailableException):
+                if not self._service.catalog.renew(self.job.arn, self._owner, LEASE_S):
+                    self._lost.set()
+            raise
 
     def _renew(self) -> None:
         while not self._ended.wait(LEASE_S / _RENEWALS):

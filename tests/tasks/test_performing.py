@@ -45,6 +45,30 @@ def test_a_performer_that_was_held_up_learns_that_another_took_over(
     assert not service.catalog.claim(job, "a third", 60)
 
 
+def test_a_change_that_is_refused_tells_at_once_that_another_took_over(
+    service: Service, job: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that was asleep, with its machine, changes the job before it next renews its lease."""
+    monkeypatch.setattr(performing, "LEASE_S", 0.2)
+    monkeypatch.setattr(performing, "_RENEWALS", 0.001)
+    was_lost = []
+
+    def work(lease: Lease) -> None:
+        with pytest.raises(StateConflictError, match="cannot happen"):
+            lease.transition("complete")
+        was_lost.append(lease.lost)
+        while not service.catalog.claim(job, "another", 60):
+            time.sleep(0.05)
+        for change in (lambda: lease.transition("start"), lambda: lease.update(lambda document: document)):
+            with pytest.raises(StateConflictError, match="another"):
+                change()
+            was_lost.append(lease.lost)
+
+    perform_once(job, KIND, service, work)
+
+    assert was_lost == [False, True, True]
+
+
 def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(
     service: Service, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
