@@ -110,7 +110,7 @@ def _find_program(code: Code, name: str, which: Which) -> str:
     """The program that a command begins with: in the bundle, then on the path."""
     if code.folder is not None and not name.startswith("/"):
         path = code.folder / name
-        if path.is_file() and path.resolve().is_relative_to(code.folder.resolve()):
+        if _is_file_of(code.folder, path):
             return str(_runnable(code, path))
     is_relative = "/" in name and not name.startswith("/")  # to the bundle, not to wherever this process is
     if not is_relative and (found := which(name)) is not None:
@@ -178,7 +178,12 @@ def _places(package: str, file: str) -> list[str]:
 
 def _find_file(folder: Path, package: str, file: str) -> Path | None:
     """A file of a package in a bundle, if there is one."""
-    return next((path for place in _places(package, file) if (path := folder / place).is_file()), None)
+    return next((path for place in _places(package, file) if _is_file_of(folder, path := folder / place)), None)
+
+
+def _is_file_of(folder: Path, path: Path) -> bool:
+    """Whether a file is there and in the bundle: names such as `..usr.bin` would lead out of it."""
+    return path.is_file() and path.resolve().is_relative_to(folder.resolve())
 
 
 def _runnable(code: Code, path: Path) -> Path:

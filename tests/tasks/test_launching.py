@@ -75,6 +75,12 @@ def test_installed_packages(launch: dict[str, Any], expected: Factory | Program)
     assert resolve(None, **launch) == expected
 
 
+@pytest.mark.parametrize("package", ["..usr.bin", "..", "bin..usr.bin"])
+def test_no_package_leads_out_of_the_bundle(bundle: Path, package: str) -> None:
+    started = resolve(bundle, packageName=package, launchFile="env")
+    assert started == Factory(f"{package}.env")  # which cannot be imported, and says so
+
+
 def test_launch_files_go_to_ros_in_the_environment_of_the_bundle(bundle: Path) -> None:
     launch = {"packageName": "ros_pkg", "launchFile": "sim.launch.py"}
     path = str(bundle / "ros_pkg/launch/sim.launch.py")
