@@ -27,6 +27,7 @@ from .processes import adopt_orphans, kill_children
 
 READY = b"ready"
 _MODULES = (
+    "PIL.PpmImagePlugin",  # maps
     "asyncio",
     "numpy",
     "mujoco",
