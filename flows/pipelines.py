@@ -335,11 +335,13 @@ class PipelineRun:
                 states.add("timed out")
             elif job.status in ("Failed", "NotCreated") or (job.status == "Completed" and job.verdict == "ERROR"):
                 states.add("broken")
-            elif job.status == "Canceled":
-                states.add("canceled")
-            elif job.verdict == "FAIL":
+            elif job.verdict == "FAIL" and job.status != "Canceled":
                 states.add("failed")
-        return next(state for state in _SEVERITY if state in states or state == "succeeded")
+        worst: RunState = next(state for state in _SEVERITY if state in states or state == "succeeded")
+        # A job that was canceled, perhaps by itself, hides nothing that is wrong with others.
+        if worst == "succeeded" and any(job.status == "Canceled" for job in jobs):
+            return "canceled"
+        return worst
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)

@@ -213,6 +213,8 @@ def _numbers(job: ReportedJob) -> Numbers:
 
 
 def _measures(numbers: Numbers) -> list[Measure]:
+    if not numbers.sim_time_s:  # programs on their own, without a simulation of ours: all else is nought
+        return [Measure("wall time", wording.number(numbers.wall_time_s, 1), "s")] if numbers.wall_time_s else []
     measures = [
         Measure("rooms visited", numbers.rooms_text if numbers.rooms else "–"),
         Measure("distance", wording.number(numbers.distance_m, 1), "m"),

@@ -11,6 +11,8 @@ from .progress import Phase
 
 MAX_REASON_CHARACTERS = 1024
 _MAX_HEAD_CHARACTERS = 600
+_LINE_END = 300
+"""Characters that are kept of the end of a last line that is too long."""
 _MAX_TAIL_LINES = 12
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
 """What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
@@ -112,6 +114,8 @@ def judge(
     if code == "InvalidBundleRobotApplication":
         # Found out by the environment, which puts the application's robot into the world.
         reason = f"{_application('robot', plan)} has no robot that can be used: {_what(ended)}"
+    elif code == "InvalidInput" and phase.role is None:
+        reason = _what(ended)  # the request's fault, not the runtime's
     else:
         reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}"
     return Judgement("Failed", code, failure_reason(reason, *log))
@@ -129,7 +133,8 @@ def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
     for line in reversed(lines[-_MAX_TAIL_LINES:]):
         if len(line) + 1 > room:
             if not kept:
-                kept.append("…" + line[-(room - 2) :])
+                # Its beginning names the exception, where it is the last line of a traceback.
+                kept.append(f"{line[: max(0, room - _LINE_END - 2)]}…{line[-min(_LINE_END, room - 2) :]}")
             break
         kept.append(line)
         room -= len(line) + 1

@@ -204,6 +204,16 @@ def test_jobs_without_result_or_world_say_so(make_report: Any, make_job: Any, ma
     assert len([svg for svg in page.all("svg") if "plan" in (svg.get("class") or "").split()]) == 2
 
 
+def test_programs_without_a_simulation_have_no_numbers_of_one(
+    make_report: Any, make_job: Any, make_result: Any
+) -> None:
+    nought = {"sim_time_s": 0.0, "real_time_factor": 0.0, "metrics": {}, "collisions": []}
+    result = make_result("NONE", 5).model_copy(update=nought)
+    page = Document(render_report(make_report([], [make_job("sim-1", None, result=result)])))
+    assert "real-time factor" not in page.text
+    assert "wall time" in page.text
+
+
 @pytest.mark.parametrize(
     ("content", "reason"),
     [

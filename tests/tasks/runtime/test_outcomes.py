@@ -28,6 +28,19 @@ def test_short_logs_are_whole() -> None:
     assert failure_reason("It broke.", "log", []) == "It broke."
 
 
+def test_a_last_line_that_is_too_long_keeps_its_beginning_and_its_end() -> None:
+    reason = failure_reason("It broke.", "log", ["Traceback", f"KeyError: no {'x' * 3000} here"])
+    assert reason.startswith("It broke.\nLast lines of log:\nKeyError: no xxx")
+    assert reason.endswith("xxx here")
+    assert len(reason) <= 1024
+
+
+def test_a_request_that_cannot_be_done_is_not_the_runtimes_failure(make_plan: Plan) -> None:
+    refused = {"error": "requirement near: there is no body 'cat'", "phase": Phase.JUDGING, "code": "InvalidInput"}
+    judgement = judge(Exit(1, None, Phase.JUDGING, refused), None, make_plan())
+    assert (judgement.failure_code, judgement.failure_reason) == ("InvalidInput", refused["error"])
+
+
 @pytest.mark.parametrize("stopped_for", ["duration limit", "canceled"])
 def test_an_end_just_before_the_stop_counts(make_plan: Plan, stopped_for: str) -> None:
     judgement = judge(FINISHED, stopped_for, make_plan())
