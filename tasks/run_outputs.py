@@ -105,35 +105,42 @@ class RunOutputs:
           OSError: the outputs cannot be read.
         """
         uploaded = self._stage()
-        changes, began, pause_s = 0, time.monotonic(), _FIRST_PAUSE_S
-        while True:
+        for changes_left in reversed(range(_MOST_CHANGES)):
             try:
-                self._store_once(about, uploaded, finished=finished)
-                return self.place
+                self._patiently(lambda: self._store_once(about, uploaded, finished=finished))
+                break
             except ChecksumMismatchError:
-                changes += 1
-                if changes >= _MOST_CHANGES:
+                if not changes_left:
                     raise
-            except StorageUnavailableError as error:
-                if time.monotonic() - began + pause_s > GIVE_UP_S:
-                    raise
-                _logger.warning("outputs of %s are stored again in %g s: %s", self._job.arn, pause_s, error)
-                self._sleep(pause_s)
-                pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+        return self.place
 
     def were_stored(self) -> None:
-        """Checks that they are stored as a whole.
+        """Checks that they are stored as a whole; a store that does not answer is asked again for an hour.
 
         Raises:
           StorageError: they are not.
         """
-        read_manifest(self._service.store, self.bucket, self.prefix)
+        self._patiently(lambda: read_manifest(self._service.store, self.bucket, self.prefix))
 
     def not_stored(self, error: Exception) -> str:
         """Says what went wrong, and where the outputs are."""
         return (
             f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; they are in {self.output_dir}"
         )
+
+    def _patiently(self, ask: Callable[[], object]) -> None:
+        """Asks the store again, with growing pauses, while it does not answer."""
+        began, pause_s = time.monotonic(), _FIRST_PAUSE_S
+        while True:
+            try:
+                ask()
+                return
+            except StorageUnavailableError as error:
+                if time.monotonic() - began + pause_s > GIVE_UP_S:
+                    raise
+                _logger.warning("the store is asked about %s again in %g s: %s", self._job.arn, pause_s, error)
+                self._sleep(pause_s)
+                pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
 
     def _store_once(self, about: Mapping[str, Any], uploaded: Sequence[FolderFile], *, finished: bool) -> None:
         store = self._service.store

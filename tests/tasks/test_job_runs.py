@@ -9,7 +9,13 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.errors import BucketNotFoundError, ServiceUnavailableException, StorageFullError
+from prefect_robomaker.schemas.errors import (
+    BucketNotFoundError,
+    ServiceUnavailableException,
+    StorageFullError,
+    StorageUnavailableError,
+)
+from prefect_robomaker.tasks.run_outputs import RunOutputs
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest
 
@@ -195,6 +201,29 @@ def test_outputs_that_were_stored_just_in_time_are_found_from_another_machine(
 
     assert job["status"] == "Completed"
     assert place_of(service, job) == {"bucket": "robomaker", "prefix": prefix}
+
+
+def test_a_store_that_does_not_answer_for_a_moment_loses_no_outputs(
+    service: Service, died_publishing: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = runs_of(service, died_publishing) / RUN / "output"
+    service.store.ensure_bucket("robomaker")
+    prefix = f"simulation-jobs/{died_publishing['name']}/{RUN}"
+    publish(service.store, "robomaker", prefix, output, about={}, created_at=service.clock())
+    get_bytes, refusals = service.store.get_bytes, iter([StorageUnavailableError("503 Slow Down")])
+
+    def at_first_not(*arguments: Any) -> bytes:
+        for refusal in refusals:
+            raise refusal
+        return get_bytes(*arguments)
+
+    monkeypatch.setattr(service.store, "get_bytes", at_first_not)
+    pauses: list[float] = []
+    job = service.catalog.get(died_publishing["arn"])
+
+    RunOutputs(job, RUN, output.parent, service, sleep=pauses.append).were_stored()
+
+    assert pauses == [1.0]
 
 
 def test_a_job_whose_outputs_are_lost_has_failed(service: Service, died_publishing: dict[str, Any]) -> None:
