@@ -9,14 +9,16 @@ from pydantic import ValidationError
 from ...schemas.simulation_run import RunPlan, RunResult
 from .agent_socket import remove_agent_socket
 from .left_files import read_left
-from .outcomes import Exit, Judgement
+from .outcomes import Exit, Judgement, failure_reason
 from .results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
 
 INVALID_RESULT_FILE = "result.invalid.json"
 """What an application wrote as `result.json`, if it is none."""
 
 
-def finish_outputs(plan: RunPlan, ended: Exit | None, judgement: Judgement, times: tuple[datetime, datetime]) -> bool:
+def finish_outputs(
+    plan: RunPlan, ended: Exit | None, judgement: Judgement, times: tuple[datetime, datetime]
+) -> tuple[Judgement, bool]:
     """Makes the output folder say what happened.
 
     A run that only had programs gets a `result.json`, unless one of them wrote a valid one; one with an
@@ -29,22 +31,25 @@ def finish_outputs(plan: RunPlan, ended: Exit | None, judgement: Judgement, time
         times: When it began and ended.
 
     Returns:
-        Whether the outputs are whole.
+        The judgement, which is a failure if the result of programs cannot be written; whether the outputs are whole.
     """
     if plan.has_episode:
         remove_agent_socket(plan)
         if judgement.status == "Failed":
             with suppress(OSError):  # the application may have put anything in the folder's place
                 (plan.output_dir / RESULT_FILE).unlink()
-            return False
-        return ended is not None and ended.ended_by is not None
+            return judgement, False
+        return judgement, ended is not None and ended.ended_by is not None
     if judgement.status == "Failed":
-        return False
+        return judgement, False
     try:
         _result_of_programs(plan, judgement, times)
-    except OSError:  # the disk is full
-        return False
-    return True
+    except OSError as error:  # the disk is full, or an application put something in the way
+        if judgement.status == "Completed":
+            reason = failure_reason(f"{RESULT_FILE} cannot be written: {error}", "", ())
+            judgement = Judgement("Failed", "InternalServiceError", reason)
+        return judgement, False
+    return judgement, True
 
 
 def _result_of_programs(plan: RunPlan, judgement: Judgement, times: tuple[datetime, datetime]) -> None:

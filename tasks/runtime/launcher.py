@@ -113,7 +113,7 @@ class Launcher:
         if ended is None:
             _clean_up(request)
         judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
-        finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
+        judgement, finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
         outcome = RunOutcome(
             status=judgement.status,
             failure_code=judgement.failure_code,

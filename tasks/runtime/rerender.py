@@ -52,7 +52,10 @@ def make_films(request: FilmRequest) -> None:
     is_short = log.end_s <= CLIP_S
     # Of a short run the clip is the film.
     last = write_film(log, clip, settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
-    PillowImage.fromarray(last).save(request.output_dir / POSTER_FILE)
+    poster = request.output_dir / POSTER_FILE
+    for path in (poster, film) if request.whole_film else (poster,):
+        path.unlink(missing_ok=True)  # programs may have left a link there
+    PillowImage.fromarray(last).save(poster)
     if request.whole_film and is_short:
         shutil.copyfile(clip, film)
     elif request.whole_film:

@@ -184,7 +184,9 @@ def write_result(result: RunResult, output_dir: Path) -> Path:
         raise TypeError(f"the result cannot be written as JSON: {error}") from error
     path = output_dir / RESULT_FILE
     unfinished = path.with_name(f".{RESULT_FILE}.unfinished")
-    unfinished.write_text(text + "\n")
+    unfinished.unlink(missing_ok=True)
+    with unfinished.open("x") as file:  # made anew: programs may have left a link there
+        file.write(text + "\n")
     unfinished.replace(path)
     return path
 

@@ -159,6 +159,16 @@ def test_what_stands_where_films_are_made_costs_the_film_only(launcher: Launcher
     assert launcher.run(plan, lambda: None).status == "Completed"
 
 
+def test_links_that_programs_have_left_are_not_followed(launcher: Launcher, plan_of: PlanOf, tmp_path: Path) -> None:
+    plan = plan_of(END="fail")
+    plan.output_dir.mkdir(parents=True)
+    for name in FILMS:
+        (plan.output_dir / name).symlink_to(tmp_path / f"mine-{name}")
+    launcher.run(plan, lambda: None)
+    assert films_in(plan) == FILMS
+    assert list(tmp_path.glob("mine-*")) == []
+
+
 @pytest.mark.parametrize("kind", ["fifo", "link to zeros", "nested without end"])
 def test_a_result_that_programs_have_replaced_is_not_waited_for(plan_of: PlanOf, kind: str) -> None:
     plan = plan_of()

@@ -70,6 +70,27 @@ class TestEnds:
         assert read_result(plan).ended_by == "application"
         assert (plan.output_dir / "result.invalid.json").read_text() == "[]"
 
+    def test_a_result_that_cannot_be_written_fails_the_run(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        code = "import os, pathlib; pathlib.Path(os.environ['ROBOMAKER_OUTPUT_DIR'], '.result.json.unfinished').mkdir()"
+        outcome = launcher.run(plan_programs(program(code)), never)
+        reason_code, reason = failure(outcome)
+        assert reason_code == "InternalServiceError"
+        assert reason.startswith("result.json cannot be written: ")
+        assert not outcome.finished
+
+    def test_a_link_where_the_result_is_written_is_not_followed(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
+    ) -> None:
+        (tmp_path / "mine").write_text("mine")
+        link = "pathlib.Path(os.environ['ROBOMAKER_OUTPUT_DIR'], '.result.json.unfinished')"
+        code = f"import os, pathlib; {link}.symlink_to({str(tmp_path / 'mine')!r})"
+        plan = plan_programs(program(code))
+        assert launcher.run(plan, never).finished
+        assert not (plan.output_dir / "result.json").is_symlink()
+        assert (tmp_path / "mine").read_text() == "mine"
+
     @pytest.mark.parametrize(
         ("code", "texts"),
         [
