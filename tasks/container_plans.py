@@ -84,7 +84,7 @@ def _seeded_sandbox(engine: Engine, uri: str, name: str, role: ApplicationRole, 
     sandbox = container_sandbox(surroundings.folder, role).create()
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
     copy_out(engine, uri, f"{name}-image", folders)
-    for folder in folders.values():
+    for folder in (*folders.values(), surroundings.plan.output_dir):
         folder.chmod(0o777)
     return sandbox
 

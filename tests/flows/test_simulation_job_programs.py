@@ -288,6 +288,7 @@ def test_a_container_has_its_folders_tools_and_command(
       cd $MOUNT_HOME_ROBOMAKER; echo $SPEED $AWS_ROBOMAKER_SIMULATION_JOB_ID > said.txt
       cat built.txt $MOUNT_OPT_ROBOMAKER_DATASOURCES/maps/maps/one.txt >> said.txt
       while [ ! -e tool.txt ]; do sleep 0.05; done; echo out > $MOUNT_OPT_ROBOMAKER_OUTPUT/out.txt
+      stat -c %a . $MOUNT_OPT_ROBOMAKER_OUTPUT > $MOUNT_OPT_ROBOMAKER_OUTPUT/modes.txt
     """
     config = {
         "tools": [{"name": "look", "command": "echo $SPEED > $MOUNT_HOME_ROBOMAKER/tool.txt; sleep 60"}],
@@ -311,6 +312,7 @@ def test_a_container_has_its_folders_tools_and_command(
     read = lambda name: service.store.get_bytes("results", f"{place['prefix']}/{name}").decode()  # noqa: E731
     assert read("said/said.txt") == f"2 {job['name']}\nin the imageone"
     assert (read("said/tool.txt"), read("out.txt")) == ("2\n", "out\n")
+    assert read("modes.txt") == "777\n777\n", "whoever the image's USER is may write there"
     [argv] = [arguments for arguments in fake.calls() if arguments[0] == "run"]
     assert argv[argv.index("--cpus") + 1] == "1"
     assert argv[argv.index("--memory") + 1] == str(2 << 30)
