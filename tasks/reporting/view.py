@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...schemas.report import Report, ReportedFile, ReportedJob
-from ...schemas.report_summary import ReportSummary
+from ...schemas.report_summary import ReportSummary, Share
 from ...schemas.simulation_run import RunResult
 from . import plan, wording
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
@@ -110,9 +110,15 @@ class Page:
         return [job for job in self.jobs if job.outcome is Outcome.BROKEN]
 
     @property
+    def shared_worlds(self) -> list[Share]:
+        """Jobs by world, if any world had more than one."""
+        shares = self.numbers.worlds
+        return shares if any(share.passed + share.failed + share.errors > 1 for share in shares) else []
+
+    @property
     def has_breakdown(self) -> bool:
         """Whether counting by requirement, world or room says more than the cards do."""
-        return len(self.jobs) > 1 and any((self.numbers.requirements, self.numbers.worlds, self.numbers.rooms))
+        return len(self.jobs) > 1 and any((self.numbers.requirements, self.shared_worlds, self.numbers.rooms))
 
     @property
     def others(self) -> list[JobView]:
