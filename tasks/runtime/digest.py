@@ -217,7 +217,13 @@ def read_timeline(path: Path) -> StateTimeline:
         place += _BLOCK.size
         if place + size > len(content):
             break  # the run was killed while it wrote this
-        payload = zstandard.ZstdDecompressor().decompress(content[place : place + size])
+        packed = content[place : place + size]
+        try:  # before anything is unpacked: outputs may come from anybody
+            if zstandard.frame_content_size(packed) != looks * (8 + _LINK_BYTES) + 8 * kept * width:
+                raise ValueError(f"{path} is damaged at byte {place}")
+            payload = zstandard.ZstdDecompressor().decompress(packed)
+        except zstandard.ZstdError as error:
+            raise ValueError(f"{path} is damaged at byte {place}: {error}") from error
         place += size
         end = looks * (8 + _LINK_BYTES)
         times.append(np.frombuffer(payload, np.float64, looks))

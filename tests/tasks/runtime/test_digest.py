@@ -2,11 +2,13 @@
 
 # pyright: reportAttributeAccessIssue=false
 
+import struct
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -159,3 +161,11 @@ def test_another_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("hello")
     with pytest.raises(ValueError, match="x is no digest of a run"):
         read_timeline(tmp_path / "x")
+
+
+@pytest.mark.parametrize("packed", [b"no frame at all", zstandard.compress(bytes(1 << 20))])
+def test_a_damaged_file_is_said_to_be_damaged(tmp_path: Path, packed: bytes) -> None:
+    path = tmp_path / "digest.bin"
+    path.write_bytes(b"robomaker digest 1\n" + struct.pack("<IIII", len(packed), 1, 0, 0) + packed)
+    with pytest.raises(ValueError, match="is damaged at byte 35"):
+        read_timeline(path)
