@@ -15,6 +15,11 @@ _BYTES_PER_UNIT = 2 << 30
 _GPU = Path("/dev/nvidia0")
 
 
+def has_gpu(gpu: Path = _GPU) -> bool:
+    """Whether this machine has a GPU that jobs can be given."""
+    return gpu.exists()
+
+
 def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None) -> ComputeLimits:
     """The limits of a job: a simulation unit is one processor and 2 GiB of memory.
 
@@ -28,7 +33,7 @@ def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | 
     """
     compute = {**DEFAULT_COMPUTE, **(request.get("compute") or {})}
     wants_gpu = compute["computeType"] == "GPU_AND_CPU" or compute["gpuUnitLimit"] > 0
-    if wants_gpu and not gpu.exists():
+    if wants_gpu and not has_gpu(gpu):
         raise LaunchError(
             f"compute.computeType is {compute['computeType']} with gpuUnitLimit {compute['gpuUnitLimit']}, but this "
             f"machine has no GPU ({gpu} is not there); order CPU, or perform the job where there is one",

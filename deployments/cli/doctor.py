@@ -64,6 +64,7 @@ def examine(settings: Settings) -> list[Finding]:
         "object store": lambda: check_store(settings),
         "prefect server": lambda: check_server(settings),
         "video": check_video,
+        "extras": check_extras,
     }
     return [_examined(subject, check) for subject, check in checks.items()]
 
@@ -193,6 +194,21 @@ def check_video() -> Finding:
     packages = next(backend.packages for backend in backends if not backend.works)
     remedy = f"for fast video: apt install --no-install-recommends {' '.join(packages)}"
     return Finding("video", "warning", f"{', '.join(working) or 'none'} ({missing})", remedy)
+
+
+def check_extras() -> Finding:
+    """What only some jobs need: container images, ROS launch files, a GPU."""
+    from ...tasks.compute import has_gpu
+    from ...tasks.containers import find_engine
+
+    try:
+        containers = f"container images by {find_engine(os.environ, shutil.which).program}"
+    except RobomakerError as error:
+        containers = str(error)
+    launchers = [name for name in ("roslaunch", "ros2") if shutil.which(name)]
+    ros = f"ROS launch files by {' and '.join(launchers)}" if launchers else "no ROS launch files"
+    gpu = "a GPU for jobs that ask for one" if has_gpu() else "no GPU"
+    return Finding("extras", "ok", "\n".join((containers, ros, gpu)))
 
 
 def _lines(findings: list[Finding]) -> list[str]:

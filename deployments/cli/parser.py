@@ -239,7 +239,7 @@ def _add_replay(commands: "_Commands[Parser]", shared: Parser) -> None:
         "Exit code 0: bit-identical; 1: diverged, when and in which joint; 3: not comparable, and why.\n"
         "Neither the job nor its outputs are touched.",
     )
-    verify.add_argument("run", metavar="RUN", help=run)
+    verify.add_argument("run", metavar="JOB", help=run)
     _add_output(verify, ("text", "json"))
 
     repro = _command(
@@ -249,7 +249,7 @@ def _add_replay(commands: "_Commands[Parser]", shared: Parser) -> None:
         "put a simulation into a folder, run it again with video, and write a pytest file for it",
         "The folder has all that the run needs: world, application bundles, data, seed.",
     )
-    repro.add_argument("run", metavar="RUN", help=run)
+    repro.add_argument("run", metavar="JOB", help=run)
     repro.add_argument("--to", metavar="FOLDER", help="put it there (default: repro-<job id>)")
     repro.add_argument("--no-video", action="store_true", help="do not film the rerun")
     _add_output(repro, ("text", "json"))

@@ -14,6 +14,7 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     document = json.loads(ended.out)
     healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
     subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "prefect server", "video"]
+    subjects += ["extras"]
     assert list(healths) == subjects
     assert "broken" not in healths.values(), ended.out
     assert ended.code == 0
@@ -65,3 +66,18 @@ def test_no_server_is_said_to_run_before_one_is_started(robomaker, monkeypatch, 
     ended = robomaker("server", action)
     assert "running" in ended.out
     assert ended.code == (3 if action == "status" else 0)
+
+
+def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    none = doctor.check_extras()
+    assert none.health == "ok"
+    assert "docker is not installed; podman is not installed" in none.found
+    assert "no ROS launch files" in none.found
+
+    for name in ("podman", "ros2"):
+        (tmp_path / name).write_text("#!/bin/sh\necho 5.0\n")
+        (tmp_path / name).chmod(0o755)
+    some = doctor.check_extras()
+    assert f"container images by {tmp_path / 'podman'}" in some.found
+    assert "ROS launch files by ros2" in some.found
