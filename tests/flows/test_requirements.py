@@ -77,7 +77,7 @@ def test_a_body_that_the_model_has_not_fails_the_job_at_its_first_step(drive: Dr
     job, _ = drive(requirements=[{"kind": "goal", "name": "there", "x": 0.0, "y": 0.0, "body": "scoot/base"}])
     assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
     assert job["failureReason"].startswith(
-        "The runtime failed in judging the run: requirement there (goal): the model has no body 'scoot/base'; did you"
+        "requirement there (goal): the model has no body 'scoot/base'; did you mean 'scout/base'?"
     )
 
 

@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tarfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 from prefect_robomaker.schemas.run_programs import ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.storage import unpack
 
 EXAMPLES = Path(__file__).parents[3] / "deployments" / "specs" / "examples"
 EXAMPLE = EXAMPLES / "agent_process"
@@ -30,8 +30,7 @@ def unpacked(tmp_path: Path) -> Path:
     (commands,) = re.findall(r"^```bash\n(.*?)^```$", (EXAMPLE / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     subprocess.run(["bash", "-euc", commands], cwd=source, check=True, env={**os.environ, "PATH": path})
-    with tarfile.open(source / "agent_process.tar.gz") as archive:
-        archive.extractall(tmp_path / "unpacked", filter="data")
+    unpack(source / "agent_process.tar.gz", tmp_path / "unpacked")
     return tmp_path / "unpacked"
 
 

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.storage import unpack
 
 EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
 
@@ -19,8 +20,7 @@ def unpacked(tmp_path: Path) -> Path:
     source = shutil.copytree(EXAMPLE, tmp_path / "source", ignore=shutil.ignore_patterns("__pycache__"))
     with tarfile.open(tmp_path / "cartpole.tar.gz", "w:gz") as archive:
         archive.add(source / "my_cartpole", arcname="my_cartpole")
-    with tarfile.open(tmp_path / "cartpole.tar.gz") as archive:
-        archive.extractall(tmp_path / "unpacked", filter="data")
+    unpack(tmp_path / "cartpole.tar.gz", tmp_path / "unpacked")
     return tmp_path / "unpacked"
 
 

@@ -20,6 +20,7 @@ from prefect_robomaker.schemas.spec_check import load_spec
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.storage import unpack
 from prefect_robomaker.tasks.worldforge.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
@@ -40,8 +41,7 @@ def unpacked(tmp_path: Path) -> Path:
     source = shutil.copytree(EXAMPLE, tmp_path / "source", ignore=shutil.ignore_patterns("__pycache__"))
     with tarfile.open(tmp_path / "rover.tar.gz", "w:gz") as archive:
         archive.add(source / "my_rover", arcname="my_rover")
-    with tarfile.open(tmp_path / "rover.tar.gz") as archive:
-        archive.extractall(tmp_path / "unpacked", filter="data")
+    unpack(tmp_path / "rover.tar.gz", tmp_path / "unpacked")
     return tmp_path / "unpacked"
 
 

@@ -288,4 +288,5 @@ class TestFullDisk:
         plan = plan_programs(program("", argv=["true"]), output_dir=small_disk / "out")
         outcome = launcher.run(plan, never)
         # There is no room for a result, so what it left is not whole.
-        assert (outcome.status, outcome.finished) == ("Completed", False)
+        assert (outcome.status, outcome.failure_code, outcome.finished) == ("Failed", "InternalServiceError", False)
+        assert "No space left on device" in (outcome.failure_reason or "")

@@ -101,6 +101,8 @@ def test_killed_from_outside(
 def test_the_longest_name_a_tool_may_have(
     launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
 ) -> None:
-    plan = plan_programs(program("import time; time.sleep(.2)"), tool("echo hello; sleep 9", name="simulation-" + "x" * 255))
+    plan = plan_programs(
+        program("import time; time.sleep(.2)"), tool("echo hello; sleep 9", name="simulation-" + "x" * 255)
+    )
     assert launcher.run(plan, never).status == "Completed"
     assert [path.read_text() for path in plan.output_dir.glob("logs/simulation-xxx*.stdout.log")] == ["hello\n"]
