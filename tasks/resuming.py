@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..schemas.errors import LaunchError
+from ..schemas.run_variables import number_in
 from ..schemas.simulation_run import ApplicationPlan, RunPlan
 from .catalog import Resource
 from .runtime.checkpoint_files import CheckpointError, resumable_plan
@@ -33,10 +34,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
     text = variables.get(EVERY_VARIABLE)
     if text is None:
         return _DEFAULT_S
-    try:
-        every_s = float(text)
-    except ValueError:
-        every_s = math.nan
+    every_s = number_in(text)
     if not 0 <= every_s < math.inf:
         raise LaunchError(
             f"{EVERY_VARIABLE} is {text!r}; seconds of simulated time, or 0 for no checkpoints, would be right",

@@ -1,10 +1,10 @@
 """Whether a camera is recorded, from the variables of a run's launch configurations."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...schemas.errors import LaunchError
+from ...schemas.run_variables import number_in, variables_of
 from ...schemas.simulation_run import RunPlan
 
 RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
@@ -32,20 +32,14 @@ def camera_recording(plan: RunPlan) -> CameraRecording | None:
     """
     if not plan.record:
         return None
-    variables: dict[str, str] = dict(plan.environment)
-    for application in (plan.robot_application, plan.simulation_application):
-        variables |= application.environment_variables if application else {}
-    return _read(variables)
+    return _read(variables_of(plan))
 
 
 def _read(variables: Mapping[str, str]) -> CameraRecording | None:
     text = variables.get(RATE_VARIABLE)
     if text is None:
         return None
-    try:
-        rate_hz = float(text)
-    except ValueError:
-        rate_hz = math.nan
+    rate_hz = number_in(text)
     if not 0 < rate_hz <= _MAX_RATE_HZ:
         raise LaunchError(
             f"{RATE_VARIABLE} is {text!r}; it has to be pictures per simulated second, above 0 and at most "

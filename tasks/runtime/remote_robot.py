@@ -9,6 +9,7 @@ from typing import Any
 import dm_env
 
 from ...schemas.errors import LaunchError
+from ...schemas.run_variables import number_in
 from ...schemas.simulation_run import RunPlan
 from .agent_client import (
     ACTION,
@@ -239,10 +240,7 @@ def _connect_timeout_s(variables: Mapping[str, str]) -> float:
     text = variables.get(CONNECT_TIMEOUT_VARIABLE)
     if text is None:
         return CONNECT_TIMEOUT_S
-    try:
-        timeout_s = float(text)
-    except ValueError:
-        timeout_s = math.nan
+    timeout_s = number_in(text)
     if not (math.isfinite(timeout_s) and timeout_s > 0):
         raise LaunchError(
             f"{CONNECT_TIMEOUT_VARIABLE}: {text!r} is no time limit; it has to be seconds above 0, such as 60", _INVALID

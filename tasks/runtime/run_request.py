@@ -8,6 +8,7 @@ from pydantic import Field
 
 from ...schemas.base import Model
 from ...schemas.run_programs import ProgramPlan
+from ...schemas.run_variables import variables_of
 from ...schemas.simulation_run import RunPlan
 from .agent_client import SOCKET_VARIABLE
 from .agent_socket import agent_socket_path
@@ -86,9 +87,7 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         settings_of(plan)  # what is wrong with them is said before anything is started
     renders_now = films_now or camera_recording(plan) is not None
     backend = best_video_backend() if renders_now or plan.live_view_port is not None else None
-    variables: dict[str, str] = {}
-    for application in (plan.robot_application, plan.simulation_application):
-        variables |= application.environment_variables if application else {}
+    variables = dict(variables_of(plan))
     if renders_now and backend in ("egl", "osmesa"):
         variables.setdefault("MUJOCO_GL", backend)
     home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
@@ -98,7 +97,6 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
             **DEFAULT_VARIABLES,
             **kept_environment(),
             **home,
-            **plan.environment,
             **variables,
             "PWD": str(plan.work_dir),
             **_fixed_variables(plan),

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...schemas.errors import LaunchError
+from ...schemas.run_variables import variables_of
 from ...schemas.simulation_run import RunPlan
 
 CAMERA_VARIABLE = "ROBOMAKER_VIDEO_CAMERA"
@@ -57,10 +58,7 @@ def settings_of(plan: RunPlan) -> VideoSettings:
     Raises:
         LaunchError: See `video_settings`.
     """
-    variables = dict(plan.environment)
-    for application in (plan.robot_application, plan.simulation_application):
-        variables |= application.environment_variables if application else {}
-    return video_settings(variables)
+    return video_settings(variables_of(plan))
 
 
 def _size(text: str) -> tuple[int, int]:

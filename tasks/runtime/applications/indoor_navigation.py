@@ -4,6 +4,7 @@ import math
 import os
 
 from ....schemas.errors import LaunchError
+from ....schemas.run_variables import number_in
 from ....schemas.world import World
 from ..context import SimulationContext
 from ..results import EnvironmentReport
@@ -82,10 +83,7 @@ def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
         rooms = world.floorplan.rooms
         slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)
         return math.ceil(slowness * (60 + 20 * len(rooms) + 2 * sum(room.area_m2 for room in rooms)))
-    try:
-        limit_s = float(text)
-    except ValueError:
-        limit_s = math.nan
+    limit_s = number_in(text)
     if not (math.isfinite(limit_s) and limit_s > 0):
         raise LaunchError(
             f"{TIME_LIMIT_VARIABLE}: {text!r} is not a limit; it has to be simulated seconds above 0, such as 300",
