@@ -14,9 +14,7 @@ def robot_body(model: mujoco.MjModel) -> int | None:
 
     Without actuators it is the first thing that has joints; None when nothing can move.
     """
-    moved = (_moved_body(model, actuator) for actuator in range(model.nu))
-    roots = [int(model.body_rootid[body]) for body in moved if body > 0]
-    if roots:
+    if roots := acting_roots(model):
         return int(np.bincount(roots).argmax())
     if model.njnt:
         return int(model.body_rootid[model.jnt_bodyid[0]])
