@@ -1,5 +1,6 @@
 """Fixtures for all tests."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,14 @@ pytest_plugins = [
     "swing_fixtures",
 ]
 pytest.register_assert_rewrite("client_checks", "client_environments")
+
+
+def pytest_configure() -> None:
+    """Hears the signals that tests send, also below `nohup` and in the background of a script, which ignore them."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture
