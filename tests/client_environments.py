@@ -16,8 +16,6 @@ from package_installer import install_packages
 OLD_PYTHON_CLIENTS = ("boto3==1.40.60", "botocore==1.40.60", "awscli==1.42.60")
 """The last releases that have the service by themselves."""
 
-_NODE_FOLDER = Path(__file__).parent / "clients" / "node"
-
 
 def python_environment(config: pytest.Config) -> Path:
     """Folder of programs of an environment with boto3 and the AWS CLI as they last had the service."""
@@ -30,12 +28,12 @@ def python_environment(config: pytest.Config) -> Path:
     return _kept(config, "python", [version, *OLD_PYTHON_CLIENTS], make) / "bin"
 
 
-def node_modules(config: pytest.Config) -> Path:
-    """Folder of the modules that `tests/clients/node` asks for; skips the test where there is no Node."""
+def node_modules(config: pytest.Config, project: Path) -> Path:
+    """Folder of the modules that a folder's `package.json` asks for; skips the test where they cannot be had."""
     for program in ("node", "npm"):
         if not shutil.which(program):
-            pytest.skip(f"{program} is not installed: the JavaScript SDK cannot be tried")
-    files = [_NODE_FOLDER / name for name in ("package.json", "package-lock.json")]
+            pytest.skip(f"{program} is not installed: {project.name} cannot be tried")
+    files = [project / name for name in ("package.json", "package-lock.json")]
 
     def make(folder: Path) -> None:
         folder.mkdir()
@@ -44,9 +42,9 @@ def node_modules(config: pytest.Config) -> Path:
         command = ["npm", "ci", "--no-audit", "--no-fund", "--ignore-scripts", "--loglevel=error"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
         if done.returncode != 0:
-            pytest.skip(f"the JavaScript SDK cannot be installed: {done.stderr.strip()[-300:]}")
+            pytest.skip(f"what {project.name} needs cannot be installed: {done.stderr.strip()[-300:]}")
 
-    return _kept(config, "node", [file.read_text() for file in files], make) / "node_modules"
+    return _kept(config, project.name, [file.read_text() for file in files], make) / "node_modules"
 
 
 def _kept(config: pytest.Config, name: str, contents: list[str], make: Callable[[Path], None]) -> Path:

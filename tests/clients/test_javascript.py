@@ -9,7 +9,7 @@ import pytest
 from client_checks import check_cancels, check_errors, check_pages, check_refusal, check_simulations, check_worlds
 from client_environments import node_modules, run_client
 
-_SCRIPT = str(Path(__file__).parent / "node" / "client.cjs")
+_PROJECT = Path(__file__).parent / "node"
 
 Client = Callable[[str], dict[str, Any]]
 
@@ -17,7 +17,7 @@ Client = Callable[[str], dict[str, Any]]
 @pytest.fixture(scope="session")
 def modules(pytestconfig: pytest.Config) -> Path:
     """Where the SDK is."""
-    return node_modules(pytestconfig)
+    return node_modules(pytestconfig, _PROJECT)
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def client(modules: Path, place: Any, wanted: dict[str, Any], tmp_path: Path) ->
     environ = {**place.environ, "HOME": str(tmp_path), "NODE_PATH": str(modules), "TZ": "Asia/Kolkata"}
 
     def run(part: str) -> dict[str, Any]:
-        told = json.loads(run_client(["node", _SCRIPT, part], environ, json.dumps(wanted)))
+        told = json.loads(run_client(["node", str(_PROJECT / "client.cjs"), part], environ, json.dumps(wanted)))
         assert told["sdk"] == "3.918.0"
         return told
 
