@@ -116,10 +116,20 @@ class ActuatorsDriveModel(Model):
 
 
 class RobotLidar(Model):
-    """A level lidar of 360 rays over the base's middle; its height counts, not where else it is mounted."""
+    """A level lidar over the base's middle; its height counts, not where else it is mounted."""
 
     at: PartName | None = Field(default=None, description="Site or body (link) whose height it has.")
     height_m: Length | None = Field(default=None, description="Height over the floor instead, metres.")
+    rate_hz: Literal[1, 2, 4, 5, 10, 20] = Field(default=5, description="Scans per second; robots act 20 times.")
+    rays: Annotated[int, Field(ge=2, le=4096)] = Field(default=360, description="Rays in a scan.")
+    field_of_view_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] = Field(
+        default=360.0, description="Angle that the rays are spread over, half of it on each side of x, degrees."
+    )
+    range_min_m: Metres = Field(default=0.06, description="Shortest distance that it measures, metres.")
+    range_max_m: Length = Field(default=3.5, description="What is farther away is not seen, metres.")
+    noise_std_m: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = Field(
+        default=0.005, description="Standard deviation of a distance, metres."
+    )
 
 
 class RobotImu(Model):

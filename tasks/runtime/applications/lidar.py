@@ -10,14 +10,6 @@ from numpy.typing import NDArray
 from .level_scan import LevelScan
 from .upright import Fan
 
-SCAN_RAYS = 360
-SCAN_ANGLE_MIN_RAD = -np.pi
-SCAN_ANGLE_INCREMENT_RAD = 2 * np.pi / SCAN_RAYS
-SCAN_ANGLES_RAD = SCAN_ANGLE_MIN_RAD + SCAN_ANGLE_INCREMENT_RAD * np.arange(SCAN_RAYS, dtype=np.float64)
-SCAN_RANGE_MIN_M = 0.06
-SCAN_RANGE_MAX_M = 3.5
-SCAN_NOISE_STD_M = 0.005
-
 PROXIMITY_ANGLES_RAD = np.linspace(-np.pi / 3, np.pi / 3, 15)
 PROXIMITY_RANGE_MAX_M = 0.8
 PROXIMITY_HEIGHT_M = 0.04

@@ -26,12 +26,10 @@ from . import lidar
 from .collisions import CollisionMonitor
 from .mission import Mission
 from .robots.bases import bind_base, take_home_pose
-from .robots.robot import CONTROL_TIMESTEP_S, Action, Robot
+from .robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from .scene import ScenePhysics
 from .scene_markers import ContactMarkers
 from .telemetry import RobotState, Telemetry
-
-SCAN_EVERY_STEPS = 4
 
 _SETTLED_S = 0.5
 """With all rooms visited, standing still on command for this long ends the run."""
@@ -62,7 +60,7 @@ class NavigationTask(Task):
         self._robot = robot
         self._rng = rng
         self._recorder = recorder
-        self._telemetry = Telemetry(recorder, SCAN_EVERY_STEPS * CONTROL_TIMESTEP_S, robot)
+        self._telemetry = Telemetry(recorder, robot)
         self._time_limit_s = time_limit_s
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)
@@ -173,7 +171,7 @@ class NavigationTask(Task):
             observed["joint_velocity"] = specs.Array((joints,), np.float64, name=f"joint_velocity: 1/s, {names}")
         if self._robot.imu is not None:
             observed["imu"] = specs.Array((6,), np.float64, name="imu: gyro rad/s, accelerometer m/s^2")
-        return observed if self._robot.lidar_height_m is None else observed | _range_specs()
+        return observed if self._robot.lidar is None else observed | _range_specs(self._robot.lidar)
 
     # -- Called by the environment --------------------------------------------
 
@@ -222,13 +220,15 @@ class NavigationTask(Task):
         show = ContactMarkers(self._recorder, model, data, body, furniture).publish if self._recorder.enabled else None
         self._monitor = CollisionMonitor(model, data, body, furniture, show)
         self._ranging = None
-        if robot.lidar_height_m is not None:
+        self._scan_every_steps = robot.lidar.every_steps if robot.lidar else 0
+        if robot.lidar is not None:
             unseen = physics.unseen_group
-            far = (robot.lidar_height_m, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M)
+            far = (robot.lidar.height_m, robot.lidar.angles_rad, robot.lidar.range_max_m)
             near = (robot.proximity_height_m, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M)
             self._ranging = (
                 lidar.RangeFinder(model, data, body, *far, unseen),
                 lidar.RangeFinder(model, data, body, *near, unseen),
+                robot.lidar,
             )
 
     def _between_substeps(self) -> Callable[[], None]:
@@ -257,12 +257,12 @@ class NavigationTask(Task):
             self._visited.setflags(write=False)
             if self._recorder.enabled:
                 self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
-        if self._ranging is not None and self._steps % SCAN_EVERY_STEPS == 0:
+        if self._ranging is not None and self._steps % self._scan_every_steps == 0:
             self._measure_ranges(*self._ranging)
 
-    def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder) -> None:
-        noise = self._rng.normal(0.0, lidar.SCAN_NOISE_STD_M, lidar.SCAN_RAYS)
-        ranges = np.maximum(scanner.measure() + noise, lidar.SCAN_RANGE_MIN_M)
+    def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder, model: Lidar) -> None:
+        noise = self._rng.normal(0.0, model.noise_std_m, model.rays)
+        ranges = np.maximum(scanner.measure() + noise, model.range_min_m)
         self._scan = ranges.astype(np.float32)
         self._proximity = bumper.measure().astype(np.float32)
         self._scan_time = np.array(self._state.time_s)
@@ -293,13 +293,17 @@ def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tupl
     return lambda: tuple(values[indices].tolist())
 
 
-def _range_specs() -> dict[str, specs.Array]:
+def _range_specs(model: Lidar) -> dict[str, specs.Array]:
     """What range sensors measure."""
     near = specs.BoundedArray(
         lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
     )
+    first, last = model.angles_rad[0], model.angles_rad[-1]
+    around = f"from {first:.4g} to {last:.4g} rad"
     return {
-        "scan": specs.BoundedArray((lidar.SCAN_RAYS,), np.float32, 0.0, np.inf, name="scan: m, from -pi on, 5 Hz"),
+        "scan": specs.BoundedArray(
+            (model.rays,), np.float32, 0.0, np.inf, name=f"scan: m, {around}, {model.rate_hz:g} Hz"
+        ),
         "proximity": near,
         "scan_time": specs.Array((), np.float64, name="scan_time: s, of scan and proximity"),
     }

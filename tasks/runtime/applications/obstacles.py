@@ -20,9 +20,6 @@ _CELL_M = 0.025
 
 _FORGET_S = 25.0
 
-_RAYS: NDArray[np.complex128] = np.exp(1j * np.concatenate((lidar.SCAN_ANGLES_RAD, lidar.PROXIMITY_ANGLES_RAD)))
-"""Directions of all rays as complex numbers, which a product turns."""
-
 Pose = tuple[float, float, float]
 
 
@@ -67,10 +64,18 @@ class ObstacleMemory(KeepsAttributes):
             self._seen_s[column, row] = now_s
 
 
-def near_hits(scan: NDArray[np.float32], proximity: NDArray[np.float32]) -> NDArray[np.complex128]:
+def ray_directions(scan_angles_rad: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Directions of the lidar's rays and then the bumper's, as complex numbers, which a product turns."""
+    return np.exp(1j * np.concatenate((scan_angles_rad, lidar.PROXIMITY_ANGLES_RAD)))
+
+
+def near_hits(
+    rays: NDArray[np.complex128], scan: NDArray[np.float32], proximity: NDArray[np.float32]
+) -> NDArray[np.complex128]:
     """Where rays of the lidar and the bumper's sensors ended within 1.6 m.
 
     Args:
+      rays: their directions, from `ray_directions`.
       scan: the lidar's ranges, metres.
       proximity: the bumper's ranges, metres.
 
@@ -79,7 +84,7 @@ def near_hits(scan: NDArray[np.float32], proximity: NDArray[np.float32]) -> NDAr
     """
     ranges = np.concatenate((scan, proximity))
     near = np.flatnonzero(ranges < _NEAR_M)
-    return _RAYS[near] * ranges[near].astype(np.complex128)
+    return rays[near] * ranges[near].astype(np.complex128)
 
 
 def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:

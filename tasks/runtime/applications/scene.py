@@ -23,8 +23,8 @@ _logger = logging.getLogger(__name__)
 CONTACT_SAMPLE_STEPS = 5
 """Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
 
-_SCAN_TILT_TOLERANCE_M = 0.1
-"""How far the lidar's plane may rise or sink in a room while the robot rocks; the bumper's sensors look from within."""
+_SCAN_TILT = 0.1 / 3.5
+"""How far the lidar's plane may rise or sink per metre of its range while the robot rocks, about 1.6 degrees."""
 
 _DRAWN_GROUPS = 3
 """Geom groups below this are drawn by cameras."""
@@ -78,9 +78,9 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
         raise ValueError(f"{world_xml}: not a world that {robot.name.title()} can be put into: {cause}") from cause
     physics = ScenePhysics.from_model(wrapper.MjModel(model))
     mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
-    if robot.lidar_height_m is not None:
+    if robot.lidar is not None:
         physics.unseen_group = hide_geoms_from_lidar(
-            physics.model.ptr, physics.data.ptr, robot.lidar_height_m, _SCAN_TILT_TOLERANCE_M
+            physics.model.ptr, physics.data.ptr, robot.lidar.height_m, _SCAN_TILT * robot.lidar.range_max_m
         )
         _hide_from_itself(physics.model.ptr, robot.footprint_id(physics.model.ptr), physics.unseen_group)
     return physics

@@ -8,6 +8,7 @@ room up after a few tries.
 import logging
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import dm_env
@@ -19,12 +20,12 @@ from ....schemas.world import Point
 from ..context import SimulationContext
 from ..resumable import KeepsAttributes
 from .following import PathFollower
-from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path
+from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path, ray_directions
 from .occupancy_map import OccupancyMap, read_map
 from .plan_telemetry import PlanTelemetry
 from .planner import GridPlanner, WayKind
-from .robot_scout import LIMITS
-from .robots.robot import Limits, robot_of
+from .robot_scout import LIDAR, LIMITS
+from .robots.robot import Lidar, Limits, robot_of
 from .tour import plan_tour
 
 _logger = logging.getLogger(__name__)
@@ -79,6 +80,7 @@ class Scout(KeepsAttributes):
         goals: Mapping[str, Point],
         limits: Limits = LIMITS,
         plans: PlanTelemetry | None = None,
+        lidar: Lidar = LIDAR,
     ) -> None:
         """Prepares for a run.
 
@@ -87,9 +89,11 @@ class Scout(KeepsAttributes):
           goals: one place per room, metres, by the room's name.
           limits: how large the robot is and what it can do.
           plans: told of every way that is planned.
+          lidar: what its scans are.
         """
         self._plans = plans
         self._limits = limits
+        self._rays = ray_directions(lidar.angles_rad)
         self._planner = GridPlanner(known, limits.radius_m)
         self._memory = ObstacleMemory(self._planner)
         self._goals = dict(goals)
@@ -184,7 +188,7 @@ class Scout(KeepsAttributes):
 
     def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
         """Slows down for unknown things near the path and plans again when one is on it."""
-        hits = near_hits(observation["scan"], observation["proximity"])
+        hits = near_hits(self._rays, observation["scan"], observation["proximity"])
         unknown = self._memory.see(pose, hits, now_s)
         self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, self._limits.radius_m) / _CLOSING_S)
         if self._follower is None or len(unknown) == 0:
@@ -265,4 +269,7 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
         raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
     robot = robot_of(environment)
     goals = {room.name: room.goal for room in context.world.floorplan.rooms}
-    return Scout(known, goals, robot.limits if robot else LIMITS, PlanTelemetry(context.recorder))
+    lidar = robot.lidar if robot else None
+    if lidar is None:  # as of an environment that does not say; its rays are all around
+        lidar = replace(LIDAR, rays=given["scan"].shape[0])
+    return Scout(known, goals, robot.limits if robot else LIMITS, PlanTelemetry(context.recorder), lidar)

@@ -16,8 +16,7 @@ from ..context import Recorder
 from ..resumable import KeepsAttributes
 from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
-from . import lidar
-from .robots.robot import Robot
+from .robots.robot import Lidar, Robot
 from .scene_markers import goal_markers
 
 _ROUNDING_S = 1e-6
@@ -55,9 +54,8 @@ class Telemetry(KeepsAttributes):
 
     KEPT = ("_start_s", "_samples", "_due_s")
 
-    def __init__(self, recorder: Recorder, scan_period_s: float, robot: Robot) -> None:
+    def __init__(self, recorder: Recorder, robot: Robot) -> None:
         self._recorder = recorder
-        self._scan_period_s = scan_period_s
         self._robot = robot
         self._series: StateSeries | None = None
         self._scans: ScanSeries | None = None
@@ -106,12 +104,12 @@ class Telemetry(KeepsAttributes):
         robot = self._robot
         stamp = ros.Time.from_seconds(data.time)
         transforms = [ros.TransformStamped(ros.Header(stamp, "map"), ODOMETRY_FRAME, ros.Transform())]
-        if robot.lidar_height_m is not None:
+        if robot.lidar is not None:
             # Where the lidar stands on the body it is fixed to, seen from the robot's base.
             base, body = model.body(f"{robot.prefix}{robot.base}").id, robot.footprint_id(model)
             turn = data.xmat[base].reshape(3, 3).T
             foot = data.xmat[body].reshape(3, 3)
-            place = turn @ (data.xpos[body] + foot[:, 2] * robot.lidar_height_m - data.xpos[base])
+            place = turn @ (data.xpos[body] + foot[:, 2] * robot.lidar.height_m - data.xpos[base])
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, (turn @ foot).ravel())
             w, x, y, z = quaternion.tolist()
@@ -132,19 +130,22 @@ class Telemetry(KeepsAttributes):
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
         """Publishes a measurement of the lidar."""
         if self._scans is None:
-            self._scans = ScanSeries("/scan", self._scan(ranges))
+            assert self._robot.lidar is not None
+            self._scans = ScanSeries("/scan", _scan(self._robot.lidar, ranges))
             self._recorder.add_series(self._scans)
         self._scans.add(self._recorder, time_s, ranges)
 
-    def _scan(self, ranges: NDArray[np.float32]) -> ros.LaserScan:
-        return ros.LaserScan(
-            header=ros.Header(ros.Time(0, 0), "base_scan"),
-            angle_min=lidar.SCAN_ANGLE_MIN_RAD,
-            angle_max=lidar.SCAN_ANGLE_MIN_RAD + (lidar.SCAN_RAYS - 1) * lidar.SCAN_ANGLE_INCREMENT_RAD,
-            angle_increment=lidar.SCAN_ANGLE_INCREMENT_RAD,
-            time_increment=0.0,
-            scan_time=self._scan_period_s,
-            range_min=lidar.SCAN_RANGE_MIN_M,
-            range_max=lidar.SCAN_RANGE_MAX_M,
-            ranges=ranges,
-        )
+
+def _scan(lidar: Lidar, ranges: NDArray[np.float32]) -> ros.LaserScan:
+    angles = lidar.angles_rad
+    return ros.LaserScan(
+        header=ros.Header(ros.Time(0, 0), "base_scan"),
+        angle_min=float(angles[0]),
+        angle_max=float(angles[-1]),
+        angle_increment=lidar.angle_increment_rad,
+        time_increment=0.0,
+        scan_time=1 / lidar.rate_hz,
+        range_min=lidar.range_min_m,
+        range_max=lidar.range_max_m,
+        ranges=ranges,
+    )

@@ -154,7 +154,8 @@ def test_the_mapping_that_the_documentation_shows_is_a_right_one(unpacked: Path)
     (unpacked / "my_rover" / "robot.yaml").write_text(shown)
     rover = find_robot(robot("my_rover.make_agent", unpacked), {})
     assert (rover.limits.radius_m, rover.limits.linear_mps) == (0.23, 0.5)
-    assert rover.lidar_height_m == pytest.approx(0.23)
+    assert rover.lidar is not None
+    assert rover.lidar.height_m == pytest.approx(0.23)
 
 
 def test_every_member_of_a_mapping_is_in_the_documentation() -> None:

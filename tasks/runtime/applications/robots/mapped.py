@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from .....schemas.robot_model import RobotModel
+from .....schemas.robot_model import RobotLidar, RobotModel
 from .mapped_drive import make_drive, planar_joints
 from .mapped_model import (
     ACCELEROMETER,
@@ -23,7 +23,7 @@ from .mapped_model import (
     stand_alone,
 )
 from .problems import alternatives, invalid
-from .robot import Limits, Robot
+from .robot import Lidar, Limits, Robot
 
 _logger = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         joints=_joints(mapping, model, files.mapping.name),
         spawn_height_m=mapping.spawn.height_m,
         home=home,
-        lidar_height_m=_lidar_height_m(mapping, model, data, files.mapping.name),
+        lidar=_lidar(mapping, model, data, files.mapping.name),
         proximity_height_m=mapping.sensors.bumper_height_m,
         imu=_imu(mapping, model, files.mapping.name),
         video_camera=_video_camera(mapping, model, files.mapping.name),
@@ -122,13 +122,30 @@ def _joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str
     return tuple(there if mapping.joints is None else mapping.joints)
 
 
-def _lidar_height_m(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> float | None:
+def _lidar(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> Lidar | None:
     lidar = mapping.sensors.lidar
     if lidar is None:
         return None
+    if lidar.range_min_m >= lidar.range_max_m:
+        raise invalid(
+            where, f"sensors.lidar.range_min_m: {lidar.range_min_m:g} is not below range_max_m, {lidar.range_max_m:g}"
+        )
+    return Lidar(
+        height_m=_lidar_height_m(lidar, model, data, where),
+        rate_hz=lidar.rate_hz,
+        rays=lidar.rays,
+        field_of_view_rad=math.radians(lidar.field_of_view_deg),
+        range_min_m=lidar.range_min_m,
+        range_max_m=lidar.range_max_m,
+        noise_std_m=lidar.noise_std_m,
+    )
+
+
+def _lidar_height_m(lidar: RobotLidar, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> float:
     if (lidar.at is None) == (lidar.height_m is None):
         raise invalid(where, "sensors.lidar: give either at (a site or body) or height_m (metres over the floor)")
     if lidar.at is None:
+        assert lidar.height_m is not None
         return lidar.height_m
     places = {model.body(index).name: data.xpos[index] for index in range(1, model.nbody)}
     places |= {model.site(index).name: data.site_xpos[index] for index in range(model.nsite)}

@@ -7,6 +7,7 @@ a walker and what comes in a bundle are the same to it.
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -35,6 +36,41 @@ class Limits:
     """Ramp of the motor controller."""
 
     angular_radps2: float = 8.0
+
+
+@dataclass(frozen=True)
+class Lidar:
+    """A level lidar over a robot's middle."""
+
+    height_m: float
+    """Over the floor."""
+
+    rate_hz: float = 5.0
+    """Scans per second, a whole number of control steps apart."""
+
+    rays: int = 360
+    field_of_view_rad: float = math.tau
+    """Rays are spread evenly over it, half of it on each side of the robot's x axis."""
+
+    range_min_m: float = 0.06
+    range_max_m: float = 3.5
+    noise_std_m: float = 0.005
+
+    @property
+    def every_steps(self) -> int:
+        """Control steps between two scans."""
+        return round(1 / (self.rate_hz * CONTROL_TIMESTEP_S))
+
+    @property
+    def angle_increment_rad(self) -> float:
+        """Angle between two rays; all around, the last one is as far from the first."""
+        gaps = self.rays if math.isclose(self.field_of_view_rad, math.tau) else self.rays - 1
+        return self.field_of_view_rad / gaps
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """Directions of the rays, counter-clockwise from the robot's x axis."""
+        return -self.field_of_view_rad / 2 + self.angle_increment_rad * np.arange(self.rays, dtype=np.float64)
 
 
 class Controller(Protocol):
@@ -118,8 +154,8 @@ class Robot:
     home: Mapping[str, float] = field(default_factory=dict)
     """Positions of joints at the start, radians or metres."""
 
-    lidar_height_m: float | None = None
-    """Over the floor; absent: it has no range sensors."""
+    lidar: Lidar | None = None
+    """Absent: it has no range sensors."""
 
     proximity_height_m: float = 0.04
     imu: tuple[str, str] | None = None

@@ -19,7 +19,7 @@ import mujoco
 from dm_env import specs
 
 from .drives import VelocityController
-from .robot import Controller, Limits, Robot, velocity_action_spec
+from .robot import Controller, Lidar, Limits, Robot, velocity_action_spec
 from .walker_gait import GaitSettings, LegGeometry, Motion, TrotGait
 
 LEGS = LegGeometry(hip_x_m=0.095, hip_y_m=0.045, offset_m=0.04, thigh_m=0.085, shank_m=0.085, stance_height_m=0.125)
@@ -222,7 +222,7 @@ WALKER = Robot(
     joints=JOINTS,
     spawn_height_m=BODY_HEIGHT_M,
     home=_standing(),
-    lidar_height_m=LIDAR_HEIGHT_M,
+    lidar=Lidar(LIDAR_HEIGHT_M),
     proximity_height_m=0.05,
     imu=("gyro", "accelerometer"),
     video_camera="follow",

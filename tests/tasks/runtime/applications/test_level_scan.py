@@ -9,7 +9,7 @@ from small_flat import BODY
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications import lidar
 from prefect_robomaker.tasks.runtime.applications.occupancy_map import read_map
-from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR_HEIGHT_M
+from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR
 from prefect_robomaker.tasks.runtime.applications.scene import ScenePhysics, assemble
 from prefect_robomaker.tasks.worldforge.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
@@ -29,7 +29,7 @@ def finder_in(physics: ScenePhysics) -> lidar.RangeFinder:
     model, data = physics.model.ptr, physics.data.ptr
     body = model.body("scout/base").id
     return lidar.RangeFinder(
-        model, data, body, LIDAR_HEIGHT_M, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M, physics.unseen_group
+        model, data, body, LIDAR.height_m, LIDAR.angles_rad, LIDAR.range_max_m, physics.unseen_group
     )
 
 

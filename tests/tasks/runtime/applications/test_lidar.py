@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR_HEIGHT_M
+from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR
 from prefect_robomaker.tasks.runtime.applications.scene import ScenePhysics, assemble
 
 LOOSE = [("Ball_1", 1.5, -0.4, 0.1), ("Box_1", 2.6, 0.4, 0.2)]
@@ -15,7 +15,7 @@ def single_rays(physics: ScenePhysics, angles: np.ndarray) -> np.ndarray:
     """What `mj_ray` says, one ray after the other, trying every solid geom of the world."""
     model, data = physics.model.ptr, physics.data.ptr
     body = model.body("scout/base").id
-    origin = data.xpos[body] + (0, 0, LIDAR_HEIGHT_M)
+    origin = data.xpos[body] + (0, 0, LIDAR.height_m)
     yaw = np.arctan2(data.xmat[body][3], data.xmat[body][0])
     geom = np.zeros(1, np.int32)
     distances = []
@@ -23,7 +23,7 @@ def single_rays(physics: ScenePhysics, angles: np.ndarray) -> np.ndarray:
         ray = np.array((np.cos(angle + yaw), np.sin(angle + yaw), 0.0))
         distances.append(mujoco.mj_ray(model, data, origin, ray, None, True, body, geom))
     found = np.array(distances)
-    return np.where((found >= 0) & (found <= lidar.SCAN_RANGE_MAX_M), found, np.inf)
+    return np.where((found >= 0) & (found <= LIDAR.range_max_m), found, np.inf)
 
 
 def test_agrees_with_single_rays_everywhere(make_context) -> None:
@@ -32,7 +32,7 @@ def test_agrees_with_single_rays_everywhere(make_context) -> None:
     model, data = physics.model.ptr, physics.data.ptr
     body = model.body("scout/base").id
     finder = lidar.RangeFinder(
-        model, data, body, LIDAR_HEIGHT_M, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M, physics.unseen_group
+        model, data, body, LIDAR.height_m, LIDAR.angles_rad, LIDAR.range_max_m, physics.unseen_group
     )
     start = model.joint("scout/base").qposadr[0]
 
@@ -43,7 +43,7 @@ def test_agrees_with_single_rays_everywhere(make_context) -> None:
         x, y, yaw = x + 0.00137, y + 0.00071, yaw + 0.00113
         data.qpos[start : start + 7] = (x, y, 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2))
         mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(finder.measure(), single_rays(physics, lidar.SCAN_ANGLES_RAD), atol=1e-9)
+        np.testing.assert_allclose(finder.measure(), single_rays(physics, LIDAR.angles_rad), atol=1e-9)
 
     agrees()
 
@@ -54,7 +54,7 @@ def test_sees_what_moves_and_not_what_is_only_drawn(make_context) -> None:
     physics = assemble(path)
     model, data = physics.model.ptr, physics.data.ptr
     finder = lidar.RangeFinder(
-        model, data, model.body("scout/base").id, LIDAR_HEIGHT_M, np.array([0.0, np.pi]), 8.0, physics.unseen_group
+        model, data, model.body("scout/base").id, LIDAR.height_m, np.array([0.0, np.pi]), 8.0, physics.unseen_group
     )
     ahead, behind = finder.measure()
     assert ahead > 5.0

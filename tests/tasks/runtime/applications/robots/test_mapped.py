@@ -1,16 +1,23 @@
 import logging
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from robot_stands import CART_MAPPING, Stand
 
 from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.runtime.applications.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.applications import lidar
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation
+from prefect_robomaker.tasks.runtime.applications.navigation_task import NavigationTask
+from prefect_robomaker.tasks.runtime.applications.robots.robot import Lidar, Robot
 from prefect_robomaker.tasks.runtime.applications.scene import assemble
 from prefect_robomaker.tasks.runtime.context import ActionError
+from prefect_robomaker.tasks.runtime.recording import McapRecorder
 
 MakeCart = Callable[..., Robot]
 DRIVE = CART_MAPPING["drive"]
@@ -53,22 +60,20 @@ def test_it_starts_as_the_keyframe_and_the_mapping_say_and_servos_hold_it_there(
 def test_observations_have_the_robots_own_joints_and_sensors(make_cart: MakeCart, make_context: Any) -> None:
     robot = make_cart()
     assert robot.joints == ("left", "right", "lift")
-    assert robot.lidar_height_m == pytest.approx(0.15)
+    assert robot.lidar == Lidar(height_m=pytest.approx(0.15))
     assert robot.name == "my_cart"
     assert robot.imu == ("gyro", "acc")
     assert make_cart(joints=["lift"]).joints == ("lift",)
-    assert make_cart(sensors={}).lidar_height_m is None
+    assert make_cart(sensors={}).lidar is None
 
 
 def test_range_sensors_do_not_see_the_robot_itself(make_cart: MakeCart, make_context: Any) -> None:
-    from prefect_robomaker.tasks.runtime.applications import lidar
-
     robot = make_cart()
     physics = assemble(make_context().world_dir / "world.xml", robot)
     model, data = physics.model.ptr, physics.data.ptr
     body = robot.footprint_id(model)
     # In the plane of the deck, where everything of the robot would be in the way.
-    finder = lidar.RangeFinder(model, data, body, 0.05, lidar.SCAN_ANGLES_RAD, 3.5, physics.unseen_group)
+    finder = lidar.RangeFinder(model, data, body, 0.05, Lidar(0.05).angles_rad, 3.5, physics.unseen_group)
     assert finder.cast().min() > 0.5
     np.testing.assert_allclose(np.minimum(finder.measure(), 9.0), np.minimum(finder.cast(), 9.0), atol=1e-3)
 
@@ -175,3 +180,51 @@ def test_a_joint_without_an_actuator_says_how_to_add_one(make_cart: MakeCart) ->
     stand.drive((0.3, 0.0), 1.5)
     assert stand.base.read().linear == pytest.approx(0.3, rel=0.05)
     assert abs(stand.base.read().yaw) < 0.05
+
+
+LIDAR = {
+    "height_m": 0.15, "rate_hz": 10, "rays": 541, "field_of_view_deg": 270, "range_max_m": 8.0, "noise_std_m": 0.0,
+}  # fmt: skip
+
+
+def test_a_lidar_is_as_the_mapping_says(make_cart: MakeCart, make_context: Any, tmp_path: Path) -> None:
+    robot = make_cart(sensors={"lidar": LIDAR})
+    assert robot.lidar is not None
+    with McapRecorder(tmp_path / "recording.mcap") as recorder:
+        context = make_context(recorder=recorder)
+        assert context.world is not None
+        physics = assemble(context.world_dir / "world.xml", robot)
+        task = NavigationTask(context.world, robot, context.rng, recorder, 60.0)
+        environment = IndoorNavigation(physics, task, robot)
+        environment.reset()
+        observed = [environment.step((0.0, 0.5)).observation for _ in range(20)]
+    assert environment.observation_spec()["scan"].shape == (541,)
+    assert len({float(each["scan_time"]) for each in observed}) == 11
+    expected = lidar.RangeFinder(
+        physics.model.ptr, physics.data.ptr, robot.footprint_id(physics.model.ptr), 0.15,
+        np.radians(-135 + 0.5 * np.arange(541)), 8.0, physics.unseen_group,
+    ).cast()  # fmt: skip
+    np.testing.assert_allclose(observed[-1]["scan"], expected, rtol=1e-6)
+    assert 3.5 < np.max(expected, where=np.isfinite(expected), initial=0.0) <= 8.0
+
+    with (tmp_path / "recording.mcap").open("rb") as stream:
+        decoded = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=["/scan"])
+        scans = [each.decoded_message for each in decoded]
+    assert len(scans) == 11
+    assert (scans[0].angle_min, scans[0].angle_max) == pytest.approx((-0.75 * math.pi, 0.75 * math.pi))
+    assert scans[0].angle_increment == pytest.approx(math.radians(0.5))
+    assert (scans[0].scan_time, scans[0].range_max) == pytest.approx((0.1, 8.0))
+    assert len(scans[0].ranges) == 541
+
+
+@pytest.mark.parametrize(
+    ("mounted", "reason"),
+    [
+        ({"height_m": 0.2, "rate_hz": 7}, r"sensors\.lidar\.rate_hz.*7"),
+        ({"height_m": 0.2, "range_min_m": 4.0}, r"sensors\.lidar\.range_min_m: 4 is not below range_max_m, 3\.5"),
+        ({"height_m": 0.2, "rays": 1}, r"sensors\.lidar\.rays.*1"),
+    ],
+)
+def test_a_lidar_that_cannot_be_is_refused(make_cart: MakeCart, mounted: dict[str, float], reason: str) -> None:
+    with pytest.raises(LaunchError, match=reason):
+        make_cart(sensors={"lidar": mounted})
