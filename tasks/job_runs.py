@@ -1,7 +1,7 @@
 """Running one simulation job: prepare, run its process, store its outputs, settle its end; again after a restart."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,6 +21,7 @@ from .resuming import plan_to_resume
 from .run_outputs import NOT_STORED, RunOutputs, failure_code_of
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
+from .runtime.run_notes import add_note
 from .sandbox import remove
 from .service import Service
 
@@ -32,6 +33,9 @@ Stop = Callable[[], str | None]
 _RESTART = "restarted"
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _NOBODY_LEFT = "the job was stopped after its performer had died"
+_DIED = "whoever performed the job died while this run went on; the job was run again"
+_RUNS = ("Running", "RunningFailed", "Restarting")
+"""Statuses of a job that has a run, in which code may have run."""
 
 _logger = logging.getLogger(__name__)
 
@@ -40,8 +44,8 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
     A job that a dead performer left half-way goes on from the last checkpoint, when the run's folder is on this
-    machine and has one; else it is run again from the start, as a new run with a folder of its own. Nothing of the
-    dead run has a manifest.
+    machine and has one; else it is run again from the start, as a new run with a folder of its own, and what the dead
+    run left here is stored as that of an earlier run, without a manifest.
 
     Args:
       arn: the job.
@@ -94,6 +98,8 @@ class JobRun:
                 self.end(reason or CANCELED)
                 return
             left = self._left_by_a_dead_performer() if is_first else None
+            if is_first and left is None:
+                self._keep_dead_run()
             again, is_first = self._run_once(left), False
 
     def end(self, reason: str) -> None:
@@ -252,16 +258,36 @@ class JobRun:
 
     def _keep_earlier_run(self, run_id: str, outcome: RunOutcome) -> None:
         """Stores what a run left that was ended for another, and notes it; the restart goes on whatever comes of it."""
-        about = {**ending_of(outcome, None), "restarted": True}
+        self._keep_run(run_id, {**ending_of(outcome, None), "restarted": True}, finished=outcome.finished)
+
+    def _keep_dead_run(self) -> None:
+        """Stores what a run left here that died with its performer and that none goes on with, and notes it.
+
+        Nobody can say of it any more whether it had ended, so it gets no manifest.
+        """
+        job = self._lease.job
+        run_id = job.document.get("runId")
+        if run_id is None or run_id in _kept_runs(job.document) or job.status not in _RUNS:
+            return
+        output = self._folder(run_id) / "output"
+        if not output.is_dir() or not any(output.iterdir()):
+            return
+        add_note(output, _DIED)
+        about = failed("InternalServiceError", _DIED) | {"restarted": job.status == "Restarting"}
+        self._keep_run(run_id, about, finished=False)
+
+    def _keep_run(self, run_id: str, about: Mapping[str, Any], *, finished: bool) -> None:
+        """Stores the outputs of a run that is not the job's last one; says in the job where they are."""
         run: dict[str, Any] = {"runId": run_id, "startedAt": self._lease.job.document["lastStartedAt"], **about}
         outputs = self._outputs(run_id)
         try:
-            run["outputs"] = outputs.store(about, finished=outcome.finished)
-            remove(self._folder(run_id))
+            run["outputs"] = outputs.store(about, finished=finished)
         except (StorageError, OSError) as error:
             run["notStored"] = shorten(outputs.not_stored(error))
-            _logger.warning("%s is restarted, but its %s", self._lease.job.arn, run["notStored"])
+            _logger.warning("%s is run again, but its %s", self._lease.job.arn, run["notStored"])
         self._lease.update(lambda document: {**document, "earlierRuns": [*document.get("earlierRuns", []), run]})
+        if "outputs" in run:  # noted by now: a performer that dies here leaves a folder, and no outputs nobody knows of
+            remove(self._folder(run_id))
 
     def _clean_up(self, run_id: str) -> None:
         """Removes what is not needed any more; outputs that could not be stored stay."""
@@ -269,7 +295,7 @@ class JobRun:
             return  # whoever took over may go on with the same run
         folder, document = self._folder(run_id), self._lease.job.document
         if "outputs" in document:
-            kept = {run["runId"] for run in document.get("earlierRuns", ()) if "outputs" not in run}
+            kept = {run_id for run_id, run in _kept_runs(document).items() if "outputs" not in run}
             for each in folder.parent.glob("*"):  # also what performers left that died
                 if each.name not in kept:
                     remove(each)
@@ -281,3 +307,8 @@ class JobRun:
             remove(folder)
         with suppress(OSError):
             folder.parent.rmdir()
+
+
+def _kept_runs(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """The runs before the job's last one, by their ids."""
+    return {run["runId"]: run for run in document.get("earlierRuns", ())}

@@ -1,0 +1,127 @@
+"""Runs that died with their performer: what they left is stored when the next one takes the job, and told apart."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.reader import NonSeekingReader
+from performer_process import AwaitStatus, PerformElsewhere
+from processes import wait_for, working_below
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ObjectNotFoundError
+from prefect_robomaker.tasks import job_runs
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import read_manifest
+
+Swing = Callable[..., dict[str, Any]]
+Killed = Callable[..., str]
+ENDLESS = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "1000", "ROBOMAKER_CHECKPOINT_EVERY_S": "0"}
+DIED = "whoever performed the job died while this run went on"
+
+
+@pytest.fixture
+def killed(service: Service, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus) -> Killed:
+    """Has a job performed until its recording has a chunk, and kills the performer with -9; returns the run's id."""
+
+    def kill(job: dict[str, Any], *, restart: bool = False) -> str:
+        with perform_elsewhere(job["arn"]) as performer:
+            await_status(job["arn"], "Running")
+            jobs = service.settings.home / "jobs" / job["name"]
+            wait_for(lambda: any(messages(path) for path in jobs.glob("*/output/recording.mcap")), "a chunk")
+            performer.send_signal(signal.SIGSTOP)  # so that it learns of no restart
+            if restart:
+                call("RestartSimulationJob", {"job": job["arn"]}, service)
+            performer.send_signal(signal.SIGKILL)
+            performer.wait(10)
+            wait_for(lambda: not working_below(service.settings.home), "the run to die with its performer")
+        return service.catalog.get(job["arn"]).document["runId"]
+
+    return kill
+
+
+def messages(recording: Path) -> list[str]:
+    """Topics of the messages of a recording, up to where it was cut off."""
+
+    def read() -> Iterator[str]:
+        with recording.open("rb") as file, suppress(EndOfFile):
+            for _, channel, _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+                yield channel.topic
+
+    return list(read())
+
+
+def cancel_once_running(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has jobs cancelled as soon as a run of theirs has begun here."""
+    real = job_runs.launcher()
+
+    class Brief:
+        def run(self, plan: Any, stop: Any, **options: Any) -> Any:
+            call("CancelSimulationJob", {"job": plan.job_arn}, service)
+            return real.run(plan, stop, **options)
+
+    monkeypatch.setattr(job_runs, "launcher", Brief)
+
+
+@pytest.mark.parametrize(
+    "restart", [True, pytest.param(False, marks=pytest.mark.deep)], ids=["about to be restarted", "in its midst"]
+)
+def test_what_a_killed_performers_run_left_is_stored_without_a_manifest(
+    service: Service, swing: Swing, killed: Killed, monkeypatch: pytest.MonkeyPatch, restart: bool
+) -> None:
+    job = swing(perform=False, **ENDLESS)
+    run_id = killed(job, restart=restart)
+    cancel_once_running(service, monkeypatch)
+
+    job_runs.perform_job(job["arn"], service)
+
+    document = service.catalog.get(job["arn"]).document
+    [earlier] = document["earlierRuns"]
+    assert document["runId"] != earlier["runId"] == run_id
+    assert (earlier["status"], earlier["failureCode"], earlier["restarted"]) == (
+        "Failed",
+        "InternalServiceError",
+        restart,
+    )
+    assert DIED in earlier["failureReason"]
+    place = earlier["outputs"]
+    assert place["prefix"].endswith(f"/{job['name']}/{run_id}")
+    with pytest.raises(ObjectNotFoundError):
+        read_manifest(service.store, **place)
+    kept = {item.key.removeprefix(f"{place['prefix']}/") for item in service.store.list(**place)}
+    assert {"recording.mcap", "logs/stdout.log", "logs/stderr.log"} <= kept
+    assert "result.json" not in kept
+    assert "/clock" in messages(
+        Path(str(service.store.local_path(place["bucket"], f"{place['prefix']}/recording.mcap")))
+    )
+    assert DIED in service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/stderr.log").decode()
+    assert not list((service.settings.home / "jobs").iterdir())
+
+
+@pytest.mark.deep
+def test_a_performer_that_dies_once_a_dead_run_is_stored_leaves_it_to_the_next(
+    service: Service, swing: Swing, killed: Killed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = swing(perform=False, **ENDLESS)
+    run_id = killed(job, restart=True)
+    cancel_once_running(service, monkeypatch)
+    update = service.catalog.update
+
+    def die(*arguments: Any, **options: Any) -> Any:
+        monkeypatch.setattr(service.catalog, "update", update)
+        raise SystemExit("killed")
+
+    monkeypatch.setattr(service.catalog, "update", die)
+    with pytest.raises(SystemExit):
+        job_runs.perform_job(job["arn"], service)
+    assert "earlierRuns" not in service.catalog.get(job["arn"]).document
+
+    job_runs.perform_job(job["arn"], service)
+
+    [earlier] = service.catalog.get(job["arn"]).document["earlierRuns"]
+    assert earlier["runId"] == run_id
+    assert earlier["outputs"]
