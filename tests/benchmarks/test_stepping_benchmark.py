@@ -3,10 +3,10 @@
 Measured is CPU time from the first time step handed to the agent to the end of the episode, so with planning, sensing,
 keeping the score, recording and closing the recording, but without what happens once before: reading the map and
 working out the ways on it, compiling the world, the first lidar scan. Physics alone is `mj_step` from the same state,
-with the same wheel commands, over the same steps, once in a plain loop and once 25 steps a call, as jobs do; that all
-end in the same state proves that they computed the same. A further figure adds what lidar and bumper measure, which no
-job can do without. Every run is the same, so runs take turns and of each lap, a second of simulated time, the best
-counts: what else happens on a machine only ever makes things slower.
+with the same controls, over the same steps; that both end in the same state proves that they computed the same. A
+further figure adds what lidar and bumper measure, which no job can do without. Every run is the same, so runs take
+turns and of each lap, a second of simulated time, the best counts: what else happens on a machine only ever makes
+things slower.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -14,6 +14,7 @@ counts: what else happens on a machine only ever makes things slower.
 
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,12 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.applications.navigation_task import SCAN_EVERY_STEPS
-from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR_HEIGHT_M, PREFIX
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation
+from prefect_robomaker.tasks.runtime.applications.navigation_task import NavigationTask
+from prefect_robomaker.tasks.runtime.applications.robot_scout import SCOUT
+from prefect_robomaker.tasks.runtime.applications.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.applications.robots.walker import WALKER
+from prefect_robomaker.tasks.runtime.applications.scene import CONTACT_SAMPLE_STEPS, assemble
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
 from prefect_robomaker.tasks.runtime.context import SimulationContext
 from prefect_robomaker.tasks.runtime.loop import run_episode
@@ -44,6 +48,7 @@ Laps = NDArray[np.float64]
 ROUNDS = 6
 SUBSTEPS = 25
 LAP_STEPS = 20
+TIME_LIMIT_S = 1000.0
 HOUSE = (
     ("Hallway", "Hallway", 14.0),
     ("Living", "Living", 32.0),
@@ -85,28 +90,45 @@ class Stopwatch:
 
 
 class Witness:
-    """Notes the state at the beginning, every command, and the state at the end, for physics to repeat."""
+    """Notes the state at the beginning, the controls every 10 ms, and the state at the end, for physics to repeat."""
 
     next_time_s = 0.0
 
     def __init__(self) -> None:
-        self.commands: list[NDArray[np.float64]] = []
+        self.controls: list[NDArray[np.float64]] = []
         self.beginning: mujoco.MjData | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
         del time_s
         model, data = environment.physics.model.ptr, environment.physics.data.ptr
         if self.beginning is None:
-            self.model = model
+            self.model, self.robot = model, environment.robot
             self.unseen_group = environment.physics.unseen_group
             self.beginning = copied(model, data)
+            self._note_controls(environment.physics, data)
         else:
-            self.commands.append(data.ctrl.copy())
             self.end = data.qpos.copy()
 
+    def _note_controls(self, physics: Any, data: mujoco.MjData) -> None:
+        look = physics.between_substeps
 
-def run_job(folder: Path, recorder: McapRecorder | NullRecorder, watchers: tuple[Witness, ...] = ()) -> Laps:
-    """Runs Scout through the world as a job's process does; returns the CPU seconds of the laps of its loop."""
+        def note_and_look() -> None:
+            self.controls.append(data.ctrl.copy())
+            look()
+
+        physics.between_substeps = note_and_look
+
+    @property
+    def changes(self) -> list[NDArray[np.float64] | None]:
+        """The controls where they differ from those before."""
+        same = [False, *(np.array_equal(*pair) for pair in zip(self.controls, self.controls[1:], strict=False))]
+        return [None if is_same else each for each, is_same in zip(self.controls, same, strict=True)]
+
+
+def run_job(
+    folder: Path, robot: Robot, recorder: McapRecorder | NullRecorder, watchers: tuple[Witness, ...] = ()
+) -> Laps:
+    """Drives a robot through the world as a job's process does; returns the CPU seconds of the laps of its loop."""
     plan = RunPlan(
         job_id="sim-1", job_arn="arn", run_id="run-1", seed=1, max_duration_s=600.0, world_dir=folder,
         work_dir=folder.parent, output_dir=folder.parent,
@@ -115,9 +137,15 @@ def run_job(folder: Path, recorder: McapRecorder | NullRecorder, watchers: tuple
         plan=plan, rng=np.random.default_rng(1), world=read_world(folder), world_dir=folder, data_dir=None,
         output_dir=folder.parent, environment={}, recorder=recorder,
     )  # fmt: skip
+
+    def make_environment() -> IndoorNavigation:
+        assert context.world is not None
+        task = NavigationTask(context.world, robot, context.rng, recorder, TIME_LIMIT_S)
+        return IndoorNavigation(assemble(folder / "world.xml", robot), task, robot)
+
     watch = Stopwatch()
     episode = run_episode(
-        lambda: make_environment(context),
+        make_environment,
         lambda environment: make_agent(context, environment),
         mark=watch.mark,
         stop=watch,
@@ -126,29 +154,26 @@ def run_job(folder: Path, recorder: McapRecorder | NullRecorder, watchers: tuple
     )
     closing = time.process_time()
     recorder.close()
-    assert episode.report.verdict == "PASS"
+    assert episode.report.verdict == "PASS", episode.report.summary
     return np.append(np.diff(watch.times), time.process_time() - closing)
 
 
-def step_only(witness: Witness, *, sensors: bool = False, at_once: int = SUBSTEPS) -> Laps:
-    """CPU seconds of the laps of the same physics and nothing else, or nothing but the same measurements.
-
-    Args:
-      witness: what to repeat.
-      sensors: whether lidar and bumper measure as well.
-      at_once: steps in one call of `mj_step`; 1 is the plain loop, 25 spares Python 24 calls.
-    """
+def step_only(witness: Witness, *, sensors: bool = False) -> Laps:
+    """CPU seconds of the laps of a plain loop of `mj_step`, with or without the same measurements."""
     model = witness.model
     data = copied(model, witness.beginning)
-    step, control = mujoco.mj_step, data.ctrl
+    step, control, changes = mujoco.mj_step, data.ctrl, witness.changes
     look = range_finders(witness, data) if sensors else ()
+    per_scan = witness.robot.lidar.every_steps * SUBSTEPS // CONTACT_SAMPLE_STEPS if witness.robot.lidar else 0
+    per_lap = LAP_STEPS * SUBSTEPS // CONTACT_SAMPLE_STEPS
     times = [time.process_time()]
-    for first in range(0, len(witness.commands), LAP_STEPS):
-        for number, command in enumerate(witness.commands[first : first + LAP_STEPS], first + 1):
-            control[:] = command
-            for _ in range(SUBSTEPS // at_once):
-                step(model, data, at_once)
-            if look and number % SCAN_EVERY_STEPS == 0:
+    for first in range(0, len(changes), per_lap):
+        for number, change in enumerate(changes[first : first + per_lap], first + 1):
+            if change is not None:
+                control[:] = change
+            for _ in range(CONTACT_SAMPLE_STEPS):
+                step(model, data)
+            if look and number % per_scan == 0:
                 for finder in look:
                     finder.measure()
         times.append(time.process_time())
@@ -157,10 +182,11 @@ def step_only(witness: Witness, *, sensors: bool = False, at_once: int = SUBSTEP
 
 
 def range_finders(witness: Witness, data: mujoco.MjData) -> tuple[lidar.RangeFinder, lidar.RangeFinder]:
-    model, group = witness.model, witness.unseen_group
-    body = model.body(f"{PREFIX}base").id
-    far = (LIDAR_HEIGHT_M, lidar.SCAN_ANGLES_RAD, lidar.SCAN_RANGE_MAX_M)
-    near = (lidar.PROXIMITY_HEIGHT_M, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M)
+    model, group, robot = witness.model, witness.unseen_group, witness.robot
+    body = robot.footprint_id(model)
+    assert robot.lidar is not None
+    far = (robot.lidar.height_m, robot.lidar.angles_rad, robot.lidar.range_max_m)
+    near = (robot.proximity_height_m, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M)
     return lidar.RangeFinder(model, data, body, *far, group), lidar.RangeFinder(model, data, body, *near, group)
 
 
@@ -171,31 +197,35 @@ def copied(model: mujoco.MjModel, data: mujoco.MjData | None) -> mujoco.MjData:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(300)
-@pytest.mark.parametrize("kind", ["flat", "house"])
-def test_job_against_physics_alone(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    ("kind", "robot", "scans_hz"), [("flat", SCOUT, 5), ("flat", SCOUT, 10), ("house", SCOUT, 10), ("flat", WALKER, 10)]
+)
+def test_job_against_physics_alone(
+    kind: str, robot: Robot, scans_hz: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "world"
     write_bundle(generate_world(template(kind), *seeds_for(7, 0, 0)), folder, preview=False)
+    assert robot.lidar is not None
+    robot = replace(robot, lidar=replace(robot.lidar, rate_hz=scans_hz))
     witness = Witness()
-    run_job(folder, NullRecorder(), (witness,))
-    plain, physics, sensors, silent, recorded = [], [], [], [], []
+    run_job(folder, robot, NullRecorder(), (witness,))
+    physics, sensors, silent, recorded = [], [], [], []
     for number in range(ROUNDS):
-        plain.append(step_only(witness, at_once=1))
         physics.append(step_only(witness))
         sensors.append(step_only(witness, sensors=True))
-        silent.append(run_job(folder, NullRecorder()))
-        recorded.append(run_job(folder, McapRecorder(tmp_path / f"{number}.mcap")))
-    count = len(witness.commands)
-    loop, alone, rays, job, job_recorded = (
-        1e6 * np.min(laps, axis=0).sum() / count for laps in (plain, physics, sensors, silent, recorded)
+        silent.append(run_job(folder, robot, NullRecorder()))
+        recorded.append(run_job(folder, robot, McapRecorder(tmp_path / f"{number}.mcap")))
+    count = len(witness.controls) * CONTACT_SAMPLE_STEPS // SUBSTEPS
+    loop, rays, job, job_recorded = (
+        1e6 * np.min(laps, axis=0).sum() / count for laps in (physics, sensors, silent, recorded)
     )
     with capsys.disabled():
         print(
-            f"\n{kind}: {witness.model.ngeom} geoms, {count * SUBSTEPS} steps of physics in {count} of control; "
-            f"physics alone {1000 * SUBSTEPS / alone:.1f}k steps/s; "
-            f"job {loop / job:.2f} of a plain loop of mj_step, with recording {loop / job_recorded:.2f}; "
-            f"of mj_step with nstep=25 {alone / job:.2f}, with recording {alone / job_recorded:.2f}; "
+            f"\n{kind}, {robot.name}, scans at {scans_hz} Hz: {witness.model.ngeom} geoms, {count * SUBSTEPS} steps of "
+            f"physics in {count} of control; physics alone {1000 * SUBSTEPS / loop:.1f}k steps/s; "
+            f"job {loop / job:.2f} of a loop of mj_step, with recording {loop / job_recorded:.2f}; "
             f"of physics and sensors {rays / job:.2f}, with recording {rays / job_recorded:.2f}; "
-            f"microseconds per control step: loop {loop:.0f}, nstep=25 {alone:.0f}, and sensors {rays:.0f}, "
+            f"microseconds per control step: loop {loop:.0f}, and sensors {rays:.0f}, "
             f"job {job:.0f}, with recording {job_recorded:.0f}"
         )
