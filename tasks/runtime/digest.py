@@ -12,6 +12,7 @@ import hashlib
 import os
 import struct
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -244,13 +245,9 @@ def digest_of_model(model: mujoco.MjModel) -> str:
 
 def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
     """Hashes the members of one of MuJoCo's structures by name, structures in it included."""
-    for name in sorted(dir(structure)):
-        if name.startswith("_") or name in _NOT_COUNTED or name.endswith("_pathadr"):
-            continue
+    for name, label in _members(type(structure)):
         value = getattr(structure, name)
-        if callable(value):
-            continue
-        digest.update(name.encode() + b"=")
+        digest.update(label)
         if isinstance(value, np.ndarray):
             digest.update(repr(value.shape).encode())
             digest.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
@@ -258,6 +255,15 @@ def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
             digest.update(value if isinstance(value, bytes) else repr(value).encode())
         else:
             _take_in(digest, value)
+
+
+@cache
+def _members(kind: type) -> list[tuple[str, bytes]]:
+    """The members of one of MuJoCo's structures that count, with what is hashed of their names."""
+    names = [name for name in sorted(dir(kind)) if not name.startswith("_") and not name.endswith("_pathadr")]
+    return [
+        (name, name.encode() + b"=") for name in names if name not in _NOT_COUNTED and not callable(getattr(kind, name))
+    ]
 
 
 def joints_of(model: mujoco.MjModel) -> list[JointPlace]:

@@ -45,7 +45,7 @@ def read_map(path: Path) -> OccupancyMap:
     Raises:
       ValueError: the map is turned against the world, or a member is missing or wrong.
     """
-    description = YAML(typ="safe", pure=True).load(path.read_text())
+    description = YAML(typ="safe").load(path.read_text())
     resolution_m = float(_member(path, description, "resolution"))
     x, y, yaw = (float(value) for value in _member(path, description, "origin"))
     if yaw:

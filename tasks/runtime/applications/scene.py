@@ -9,7 +9,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from dm_control.mujoco import Physics, wrapper
+from dm_control.mujoco import Physics, index, wrapper
+from dm_control.mujoco.engine import NamedIndexStructs
 from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
@@ -38,6 +39,31 @@ class ScenePhysics(Physics):
 
     between_substeps: Callable[[], None] | None = None
     """Called after every `CONTACT_SAMPLE_STEPS` steps and at the end of `step`."""
+
+    @property
+    def named(self) -> NamedIndexStructs:
+        """Model and data by the names of their parts, made when somebody asks: most runs go without."""
+        if self._named is None:
+            indexers = index.make_axis_indexers(self.model)
+            self._named = NamedIndexStructs(
+                model=index.struct_indexer(self.model, "mjmodel", indexers),
+                data=index.struct_indexer(self.data, "mjdata", indexers),
+            )
+        return self._named
+
+    def _reload_from_data(self, data: wrapper.MjData) -> None:
+        """Does what dm_control does with new data, except for making names, which takes longer than all the rest."""
+        self._data, self._named = data, None
+        self._warnings = data.warning.number
+        self._warnings_before = np.empty_like(self._warnings)
+        self._new_warnings = np.empty(len(self._warnings), np.bool_)
+        with self._contexts_lock:
+            if self._contexts:
+                self._free_rendering_contexts()
+        try:
+            self.after_reset()
+        except PhysicsError as error:
+            _logger.warning("%s", error)
 
     def step(self, nstep: int = 1) -> None:
         """Advances by `nstep` steps.

@@ -21,3 +21,16 @@ def test_diverging_physics_say_what_is_wrong(make_context) -> None:
     with pytest.raises(PhysicsError, match="MuJoCo warns of mjWARN_BADQVEL"):
         physics.step(10)
     physics.step(10)  # MuJoCo began anew; the warning of before does not count again
+
+
+def test_names_are_there_when_somebody_asks_and_follow_the_data(make_context) -> None:
+    world = make_context().world_dir / "world.xml"
+    physics = assemble(world)
+    before = physics.named
+    assert physics.named is before
+    assert physics.named.model.body_mass["scout/base"] > 0
+    physics.named.data.qpos["scout/base"][0] = 0.25
+    assert physics.data.qpos[int(physics.model.ptr.joint("scout/base").qposadr[0])] == 0.25
+    physics.reload_from_xml_path(str(world))
+    with pytest.raises(KeyError, match="scout/base"):
+        physics.named.model.body_mass["scout/base"]
