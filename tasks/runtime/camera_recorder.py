@@ -13,7 +13,17 @@ import mujoco
 from PIL import Image as PillowImage
 
 from . import messages as ros
+from .camera_frames import (
+    CAMERA_FRAME,
+    OPTICAL_FRAME,
+    TO_OPTICAL,
+    Mount,
+    camera_info,
+    find_mount,
+    frames_of,
+)
 from .camera_settings import CameraRecording
+from .cameras import Image
 from .context import Recorder
 from .display_messages import CompressedImage
 from .filming import RAYS, Filming
@@ -22,6 +32,7 @@ from .results import Findings
 from .video_settings import VideoSettings
 
 TOPIC = "/camera/image_raw/compressed"
+INFO_TOPIC = "/camera/camera_info"
 _SIZE = (320, 240)
 _JPEG_QUALITY = 80
 _FRONT = "front"
@@ -29,6 +40,9 @@ _FRONT = "front"
 
 class CameraRecorder:
     """Records JPEG pictures, 320 x 240, as `sensor_msgs/CompressedImage` on `/camera/image_raw/compressed`.
+
+    `sensor_msgs/CameraInfo` on `/camera/camera_info`, with the same stamps, says how to project into them, and `/tf` or
+    `/tf_static` where the camera is: `camera_link`, and `camera_optical_frame`, which is the frame of both messages.
 
     Pictures that cannot be made do not fail the run: the reason goes to the error log and, as `camera_error`, to the
     result.
@@ -44,9 +58,7 @@ class CameraRecorder:
         """
         self.next_time_s = 0.0
         self._recorder, self._settings, self._backend = recorder, settings, backend or RAYS
-        self._model: mujoco.MjModel | None = None
         self._filming: Filming | None = None
-        self._frame = ""
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
@@ -56,15 +68,22 @@ class CameraRecorder:
             RecordingError: The recording cannot be written.
         """
         try:
-            data = self._jpeg(environment)
+            filming, data = self._aimed(environment)
+            picture = _jpeg(filming.picture(data))
+            view = filming.look(data, self._scene)
         except Exception:
             self.next_time_s = math.inf
             self._error = traceback.format_exc(limit=0).strip().splitlines()[-1]
             sys.stderr.write(f"No camera in the recording: it could not be made with {self._backend}.\n")
             traceback.print_exc()
             return
-        header = ros.Header(ros.Time.from_seconds(time_s), self._frame)
-        self._recorder.write(TOPIC, CompressedImage(header, "jpeg", data), time_s)
+        header = ros.Header(ros.Time.from_seconds(time_s), OPTICAL_FRAME)
+        mount = find_mount(filming.model, view, self._scene, frames_of(environment))
+        self._publish_frames(mount, header.stamp, time_s)
+        self._recorder.write(TOPIC, CompressedImage(header, "jpeg", picture), time_s)
+        info = camera_info(header, self._scene, _SIZE)
+        if info is not None:
+            self._recorder.write(INFO_TOPIC, info, time_s)
         # From now rather than from the time it was due: control steps may be longer than the interval.
         self.next_time_s = time_s + 1.0 / self._settings.rate_hz
 
@@ -84,18 +103,32 @@ class CameraRecorder:
         del environment
         self.next_time_s = state
 
-    def _jpeg(self, environment: Any) -> bytes:
+    def _aimed(self, environment: Any) -> tuple[Filming, mujoco.MjData]:
+        """What films the environment as it is now, and its state."""
         model, data = raw_physics(environment.physics)
-        if self._filming is None or model is not self._model:
+        if self._filming is None or model is not self._filming.model:
             if self._filming is not None:
                 self._filming.close()
-            self._model = model
-            self._frame = self._settings.camera or _default_camera(model) or "camera"
             settings = VideoSettings(camera=self._settings.camera or _default_camera(model), size=_SIZE)
             self._filming = Filming(model, settings, self._backend)
-        picture = io.BytesIO()
-        PillowImage.fromarray(self._filming.picture(data)).save(picture, "JPEG", quality=_JPEG_QUALITY)
-        return picture.getvalue()
+            # Without a renderer: only to learn where the camera stands, and how it projects.
+            self._scene = mujoco.MjvScene(model, maxgeom=1)
+        return self._filming, data
+
+    def _publish_frames(self, mount: Mount, stamp: ros.Time, time_s: float) -> None:
+        optical = ros.TransformStamped(ros.Header(stamp, CAMERA_FRAME), OPTICAL_FRAME, TO_OPTICAL)
+        own = ros.TransformStamped(ros.Header(stamp, mount.parent), CAMERA_FRAME, mount.transform)
+        if mount.is_fixed:
+            self._recorder.add_static_transforms((own, optical), time_s)
+        else:
+            self._recorder.add_static_transforms((optical,), time_s)
+            self._recorder.write("/tf", ros.TFMessage((own,)), time_s)
+
+
+def _jpeg(pixels: Image) -> bytes:
+    picture = io.BytesIO()
+    PillowImage.fromarray(pixels).save(picture, "JPEG", quality=_JPEG_QUALITY)
+    return picture.getvalue()
 
 
 def _default_camera(model: mujoco.MjModel) -> str | None:

@@ -5,7 +5,7 @@ application is a function `make_agent(context, environment) -> Callable[[dm_env.
 Both run in the job's own process and may use anything in the context.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,6 +15,7 @@ import numpy as np
 from ...schemas.simulation_run import RunPlan
 from ...schemas.world import World
 from .columns import Series
+from .messages import TransformStamped
 
 
 class ActionError(ValueError):
@@ -33,6 +34,10 @@ class Recorder(Protocol):
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Records a message of `prefect_robomaker.tasks.runtime.messages` at a simulated time."""
+        ...
+
+    def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
+        """Records where frames are that do not move, on `/tf_static`, with all that were recorded before."""
         ...
 
     def add_series(self, series: Series) -> None:

@@ -63,6 +63,23 @@ def _compressed_image(message: display.CompressedImage) -> bytes:
     return writer.message()
 
 
+def _camera_info(message: display.CameraInfo) -> bytes:
+    header, height, width, fx, fy, cx, cy = message
+    writer = _Writer()
+    writer.put_header(header)
+    writer.put("I", height, width)
+    writer.put_text("plumb_bob")
+    writer.put("I", 5)
+    writer.put("d", 0, 0, 0, 0, 0)  # no distortion
+    writer.put("d", fx, 0, cx, 0, fy, cy, 0, 0, 1)
+    writer.put("d", 1, 0, 0, 0, 1, 0, 0, 0, 1)
+    writer.put("d", fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0)
+    writer.put("I", 0, 0)  # no binning
+    writer.put("I", 0, 0, 0, 0)  # all of the picture
+    writer.put("B", 0)
+    return writer.message()
+
+
 def _marker_array(message: display.MarkerArray) -> bytes:
     writer = _Writer()
     writer.put("I", len(message.markers))
@@ -100,5 +117,6 @@ def _put_marker(writer: _Writer, marker: display.Marker) -> None:
 DISPLAY_ENCODERS: dict[type, Callable[[Any], bytes]] = {
     display.PoseStamped: _pose_stamped,
     display.CompressedImage: _compressed_image,
+    display.CameraInfo: _camera_info,
     display.MarkerArray: _marker_array,
 }

@@ -61,6 +61,46 @@ class CompressedImage(NamedTuple):
     )
 
 
+class CameraInfo(NamedTuple):
+    """`sensor_msgs/CameraInfo` of a camera without distortion, by custom on `camera_info` beside its pictures.
+
+    Pixels are counted as ROS and OpenCV do: (0, 0) is the middle of the first one.
+    """
+
+    header: Header
+    """Its frame is the optical one: x to the right, y down, z ahead (REP 103)."""
+
+    height: int
+    width: int
+    fx: float
+    """Focal lengths, pixels."""
+
+    fy: float
+    cx: float
+    """Where in the picture straight ahead is, pixels."""
+
+    cy: float
+
+    ROS_TYPE = "sensor_msgs/msg/CameraInfo"
+    TYPE_HASH = "RIHS01_b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275"
+    DEFINITION = definition(
+        "std_msgs/Header header\n"
+        "uint32 height\n"
+        "uint32 width\n"
+        "string distortion_model\n"
+        "float64[] d\n"
+        "float64[9] k\n"
+        "float64[9] r\n"
+        "float64[12] p\n"
+        "uint32 binning_x\n"
+        "uint32 binning_y\n"
+        "sensor_msgs/RegionOfInterest roi",
+        "std_msgs/Header",
+        "builtin_interfaces/Time",
+        "sensor_msgs/RegionOfInterest",
+    )
+
+
 class ColorRGBA(NamedTuple):
     """`std_msgs/ColorRGBA`: 0 to 1."""
 
@@ -122,4 +162,4 @@ class MarkerArray(NamedTuple):
     )
 
 
-DisplayMessage = PoseStamped | Path | CompressedImage | MarkerArray
+DisplayMessage = PoseStamped | Path | CompressedImage | CameraInfo | MarkerArray

@@ -41,7 +41,7 @@ class Filming:
         """
         self.size = settings.size or (_RAY_SIZE if backend == RAYS else DEFAULT_SIZE)
         width, height = self.size
-        self._model = model
+        self.model = model
         self.aim(
             settings.camera or environment_camera,
             CAMERA_VARIABLE if settings.camera else "the environment's video_camera",
@@ -63,7 +63,7 @@ class Filming:
             ValueError: There is no such camera.
         """
         width, height = self.size
-        self._view, self._small_view = choose_views(self._model, name, said_by, width / height)
+        self._view, self._small_view = choose_views(self.model, name, said_by, width / height)
         self._small: Image | None = None
         self._small_time_s = 0.0
 
@@ -73,6 +73,12 @@ class Filming:
         if self._small_view is not None:
             _inset(picture, self._small_picture(data, self._small_view))
         return picture
+
+    def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
+        """Returns from where a state is filmed, and lets a scene's camera be that one."""
+        view = self._view(data)
+        mujoco.mjv_updateCamera(self.model, data, view, scene)
+        return view
 
     def _small_picture(self, data: mujoco.MjData, view: View) -> Image:
         if self._small is None or not 0 <= data.time - self._small_time_s < _INSET_EVERY_S - 1e-6:

@@ -69,7 +69,13 @@ def _scene(topics: Mapping[str, str]) -> list[Panel]:
 
 def _pictures(topics: Mapping[str, str]) -> list[Panel]:
     names = [topic for topic, kind in topics.items() if kind == _PICTURES]
-    return [(f"Image!camera{number}", {"imageMode": {"imageTopic": topic}}) for number, topic in enumerate(names)]
+    return [(f"Image!camera{number}", {"imageMode": _image(topic, topics)}) for number, topic in enumerate(names)]
+
+
+def _image(topic: str, topics: Mapping[str, str]) -> dict[str, Any]:
+    """A camera's pictures, and how to draw the scene into them: its other topic, as `image_transport` finds it."""
+    info = f"{topic.partition('/image')[0]}/camera_info"
+    return {"imageTopic": topic, **({"calibrationTopic": info} if info in topics else {})}
 
 
 def _plots(topics: Mapping[str, str]) -> list[Panel]:

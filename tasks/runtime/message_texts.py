@@ -15,6 +15,7 @@ _TEXTS = {
     "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
     "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
     "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
+    "sensor_msgs/RegionOfInterest": ("uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify"),
     "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v",
     "visualization_msgs/MeshFile": "string filename\nuint8[] data",
     "visualization_msgs/Marker": """\

@@ -1,10 +1,8 @@
 """Recordings: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open."""
 
-import errno
 import json
-import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +13,8 @@ from .columns import RowEncoder, Series
 from .foxglove import LAYOUT_FILE, layout
 from .mcap_file import McapFile
 from .mcap_messages import Rows
+from .messages import TFMessage, TransformStamped
+from .recording_streams import Nowhere, Unbuffered
 from .rosbag2 import METADATA_FILE, RecordedTopic, channel_metadata, metadata
 
 _CHUNK_BYTES = 768 * 1024
@@ -22,6 +22,7 @@ _CHUNK_BYTES = 768 * 1024
 _FLUSH_INTERVAL_S = 2.0
 """Wall-clock time after which a chunk is finished even when it is not full."""
 _NANOSECONDS = 1_000_000_000
+_STATIC_TOPIC = "/tf_static"
 
 
 class RecordingError(OSError):
@@ -34,6 +35,9 @@ class NullRecorder:
     enabled: bool = False
 
     def write(self, topic: str, message: Message, time_s: float) -> None:
+        """Does nothing."""
+
+    def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Does nothing."""
 
     def add_series(self, series: Series) -> None:
@@ -78,9 +82,11 @@ class McapRecorder:
         """
         self._channels: dict[str, tuple[int, type]] = {}
         self._series: list[tuple[Series, RowEncoder]] = []
+        self._static: dict[str, TransformStamped] = {}
+        """By child frame."""
         self._path = path
         with self._explained():
-            self._stream = _Nowhere() if resume else _Unbuffered(path)
+            self._stream = Nowhere() if resume else Unbuffered(path)
             self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES, self._take_rows)
         self._closed = False
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
@@ -105,6 +111,26 @@ class McapRecorder:
         except OSError as error:
             raise self._explanation(error) from error
         self.flush_when_due()
+
+    def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
+        """Records where frames are that do not move.
+
+        What is known of all such frames goes into one message on `/tf_static`, as tf2's broadcaster does it: players
+        and viewers may keep the last message of a topic only. Nothing is written where nothing is new.
+
+        Args:
+            transforms: One for each child frame.
+            time_s: Simulated time.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        known = self._static
+        fresh = {item.child_frame_id: item for item in transforms}
+        if all(_same_place(known.get(child), item) for child, item in fresh.items()):
+            return
+        self._static = known | fresh
+        self.write(_STATIC_TOPIC, TFMessage(tuple(self._static.values())), time_s)
 
     def add_series(self, series: Series) -> None:
         """Records what a series of messages gathers, from now on.
@@ -149,7 +175,8 @@ class McapRecorder:
             RecordingError: The file cannot be written.
         """
         with self._explained():
-            return {"file": self._file.state(), "kinds": {topic: kind for topic, (_, kind) in self._channels.items()}}
+            kinds = {topic: kind for topic, (_, kind) in self._channels.items()}
+            return {"file": self._file.state(), "kinds": kinds, "static": self._static}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on from where `state` was called; what the file has beyond is cut off.
@@ -161,10 +188,11 @@ class McapRecorder:
         """
         file = state["file"]
         with self._explained():
-            self._stream = _Unbuffered(self._path, file["position"])
+            self._stream = Unbuffered(self._path, file["position"])
             self._file.restore(file, self._stream)
         numbers = {channel.topic: channel.id for channel in file["channels"]}
         self._channels = {topic: (numbers[topic], kind) for topic, kind in state["kinds"].items()}
+        self._static = state["static"]
         series, self._series = self._series, []
         for each, _ in series:
             self.add_series(each)
@@ -237,49 +265,8 @@ class McapRecorder:
         return RecordingError(error.errno, f"the recording cannot be written: {error.strerror}", str(self._path))
 
 
-class _Unbuffered:
-    """A binary output stream without a buffer of its own, so that a finished chunk leaves the process."""
-
-    def __init__(self, path: Path, keep_bytes: int = 0) -> None:
-        """Opens a file, of which the beginning is kept.
-
-        Raises:
-            OSError: It is shorter than that, or cannot be opened.
-        """
-        fresh = 0 if keep_bytes else os.O_TRUNC
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | fresh, 0o644)
-        self._position = keep_bytes
-        if fresh:
-            return
-        if os.fstat(self._descriptor).st_size < keep_bytes:
-            os.close(self._descriptor)
-            raise OSError(errno.ENODATA, f"it has less than the {keep_bytes} bytes that it had at the checkpoint")
-        os.ftruncate(self._descriptor, keep_bytes)
-        os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
-
-    def write(self, data: bytes) -> int:
-        view = memoryview(data)
-        while view:
-            written = os.write(self._descriptor, view)
-            self._position += written
-            view = view[written:]
-        return len(data)
-
-    def tell(self) -> int:
-        return self._position
-
-    def close(self) -> None:
-        os.close(self._descriptor)
-
-
-class _Nowhere:
-    """A stream that forgets."""
-
-    def write(self, data: bytes) -> int:
-        return len(data)
-
-    def tell(self) -> int:
-        return 0
-
-    def close(self) -> None:
-        """There is nothing to close."""
+def _same_place(known: TransformStamped | None, item: TransformStamped) -> bool:
+    """Whether a frame is where it was, whenever that was said."""
+    if known is None or known.header.frame_id != item.header.frame_id:
+        return False
+    return known.transform == item.transform

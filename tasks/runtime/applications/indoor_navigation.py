@@ -9,11 +9,13 @@ from ....schemas.world import World
 from ..context import SimulationContext
 from ..results import EnvironmentReport
 from ..resumable import ResumableEnvironment
+from ..state_series import BASE_FRAME
 from .navigation_task import NavigationTask
 from .robot_scout import SCOUT
 from .robots.lookup import find_robot
 from .robots.robot import CONTROL_TIMESTEP_S, Robot
 from .scene import ScenePhysics, assemble
+from .telemetry import MAP_FRAME, moving_body
 
 TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 
@@ -31,6 +33,8 @@ class IndoorNavigation(ResumableEnvironment):
         self._navigation = task
         self.robot = robot
         """The robot in the world; agents that plan ask it for its limits."""
+        self.frames = {"world": MAP_FRAME, moving_body(robot): BASE_FRAME}
+        """Frames of bodies; `/tf` tells where they are."""
         if robot.video_camera is not None:
             self.video_camera = f"{robot.prefix}{robot.video_camera}"
 

@@ -19,6 +19,7 @@ from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSerie
 from .robots.robot import Lidar, Robot
 from .scene_markers import goal_markers
 
+MAP_FRAME = "map"
 _ROUNDING_S = 1e-6
 """Forgives rounding in sums of time steps."""
 
@@ -36,6 +37,11 @@ class RobotState(NamedTuple):
     """In the order of the robot's joints; likewise the velocities."""
 
     joint_velocities: tuple[float, ...]
+
+
+def moving_body(robot: Robot) -> str:
+    """Returns the body whose frame is `base_link`."""
+    return f"{robot.prefix}{robot.footprint if robot.planar_joints and robot.footprint else robot.base}"
 
 
 class Telemetry(KeepsAttributes):
@@ -103,10 +109,10 @@ class Telemetry(KeepsAttributes):
     def _publish_static(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         robot = self._robot
         stamp = ros.Time.from_seconds(data.time)
-        transforms = [ros.TransformStamped(ros.Header(stamp, "map"), ODOMETRY_FRAME, ros.Transform())]
+        transforms = [ros.TransformStamped(ros.Header(stamp, MAP_FRAME), ODOMETRY_FRAME, ros.Transform())]
         if robot.lidar is not None:
             # Where the lidar stands on the body it is fixed to, seen from the robot's base.
-            base, body = model.body(f"{robot.prefix}{robot.base}").id, robot.footprint_id(model)
+            base, body = model.body(moving_body(robot)).id, robot.footprint_id(model)
             turn = data.xmat[base].reshape(3, 3).T
             foot = data.xmat[body].reshape(3, 3)
             place = turn @ (data.xpos[body] + foot[:, 2] * robot.lidar.height_m - data.xpos[base])
@@ -115,7 +121,7 @@ class Telemetry(KeepsAttributes):
             w, x, y, z = quaternion.tolist()
             mount = ros.Transform(ros.Vector3(*place.tolist()), ros.Quaternion(x, y, z, w))
             transforms.append(ros.TransformStamped(ros.Header(stamp, BASE_FRAME), "base_scan", mount))
-        self._recorder.write("/tf_static", ros.TFMessage(tuple(transforms)), data.time)
+        self._recorder.add_static_transforms(transforms, data.time)
 
     def publish_goals(self, rooms: Sequence[Room], visited: Sequence[bool]) -> None:
         """Publishes the goals.

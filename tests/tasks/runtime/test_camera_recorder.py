@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime.camera_recorder import TOPIC, CameraRecorder
+from prefect_robomaker.tasks.runtime.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
 from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording, camera_recording
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 from prefect_robomaker.tasks.runtime.recording import McapRecorder
@@ -46,8 +46,16 @@ def run(environment: Any, folder: Path, settings: CameraRecording) -> tuple[list
             if step * 0.05 >= watcher.next_time_s - 5e-7:
                 watcher.watch(environment, step * 0.05)
         findings = watcher.close("agent")
+    return read(folder, TOPIC), findings
+
+
+def read(folder: Path, topic: str) -> list[Any]:
     with AnyReader([folder]) as reader:
-        return [reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()], findings
+        return [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic == topic
+        ]
 
 
 def test_pictures_are_jpeg_at_the_rate_asked_for(environment: Any, tmp_path: Path) -> None:
@@ -55,22 +63,27 @@ def test_pictures_are_jpeg_at_the_rate_asked_for(environment: Any, tmp_path: Pat
     assert findings.extra == {}
     stamps = [message.header.stamp.sec + message.header.stamp.nanosec / 1e9 for message in messages]
     assert stamps == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
-    assert {(message.header.frame_id, message.format) for message in messages} == {("bot/front", "jpeg")}
+    assert {(message.header.frame_id, message.format) for message in messages} == {("camera_optical_frame", "jpeg")}
+    # Each reading makes classes of its own.
+    assert [str(info.header) for info in read(tmp_path, INFO_TOPIC)] == [str(message.header) for message in messages]
     picture = np.asarray(Image.open(io.BytesIO(messages[0].data.tobytes())))
     assert picture.shape == (240, 320, 3)
     assert picture[125, 160, 0] > 2 * picture[125, 160, 1]  # the red box ahead
     layout = json.loads((tmp_path / "foxglove-layout.json").read_text())
-    assert layout["configById"]["Image!camera0"]["imageMode"]["imageTopic"] == TOPIC
+    assert layout["configById"]["Image!camera0"]["imageMode"] == {"imageTopic": TOPIC, "calibrationTopic": INFO_TOPIC}
 
 
 def test_another_camera(environment: Any, tmp_path: Path) -> None:
     messages, _ = run(environment, tmp_path, CameraRecording(1.0, "aloft"))
-    assert {message.header.frame_id for message in messages} == {"aloft"}
+    assert len(messages) == 2
+    [message] = read(tmp_path, "/tf_static")
+    assert message.transforms[0].header.frame_id == "world"
+    assert message.transforms[0].transform.translation.z == 5
 
 
 def test_a_camera_that_is_not_there_is_a_remark(environment: Any, tmp_path: Path) -> None:
     messages, findings = run(environment, tmp_path, CameraRecording(1.0, "elsewhere"))
-    assert messages == []
+    assert messages == read(tmp_path, "/tf_static") == []
     assert "'elsewhere'" in findings.extra["camera_error"]
 
 
@@ -108,11 +121,6 @@ def test_a_job_records_its_camera_when_asked_to(launcher: Launcher, make_plan: C
         ),
     )
     assert launcher.run(plan, lambda: None).status == "Completed"
-    with AnyReader([plan.output_dir]) as reader:
-        pictures = [
-            reader.deserialize(raw, connection.msgtype)
-            for connection, _, raw in reader.messages()
-            if connection.topic == TOPIC
-        ]
+    pictures = read(plan.output_dir, TOPIC)
     assert len(pictures) > 2
     assert Image.open(io.BytesIO(pictures[0].data.tobytes())).size == (320, 240)

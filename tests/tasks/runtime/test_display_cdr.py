@@ -16,7 +16,7 @@ STORES = [get_typestore(store) for store in (Stores.ROS2_HUMBLE, Stores.ROS2_JAZ
 STORE = STORES[0]
 KINDS: list[type[Message]] = [
     ros.Clock, ros.TFMessage, ros.Odometry, ros.LaserScan, ros.JointState, ros.Imu,
-    display.PoseStamped, display.Path, display.CompressedImage, display.MarkerArray,
+    display.PoseStamped, display.Path, display.CompressedImage, display.CameraInfo, display.MarkerArray,
 ]  # fmt: skip
 
 numbers = st.floats(allow_nan=False)
@@ -93,6 +93,22 @@ def test_path(header: ros.Header, way: list[display.PoseStamped]) -> None:
 @given(headers, texts, st.binary(max_size=40))
 def test_compressed_image(header: ros.Header, kind: str, data: bytes) -> None:
     check(display.CompressedImage(header, kind, data), image(header, kind, data))
+
+
+sizes = st.integers(0, 2**32 - 1)
+
+
+@given(st.builds(display.CameraInfo, headers, sizes, sizes, numbers, numbers, numbers, numbers))
+def test_camera_info(ours: display.CameraInfo) -> None:
+    _, height, width, fx, fy, cx, cy = ours
+    roi = theirs("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    message = theirs(
+        "sensor_msgs/msg/CameraInfo",
+        header=header_of(ours.header), height=height, width=width, distortion_model="plumb_bob", d=np.zeros(5),
+        k=np.array([fx, 0, cx, 0, fy, cy, 0, 0, 1]), r=np.eye(3).ravel(),
+        p=np.array([fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]), binning_x=0, binning_y=0, roi=roi,
+    )  # fmt: skip
+    check(ours, message)
 
 
 @given(st.lists(markers, max_size=3))

@@ -159,6 +159,26 @@ def test_a_player_keeps_static_transforms_for_those_who_come_later(tmp_path: Pat
     assert offered["/clock"].durability.name == "VOLATILE"
 
 
+def test_the_last_static_transforms_are_all_of_them(tmp_path: Path) -> None:
+    def at(time_s: float, child: str, x: float = 0.0) -> ros.TransformStamped:
+        return ros.TransformStamped(header(time_s, "base_link"), child, ros.Transform(ros.Vector3(x)))
+
+    with McapRecorder(tmp_path / "recording.mcap") as recorder:
+        recorder.add_static_transforms([at(0.0, "scan"), at(0.0, "camera")], 0.0)
+        recorder.add_static_transforms([at(1.0, "camera")], 1.0)  # nothing new
+        recorder.add_static_transforms([at(2.0, "imu")], 2.0)
+        recorder.add_static_transforms([at(3.0, "scan", 0.1)], 3.0)
+
+    with (tmp_path / "recording.mcap").open("rb") as stream:
+        found = [
+            (item.message.log_time // 10**9, [(each.child_frame_id, each.header.stamp.sec) for each in transforms])
+            for item in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+            if (transforms := item.decoded_message.transforms)
+        ]
+    first = [("scan", 0), ("camera", 0)]
+    assert found == [(0, first), (2, [*first, ("imu", 2)]), (3, [("scan", 3), ("camera", 0), ("imu", 2)])]
+
+
 def readable(path: Path) -> Iterator[Any]:
     """The messages of a file without an end, up to where it stops."""
     with path.open("rb") as stream, suppress(EndOfFile):

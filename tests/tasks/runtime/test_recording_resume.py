@@ -26,7 +26,7 @@ class Drive:
     def __init__(self, recorder: McapRecorder, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.recorder, self.model, self.data = recorder, model, data
         self.series = StateSeries(model, data, [0])
-        recorder.write("/tf_static", ros.TFMessage(()), data.time)
+        self.fix("lidar")
         recorder.add_series(self.series)
 
     def steps(self, count: int) -> None:
@@ -35,6 +35,11 @@ class Drive:
             self.series.sample(self.recorder)
             if round(self.data.time * 500) % 7 == 0:
                 self.recorder.write("/tf", ros.TFMessage(()), self.data.time)
+                self.fix("camera")  # known from the second time on
+
+    def fix(self, frame: str) -> None:
+        header = ros.Header(ros.Time.from_seconds(self.data.time), "base")
+        self.recorder.add_static_transforms([ros.TransformStamped(header, frame, ros.Transform())], self.data.time)
 
 
 def read(path: Path) -> list[tuple[str, int, bytes]]:

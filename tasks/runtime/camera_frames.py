@@ -1,0 +1,121 @@
+"""Where a camera is and how it projects, as ROS says it: transforms, and `sensor_msgs/CameraInfo`.
+
+Frames follow REP 103: a camera's own x forward, y left, z up; its optical frame z forward, x to the right, y down.
+"""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from . import messages as ros
+from .display_messages import CameraInfo
+
+CAMERA_FRAME, OPTICAL_FRAME = "camera_link", "camera_optical_frame"
+WORLD = "world"
+"""What MuJoCo calls the body that everything fixed belongs to."""
+
+TO_OPTICAL = ros.Transform(rotation=ros.Quaternion(-0.5, 0.5, -0.5, 0.5))
+"""From a camera's frame to its optical one."""
+
+_FROM_MUJOCO = np.array((0.5, -0.5, 0.5, 0.5))
+"""From the axes of MuJoCo's cameras (x to the right, y up, looking along -z) to a camera's frame; w first."""
+
+
+class Mount(NamedTuple):
+    """Where a camera's frame is."""
+
+    parent: str
+    """Frame that it is seen from."""
+
+    transform: ros.Transform
+    is_fixed: bool
+    """Whether it always stays there."""
+
+
+def frames_of(environment: Any) -> Mapping[str, str]:
+    """Returns which bodies of an environment have a frame that `/tf` tells of; one of them is the world."""
+    return {WORLD: WORLD, **getattr(environment, "frames", {})}
+
+
+def find_mount(
+    model: mujoco.MjModel, view: mujoco.MjvCamera, scene: mujoco.MjvScene, frames: Mapping[str, str]
+) -> Mount:
+    """Returns where a camera is.
+
+    A camera that is fixed to a body with a frame, or to what is fixed to it, is seen from there; others are seen from
+    the world.
+
+    Args:
+        model: The model.
+        view: The camera.
+        scene: What `mjv_updateCamera` says of it.
+        frames: Names of frames by names of bodies.
+    """
+    if view.type == mujoco.mjtCamera.mjCAMERA_FIXED.value:
+        fixed = _fixed_mount(model, view.fixedcamid, frames)
+        if fixed is not None:
+            return fixed
+    eye, other = scene.camera[0], scene.camera[1]
+    place = (np.asarray(eye.pos, dtype=float) + other.pos) / 2
+    ahead, up = np.asarray(eye.forward, dtype=float), np.asarray(eye.up, dtype=float)
+    turn = np.zeros(4)
+    mujoco.mju_mat2Quat(turn, np.column_stack((ahead, np.cross(up, ahead), up)).ravel())
+    return Mount(frames[WORLD], transform_of(place, turn), is_fixed=False)
+
+
+def camera_info(header: ros.Header, scene: mujoco.MjvScene, size: tuple[int, int]) -> CameraInfo | None:
+    """Returns how the scene's camera projects; None for one that is no pinhole.
+
+    Args:
+        header: When, and in which optical frame.
+        scene: What `mjv_updateCamera` says of it.
+        size: Width and height of the picture in pixels.
+    """
+    eye = scene.camera[0]
+    if eye.orthographic:
+        return None
+    width, height = size
+    high = eye.frustum_top - eye.frustum_bottom
+    # Like `mjr_render`: without a width of its own it is as wide as the picture.
+    wide = 2 * eye.frustum_width or high * width / height
+    left = eye.frustum_center - wide / 2
+    return CameraInfo(
+        header,
+        height=height,
+        width=width,
+        fx=eye.frustum_near * width / wide,
+        fy=eye.frustum_near * height / high,
+        # MuJoCo's frustum ends at the edge of the outermost pixels, which is half a pixel from their middle.
+        cx=-left / wide * width - 0.5,
+        cy=eye.frustum_top / high * height - 0.5,
+    )
+
+
+def transform_of(place: Any, turn: Any) -> ros.Transform:
+    """Returns a transform; the rotation has w first, as in MuJoCo."""
+    w, x, y, z = map(float, turn)
+    return ros.Transform(ros.Vector3(*map(float, place)), ros.Quaternion(x, y, z, w))
+
+
+def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[str, str]) -> Mount | None:
+    """Where a camera is fixed to; None where it moves on what has a frame."""
+    if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value:
+        return None
+    # From the model's constants, so that it is the same whenever it is worked out.
+    place, turn = np.array(model.cam_pos[camera]), np.zeros(4)
+    mujoco.mju_mulQuat(turn, model.cam_quat[camera], _FROM_MUJOCO)
+    body = int(model.cam_bodyid[camera])
+    while (name := model.body(body).name) not in frames:
+        if model.body_jntnum[body] or model.body_mocapid[body] >= 0:
+            return None
+        turned, place_before, turn_before = np.zeros(3), place, np.array(turn)
+        mujoco.mju_rotVecQuat(turned, place_before, model.body_quat[body])
+        place = model.body_pos[body] + turned
+        mujoco.mju_mulQuat(turn, model.body_quat[body], turn_before)
+        body = int(model.body_parentid[body])
+    return Mount(frames[name], transform_of(place, turn), is_fixed=True)

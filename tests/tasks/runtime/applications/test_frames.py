@@ -1,0 +1,91 @@
+"""Frames of the built-in environment fit together: what the lidar sees is where the walls are."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import NDArray
+from robot_stands import CART_MAPPING, write_robot
+
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.recording import McapRecorder
+
+PLANAR = """<mujoco><worldbody><body name="chassis" pos="0 0 0.1">
+<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+<geom type="cylinder" size="0.15 0.05" mass="5"/>
+<body name="upper" pos="0 0 0.1"><joint name="turn" axis="0 0 1"/>
+<geom type="box" size="0.1 0.1 0.05" mass="3"/></body></body></worldbody>
+<actuator><velocity name="x" joint="x" kv="200"/><velocity name="y" joint="y" kv="200"/>
+<velocity name="turn" joint="turn" kv="50"/></actuator></mujoco>"""
+PLANAR_MAPPING = CART_MAPPING | {
+    "footprint": {"radius_m": 0.16},
+    "spawn": {"height_m": 0.1},
+    "sensors": {"lidar": {"height_m": 0.3}},
+    "drive": {
+        "kind": "velocity", "frame": "world", "x": "x", "y": "y", "yaw": "turn", "max_linear_mps": 0.8,
+        "max_angular_radps": 1.5,
+    },
+}  # fmt: skip
+
+
+def matrix(transform: Any) -> NDArray[np.float64]:
+    turn, place = transform.rotation, transform.translation
+    flat, whole = np.zeros(9), np.eye(4)
+    mujoco.mju_quat2Mat(flat, np.array((turn.w, turn.x, turn.y, turn.z)))
+    whole[:3, :3], whole[:3, 3] = flat.reshape(3, 3), (place.x, place.y, place.z)
+    return whole
+
+
+def away_from_walls(points: NDArray[np.float64], environment: Any) -> NDArray[np.float64]:
+    """Distances in m of points from the outside of the nearest fixed box."""
+    model = environment.physics.model
+    fixed = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == 0]
+    middle, half = model.geom_pos[fixed], model.geom_size[fixed]
+    beyond = np.abs(points[:, None] - middle) - half
+    outside = np.linalg.norm(np.maximum(beyond, 0), axis=2)
+    return np.abs(outside + np.minimum(beyond.max(axis=2), 0)).min(axis=1)
+
+
+@pytest.mark.parametrize("kind", ["scout", "planar", "walker"])
+def test_scans_are_seen_where_the_walls_are(make_context: Any, tmp_path: Path, kind: str) -> None:
+    if kind == "planar":
+        robot = write_robot(tmp_path / "bundle", PLANAR_MAPPING, cart_xml=PLANAR)
+    else:
+        attribute = f"prefect_robomaker.tasks.runtime.applications.{kind}.make_agent"
+        robot = ApplicationPlan(role="robot", name=kind, attribute=attribute)
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        context = make_context(recorder=recorder, seed=3)
+        context = replace(context, plan=context.plan.model_copy(update={"robot_application": robot}))
+        environment = make_environment(context)
+        environment.reset()
+        for _ in range(20):
+            environment.step((0.15, 0.5))
+
+    known: dict[str, tuple[str, NDArray[np.float64]]] = {}
+    with (tmp_path / "r.mcap").open("rb") as stream:
+        for item in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
+            topics=["/tf", "/tf_static", "/scan"]
+        ):
+            message = item.decoded_message
+            for each in getattr(message, "transforms", ()):
+                known[each.child_frame_id] = (each.header.frame_id, matrix(each.transform))
+            if item.channel.topic == "/scan":
+                scan, frames = message, dict(known)  # of the same time, since transforms come first
+    ranges = np.array(scan.ranges)
+    hits = ranges < scan.range_max
+    angles = (scan.angle_min + scan.angle_increment * np.arange(len(ranges)))[hits]
+    points = np.stack((np.cos(angles), np.sin(angles), np.zeros(len(angles)), np.ones(len(angles))))
+    points[:2] *= ranges[hits]
+    frame = scan.header.frame_id
+    while frame != "map":
+        frame, to_parent = frames[frame]
+        points = to_parent @ points
+
+    assert hits.sum() > 100
+    assert np.percentile(away_from_walls(points[:3].T, environment), 95) < 0.03
