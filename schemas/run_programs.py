@@ -11,6 +11,8 @@ from .simulation_job_configs import ExitBehavior
 ApplicationRole = Literal["robot", "simulation"]
 ProgramKind = Literal["application", "tool"]
 FailureBehavior = Literal["Fail", "Continue"]
+DISK_BYTES = 128 * 10**9
+"""The disk that a job of the service had."""
 
 
 class ProgramPlan(Model):
@@ -46,4 +48,7 @@ class ComputeLimits(Model):
     cpus: int | None = Field(default=None, ge=1, description="Processor cores at most; absent: all there are.")
     memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
     processes: int | None = Field(default=1024, ge=1, description="Processes and threads at once; absent: no limit.")
+    disk_bytes: int | None = Field(
+        default=DISK_BYTES, gt=0, description="What its folders may hold, and any one file; absent: no limit."
+    )
     gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")

@@ -8,6 +8,7 @@
 | `ROBOMAKER_REGION`, `ROBOMAKER_ACCOUNT` | what ARNs say | `us-east-1`, `000000000000` |
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once when a batch names no `maxConcurrency` | number of CPUs |
+| `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
@@ -27,10 +28,12 @@ from pydantic import Field, ValidationError
 from .base import Model
 from .errors import ConfigurationError
 from .request_problems import problems_of
+from .run_programs import DISK_BYTES
 
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
+DEFAULT_MAX_JOB_DISK_GB = DISK_BYTES // 10**9
 DEFAULT_MAX_WORLDS_PER_JOB = 50
 """What the service allowed."""
 
@@ -49,6 +52,9 @@ class Settings(Model):
         description="Bucket for worlds, and for outputs that name none.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once when a batch names no maxConcurrency.")
+    max_job_disk_gb: int = Field(
+        default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
+    )
     max_worlds_per_job: int = Field(
         default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
     )
@@ -77,6 +83,7 @@ class Settings(Model):
             or f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db",
             "object_store": environ.get("ROBOMAKER_OBJECT_STORE") or str(home / "objects"),
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
+            "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
             "max_worlds_per_job": max_worlds_per_job(environ),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
         }

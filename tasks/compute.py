@@ -1,6 +1,7 @@
 """What a job may use of this machine: simulation units as processors and memory, and the GPU."""
 
 import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,9 @@ DEFAULT_COMPUTE: Mapping[str, Any] = {"simulationUnitLimit": 15, "computeType": 
 """What a job has that says nothing."""
 
 _BYTES_PER_UNIT = 2 << 30
+_SHARE_OF_DISK = 0.9
+_LEAST_DISK_BYTES = 64 * 10**6
+"""A disk that has less left is full soon anyway, and says so itself."""
 _GPU = Path("/dev/nvidia0")
 
 
@@ -20,11 +24,19 @@ def has_gpu(gpu: Path = _GPU) -> bool:
     return gpu.exists()
 
 
-def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None) -> ComputeLimits:
+def gpu_of(environ: Mapping[str, str]) -> str:
+    """Number or UUID of the GPU that jobs are given: the first that `CUDA_VISIBLE_DEVICES` names, else the first."""
+    return environ.get("CUDA_VISIBLE_DEVICES", "").split(",")[0].strip() or "0"
+
+
+def compute_limits(
+    request: Mapping[str, Any], disk_bytes: int, *, gpu: Path = _GPU, cpus: int | None = None
+) -> ComputeLimits:
     """The limits of a job: a simulation unit is one processor and 2 GiB of memory.
 
     Args:
       request: the job's request.
+      disk_bytes: what it may write to the disk.
       gpu: the device of the first GPU, which is looked for when the job asks for one.
       cpus: processors of this machine; absent: as many as this process may use.
 
@@ -41,4 +53,17 @@ def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | 
         )
     units = compute["simulationUnitLimit"]
     there = cpus or len(os.sched_getaffinity(0))
-    return ComputeLimits(cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, gpu=wants_gpu)
+    return ComputeLimits(
+        cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, disk_bytes=disk_bytes, gpu=wants_gpu
+    )
+
+
+def disk_limit(folder: Path, most_bytes: int) -> int:
+    """What a job may write below a folder: no job alone can fill the disk.
+
+    Args:
+      folder: where.
+      most_bytes: what it may write to a disk that is large enough.
+    """
+    free = int(_SHARE_OF_DISK * shutil.disk_usage(folder).free)
+    return min(most_bytes, max(free, _LEAST_DISK_BYTES))

@@ -13,7 +13,7 @@ from ..schemas.world import World
 from .application_plans import plan_applications
 from .bundles import world_bundle
 from .catalog import Resource
-from .compute import compute_limits
+from .compute import compute_limits, disk_limit
 from .data_sources import fetch_data_sources
 from .process_variables import process_variables
 from .resuming import CHECKPOINTS_FOLDER, checkpoint_every_s
@@ -40,7 +40,7 @@ def run_plan(
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
-    limits = compute_limits(request)
+    limits = compute_limits(request, disk_limit(folder, service.settings.max_job_disk_gb * 10**9))
     sandbox = run_sandbox(folder).create()
     world_dir = _world_dir(request, service)
     sources = job.document.get("dataSources") or []

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...schemas.run_programs import ComputeLimits
-from .processes import ProcessState, descendants_of, proportional_bytes
+from .processes import ProcessState, descendants_of, proportional_bytes, written_bytes
 
 METER_INTERVAL_S = 0.1
 _OOM_SCORE = 500
@@ -48,10 +48,20 @@ def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
         with suppress(OSError):  # a core may have been taken away in the meantime
             os.sched_setaffinity(0, cores)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if limits.disk_bytes is not None:
+        _bound_files(limits.disk_bytes)
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(_OOM_SCORE))
     if limits.processes is not None:
         _bound_forks(limits.processes)
+
+
+def _bound_files(size_bytes: int) -> None:
+    """No file becomes longer than all files together may be, also none that was deleted and cannot be found."""
+    with suppress(OSError, ValueError):
+        _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        bound = size_bytes if hard == resource.RLIM_INFINITY else min(size_bytes, hard)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (bound, bound))
 
 
 def _bound_forks(processes: int) -> None:
@@ -100,6 +110,11 @@ class Meter:
         self.interval_s = METER_INTERVAL_S / 10 if count > self._count + _MANY else METER_INTERVAL_S
         self._count = count
         return self._memory_excess(states)
+
+    def busiest_writer(self) -> int:
+        """The session of processes that has written most; 0 if nobody is left."""
+        states = [state for state in descendants_of(os.getpid()) if state.pid not in self._others]
+        return _most(states, {state.pid: written_bytes(state.pid) for state in states}) if states else 0
 
     def _memory_excess(self, states: list[ProcessState]) -> Excess | None:
         limit = self._limits.memory_bytes

@@ -98,8 +98,8 @@ def judge(
     if ended is not None and ended.crash is not None:
         head = f"{_subject(ended.crash, plan)} {ended.crash.what}"
         return Judgement("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
-    if ended is not None and ended.ended_by in ENDS_BY_THEMSELVES:
-        return Judgement("Completed")
+    if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
+        return Judgement("Completed")  # a rerun ends by itself where the run was stopped
     if stopped_for == "duration limit":
         return Judgement("Completed", timed_out=True)
     if stopped_for is not None:
@@ -144,7 +144,9 @@ def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
 def how_it_ended(status: int) -> str:
     """A wait status in words: `exited with code 3`, `was killed by SIGSEGV`."""
     if os.WIFSIGNALED(status):
-        return f"was killed by {signal_name(os.WTERMSIG(status))}"
+        number = os.WTERMSIG(status)
+        why = " (a file of it became as long as the disk that the job may use)" if number == signal.SIGXFSZ else ""
+        return f"was killed by {signal_name(number)}{why}"
     return f"exited with code {os.WEXITSTATUS(status)}"
 
 

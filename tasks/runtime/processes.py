@@ -96,6 +96,15 @@ def proportional_bytes(pid: int) -> int | None:
     return 0
 
 
+def written_bytes(pid: int) -> int:
+    """Bytes that a process, and children that it has waited for, have written to anything (`wchar`, proc(5))."""
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/io").read_bytes().splitlines():
+            if line.startswith(b"wchar:"):
+                return int(line.split()[1])
+    return 0
+
+
 def children_of(pid: int) -> list[int]:
     """Returns the direct children of a process, those waiting to be reaped included."""
     try:

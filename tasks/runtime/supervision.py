@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from .capped_logs import CappedLog
+from .disk_use import disk_meter
 from .limits import Excess, Meter, confine
 from .logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG
 from .outcomes import Crash, Exit, how_it_ended
@@ -64,11 +65,16 @@ class Supervision:
         self._programs: list[Program] = []
         self._logs: list[CappedLog] = []
         self._meter = Meter(self._plan.compute)
+        self._disk = disk_meter(self._plan)
+        self._disk_writer: int | None = None
+        """The session of processes that had written most when the run's folders held too much."""
         self._next_look_s = 0.0
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._is_over = False
         self._is_ending = False
+        self._is_stopped = False
+        """Whether somebody else ends the run."""
         self._is_completed = False
         """Whether an application ended with exit code 0, in a run without an episode."""
         self._crash: Crash | None = None
@@ -143,8 +149,9 @@ class Supervision:
         try:
             message = json.loads(self._channel.recv_bytes())
         except (EOFError, OSError):
-            self._is_over = True
+            self._is_over = self._is_stopped = True
             return
+        self._is_stopped = True
         if "stop" not in message:
             self._is_over = True
         else:
@@ -176,6 +183,9 @@ class Supervision:
         self._next_look_s = time.monotonic() + self._meter.interval_s
         if excess is not None:
             self._on_excess(excess)
+        elif self._disk_writer is None and self._disk.look():
+            self._is_over = True  # what there is, is measured and told once nobody adds to it
+            self._disk_writer = self._meter.busiest_writer()
 
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
@@ -238,8 +248,10 @@ class Supervision:
     def _on_excess(self, excess: Excess) -> None:
         """Ends the run at once, whatever its failure behaviour: its processes must not be there any longer."""
         self._is_over = True
-        if self._is_ending:
-            return
+        if not self._is_ending:
+            self._blame(excess)
+
+    def _blame(self, excess: Excess) -> None:
         what = f"used too much: {excess.text}"
         program = next((program for program in self._programs if program.pid == excess.session), None)
         if program is None and self._run_pid is None:
@@ -290,10 +302,16 @@ class Supervision:
         if self._run_pid is not None and self._run_status is None:
             self._run_status = statuses.get(self._run_pid)
         self._clean_up()
+        self._look_at_disk()
         for log in self._logs:
             with suppress(OSError):
                 log.close()
         return self._exit()
+
+    def _look_at_disk(self) -> None:
+        """Whatever the run left, and however it ended by itself: it has failed if that is more than it may leave."""
+        if not self._is_stopped and (found := self._disk.last_look()) is not None:
+            self._blame(Excess(found, self._disk_writer or 0))
 
     def _clean_up(self) -> None:
         left = {pid for program in self._programs if (pid := program.clean_up()) is not None}

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -167,3 +168,20 @@ def _wait_for(service: Service, status: str, process: "subprocess.Popen[bytes]")
                 return job.arn
         time.sleep(0.005)
     raise AssertionError(f"no job became {status}")
+
+
+def test_a_job_that_writes_without_end_fails_before_it_hurts_others(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    settings = service.settings.model_copy(update={"max_job_disk_gb": 1})
+    limited = replace(service, settings=settings)
+    # Blocks are taken without being written, in no time.
+    fill = "import os, time\nfile = open(os.environ['TMPDIR'] + '/endless.bin', 'wb')\nfor part in range(20):\n"
+    fill += "    os.posix_fallocate(file.fileno(), part * 100_000_000, 100_000_000)\n    time.sleep(0.1)\n"
+    job = call("CreateSimulationJob", order({"DO": fill}), limited)
+
+    ended = registry()["CreateSimulationJob"].perform(job["arn"], limited)
+
+    assert (ended["status"], ended["failureCode"]) == ("Failed", "SimulationApplicationCrash")
+    assert "1 GB" in ended["failureReason"]
+    assert not list((service.settings.home / "jobs").iterdir())

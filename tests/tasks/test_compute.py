@@ -1,12 +1,13 @@
 """Simulation units and GPUs of a job on this machine."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.compute import compute_limits
+from prefect_robomaker.tasks.compute import compute_limits, disk_limit
 
 
 @pytest.mark.parametrize(
@@ -14,7 +15,7 @@ from prefect_robomaker.tasks.compute import compute_limits
     [(None, 8, 30), ({}, 8, 30), ({"simulationUnitLimit": 3}, 3, 6), ({"simulationUnitLimit": 15}, 8, 30)],
 )
 def test_a_unit_is_a_processor_and_two_gibibytes(compute: Any, cpus: int, gibibytes: int) -> None:
-    limits = compute_limits({"compute": compute}, cpus=8)
+    limits = compute_limits({"compute": compute}, 1000, cpus=8)
 
     assert limits.cpus == cpus
     assert limits.memory_bytes == gibibytes << 30
@@ -26,7 +27,14 @@ def test_a_gpu_is_there_or_the_job_fails_with_a_reason(tmp_path: Path) -> None:
     device = tmp_path / "nvidia0"
 
     with pytest.raises(LaunchError, match=r"no GPU .*order CPU") as caught:
-        compute_limits(request, gpu=device)
+        compute_limits(request, 1000, gpu=device)
     assert caught.value.failure_code == "InvalidInput"
     device.touch()
-    assert compute_limits(request, gpu=device).gpu
+    assert compute_limits(request, 1000, gpu=device).gpu
+
+
+def test_a_job_cannot_fill_the_disk_alone(tmp_path: Path) -> None:
+    free = shutil.disk_usage(tmp_path).free
+
+    assert disk_limit(tmp_path, 1000) == 1000
+    assert disk_limit(tmp_path, 2 * free) == pytest.approx(0.9 * free, rel=0.01)

@@ -40,9 +40,16 @@ def _fill_the_disk(environment):
     (environment.context.output_dir / "big").write_bytes(bytes(5_000_000))
 
 
+def _write_too_much(environment):
+    for number in range(3):
+        (environment.context.output_dir / f"data-{number}.bin").write_bytes(bytes(10_000_000))
+    time.sleep(1000)
+
+
 segfaulting_in_c = _doing(_segfault_in_c)
 forking_without_end = _doing(_fork_without_end)
 endless_in_c = _doing(_stay_in_c)
 closing_stdout = _doing(_close_stdout)
 closing_descriptors = _doing(_close_descriptors)
 filling_the_disk = _doing(_fill_the_disk)
+writing_too_much = _doing(_write_too_much)

@@ -1,0 +1,196 @@
+"""What runs write to the disk, measured in real folders, and real runs that write too much."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from run_processes import never, processes_with
+
+from prefect_robomaker.schemas.run_programs import ComputeLimits, ProgramPlan
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunOutcome, RunPlan
+from prefect_robomaker.tasks.runtime.disk_use import DiskMeter, in_gb
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+Plan = Callable[..., RunPlan]
+MakeProgram = Callable[..., ProgramPlan]
+ProgramsPlan = Callable[..., RunPlan]
+TROUBLE = Path(__file__).parent / "bundles" / "trouble"
+MB = 10**6
+SMALL = ComputeLimits(disk_bytes=20 * MB)
+FILL = """
+import os, sys, time
+from pathlib import Path
+folder = Path(os.environ["ROBOMAKER_OUTPUT_DIR"])
+(folder / "deep").mkdir()
+(folder / "deep" / "big.bin").write_bytes(bytes(15_000_000))
+(folder / "small.bin").write_bytes(bytes(9_000_000))
+"""
+
+
+def write(path: Path, size: int) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(os.urandom(size))
+
+
+def looks(meter: DiskMeter, now: list[float], seconds: float) -> bool:
+    """Looks ten times a second, by a clock that stands still meanwhile; says whether it was too much."""
+    found = False
+    for _ in range(round(seconds * 10)):
+        found = found or meter.look()
+        now[0] += 0.1
+    return found
+
+
+class TestMeter:
+    def test_folders_count_together_and_the_biggest_files_are_named(self, tmp_path: Path) -> None:
+        now = [0.0]
+        folders = {tmp_path / "output": "output", tmp_path / "root": ""}
+        meter = DiskMeter(folders, 3 * MB, [tmp_path / "root/data"], clock=lambda: now[0])
+        write(tmp_path / "output/a/b.bin", 2 * MB)
+        write(tmp_path / "root/data/map.bin", 9 * MB)
+        (tmp_path / "root/link").symlink_to(tmp_path / "root/data")
+        assert not looks(meter, now, 3)
+        assert meter.last_look() is None
+
+        write(tmp_path / "root/home/robomaker/c.bin", 1_500_000)
+
+        assert looks(meter, now, 3)
+        said = meter.last_look()
+        assert said is not None
+        assert said.startswith("3 MB of disk are allowed, and it used 3.5")
+        assert "; the biggest files are output/a/b.bin (2 MB), /home/robomaker/c.bin (1.5 MB)" in said
+
+    def test_what_was_too_much_is_told_also_when_it_is_gone(self, tmp_path: Path) -> None:
+        now = [0.0]
+        meter = DiskMeter({tmp_path: "output"}, MB, clock=lambda: now[0])
+        write(tmp_path / "x", 2 * MB)
+        assert looks(meter, now, 3)
+        (tmp_path / "x").unlink()
+        said = meter.last_look()
+        assert said is not None
+        assert said.startswith("1 MB of disk are allowed, and it used 2")
+
+    def test_holes_are_free_and_empty_files_are_not(self, tmp_path: Path) -> None:
+        meter = DiskMeter({tmp_path: "output"}, MB)
+        with (tmp_path / "sparse").open("wb") as file:
+            file.truncate(10**12)
+        assert meter.last_look() is None
+        for number in range(300):
+            (tmp_path / str(number)).touch()
+        assert meter.last_look() is not None
+
+    def test_no_limit_and_no_folder(self, tmp_path: Path) -> None:
+        write(tmp_path / "x", 1000)
+        for meter in (DiskMeter({tmp_path: "x"}, None), DiskMeter({tmp_path / "gone": "x"}, 1)):
+            assert not meter.look()
+            assert meter.last_look() is None
+
+    def test_a_large_tree_is_walked_in_slices(self, tmp_path: Path) -> None:
+        for folder in range(40):
+            (tmp_path / str(folder)).mkdir()
+            for number in range(100):
+                (tmp_path / str(folder) / str(number)).touch()
+        meter = DiskMeter({tmp_path: "output"}, 4000 * 4096 - 1)
+        time.sleep(1.05)
+        longest, count = 0.0, 0
+        found = False
+        while not found:
+            began = time.thread_time()
+            found = meter.look()
+            longest = max(longest, time.thread_time() - began)
+            count += 1
+            meter._next_look_s = 0.0  # pyright: ignore[reportPrivateUsage] - as if a tenth of a second were over
+            assert count < 1000
+        assert count > 3
+        assert longest < 0.005
+
+    @given(st.lists(st.integers(0, 100_000), max_size=8), st.integers(1, 400_000))
+    def test_there_is_too_much_exactly_if_the_sum_is(
+        self, tmp_path_factory: pytest.TempPathFactory, sizes: list[int], limit: int
+    ) -> None:
+        folder = tmp_path_factory.mktemp("tree")
+        for number, size in enumerate(sizes):
+            write(folder / ("d" * (number % 3 + 1)) / str(number), size)
+        used = sum(max(path.stat().st_blocks * 512, 4096) for path in folder.rglob("*") if path.is_file())
+        assert (DiskMeter({folder: "x"}, limit).last_look() is not None) == (used > limit)
+
+    @pytest.mark.parametrize(
+        ("count", "text"), [(128 * 10**9, "128 GB"), (1_254_000_000, "1.25 GB"), (20_000_000, "20 MB")]
+    )
+    def test_bytes_in_words(self, count: int, text: str) -> None:
+        assert in_gb(count) == text
+
+
+def reason_of(outcome: RunOutcome, code: str) -> str:
+    assert (outcome.status, outcome.failure_code, outcome.finished) == ("Failed", code, False)
+    return outcome.failure_reason or ""
+
+
+class TestRuns:
+    def test_a_program_that_goes_on_is_ended(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
+    ) -> None:
+        began = time.monotonic()
+        plan = plan_programs(program(FILL + "print('full', flush=True); time.sleep(1000)"), compute=SMALL)
+        reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
+        assert reason.startswith(
+            "Robot application driver (program robot) used too much: 20 MB of disk are allowed, and it used 24"
+        )
+        assert "; the biggest files are output/deep/big.bin (15 MB), output/small.bin (9 MB)\n" in reason
+        assert reason.endswith("full")
+        assert time.monotonic() - began < 10
+        assert processes_with(str(tmp_path)) == []
+
+    def test_one_that_has_ended_by_then_has_failed_all_the_same(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        plan = plan_programs(program(FILL), compute=SMALL)
+        assert "20 MB of disk" in reason_of(launcher.run(plan, never), "RobotApplicationCrash")
+        assert not (plan.output_dir / "result.json").exists()
+
+    def test_home_and_tmp_count_and_so_do_tools(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
+    ) -> None:
+        command = 'mkdir -p "$HOME/bags"; head -c 25000000 /dev/zero > "$HOME/bags/a.bag"; sleep 1000'
+        tool = program("", name="simulation-bags", kind="tool", role="simulation", argv=["/bin/bash", "-c", command])
+        (tmp_path / "run-1/root/home/robomaker").mkdir(parents=True)
+        plan = plan_programs(
+            program("import time; time.sleep(1000)"), tool, compute=SMALL, root_dir=tmp_path / "run-1/root"
+        )
+        reason = reason_of(launcher.run(plan, never), "SimulationApplicationCrash")
+        assert reason.startswith("Tool bags of simulation application arena used too much: 20 MB of disk are allowed")
+        assert "/home/robomaker/bags/a.bag (20 MB)" in reason  # the kernel lets no file become longer
+
+    def test_an_episode(self, launcher: Launcher, make_plan: Plan) -> None:
+        arena = ApplicationPlan(
+            role="simulation", name="arena", attribute="trouble.faults.writing_too_much", path=TROUBLE
+        )
+        plan = make_plan(simulation_application=arena, compute=SMALL)
+        reason = reason_of(launcher.run(plan, never), "SimulationApplicationCrash")
+        assert reason.startswith("Simulation application arena used too much: 20 MB of disk are allowed")
+        assert "output/data-0.bin" in reason
+
+    def test_a_file_that_nobody_can_find_cannot_grow_without_end(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        """Deleted while it is open, it is in no folder any more."""
+        command = 'exec 7> x; rm x; head -c 30000000 /dev/zero >&7; echo "$?"; exec head -c 30000000 /dev/zero >&7'
+        plan = plan_programs(program("", argv=["/bin/bash", "-c", command]), compute=SMALL)
+        reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
+        assert "was killed by SIGXFSZ (a file of it became as long as the disk that the job may use)" in reason
+
+    def test_a_canceled_run_is_canceled(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        plan = plan_programs(program(FILL + "print('on', flush=True); time.sleep(1000)"), compute=SMALL)
+        log = plan.output_dir / "logs/robot.stdout.log"
+        outcome = launcher.run(plan, lambda: "canceled" if log.exists() and log.read_text() else None)
+        assert outcome.status == "Canceled"
+
+    def test_enough(self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan) -> None:
+        plan = plan_programs(program(FILL), compute=ComputeLimits(disk_bytes=30 * MB))
+        assert launcher.run(plan, never).status == "Completed"
