@@ -45,6 +45,9 @@ UPLOAD_ROOTS = ("/home/robomaker/", "/var/log")
 """What the path of an upload configuration begins with."""
 KEPT_FOLDERS = ("/home/robomaker", "/opt/robomaker/datasources", "/var/log", "/tmp")  # noqa: S108 - the job's own
 """Folders of a job that no data source may replace."""
+_USED_FOLDERS = ("/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent", "/proc", "/sys", "/dev")
+"""Folders of containers that hold something else."""
+_DATA_SOURCES = "/opt/robomaker/datasources"
 
 
 def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
@@ -111,6 +114,10 @@ def _can_be_replaced(path: str) -> str:
         raise ValueError(f"{path!r} has to be an absolute path, such as /home/robomaker/maps")
     if any(PurePosixPath(kept).is_relative_to(path) for kept in KEPT_FOLDERS):
         raise ValueError(f"{path!r} would be replaced as a whole; give a folder of the data's own, such as {path}/data")
+    if PurePosixPath(path).is_relative_to(_DATA_SOURCES):
+        raise ValueError(f"{path!r}: a source without a destination is found in {_DATA_SOURCES} as it is; leave it out")
+    if used := next((used for used in _USED_FOLDERS if PurePosixPath(path).is_relative_to(used)), None):
+        raise ValueError(f"{path!r}: {used} holds something else; give a folder such as /home/robomaker/data")
     return path
 
 
@@ -206,11 +213,26 @@ class DataSourceConfig(Shape):
         return self
 
 
+def _different_destinations(sources: list[DataSourceConfig]) -> list[DataSourceConfig]:
+    names: dict[PurePosixPath, str] = {}
+    for source in sources:
+        if source.destination is None:
+            continue
+        other = names.setdefault(PurePosixPath(source.destination), source.name)
+        if other != source.name:
+            raise ValueError(
+                f"{other} and {source.name} have the same destination {source.destination}, whose content each of them "
+                "would replace; give each a folder of its own"
+            )
+    return sources
+
+
 DataSourceConfigs = Annotated[
     list[DataSourceConfig],
     ShapeName("DataSourceConfigs"),
     Field(min_length=1, max_length=6),
     AfterValidator(unique_names("dataSources")),
+    AfterValidator(_different_destinations),
 ]
 
 

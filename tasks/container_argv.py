@@ -1,16 +1,38 @@
-"""Command lines of container engines, docker and podman alike."""
+"""Command lines of container engines, docker and podman alike where they are alike."""
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..schemas.run_programs import ComputeLimits
 
+# Not every client passes signals on, or ends as its container did; it has a group of its own (`set -m`), and what it
+# cannot tell is asked for afterwards.
+_START = """
+trap '"$1" kill --signal TERM "$2" >/dev/null 2>&1' TERM
+set -m
+"$1" start --attach "$2" &
+set +m
+while wait $!; code=$?; kill -0 $! 2>/dev/null; do :; done
+form='{{.State.Status}} {{.State.OOMKilled}} {{.State.ExitCode}}'
+read -r status is_out_of_memory ended_with <<<"$("$1" inspect --format "$form" "$2" 2>/dev/null)"
+if [ "$is_out_of_memory" = true ]; then
+  echo "the container used more memory than the $3 MiB that are allowed, and was killed" >&2
+fi
+[ "$status" = exited ] && code=$ended_with
+exit $code
+"""
 # A tool is started at the same moment as its container, which takes a while to be there.
 _WAIT_AND_EXECUTE = (
     'until [ "$("$1" inspect --format "{{.State.Running}}" "$2" 2>/dev/null)" = true ]; do sleep 0.1; done; '
     'exec "$1" exec "$2" /bin/bash -c "$3"'
 )
+_REMOVE = 'exec "$1" rm -f "$2" >/dev/null'
+# Whoever owns the folder is not the same number inside and outside of rootless engines.
+_GIVE_BACK = 'chown -hR "$(stat -c %u:%g "$0")" "$0" && chmod -R u+rwX "$0"'
+_GIVEN_BACK = "/robomaker"
 
 
 @dataclass(frozen=True)
@@ -23,8 +45,11 @@ class Mount:
 
     @property
     def option(self) -> str:
-        """The value of the engine's option `-v`."""
-        return f"{self.source}:{self.target}" + (":ro" if self.read_only else "")
+        """The value of the engine's option `--mount`; paths may hold colons and commas."""
+        values = ["type=bind", f"source={self.source}", f"target={self.target}"]
+        line = io.StringIO()
+        csv.writer(line, lineterminator="").writerow(values + ["readonly"] * self.read_only)
+        return line.getvalue()
 
 
 @dataclass(frozen=True)
@@ -40,25 +65,47 @@ class Container:
     environment: Mapping[str, str] = field(default_factory=dict)
     mounts: Sequence[Mount] = ()
     limits: ComputeLimits = field(default_factory=ComputeLimits)
+    is_podman: bool = False
+    gpu: str = "0"
+    """Which GPU it gets, where its limits say that it gets one: number or UUID."""
 
 
-def run_argv(container: Container) -> list[str]:
-    """Runs a container in the foreground, on the machine's network, and removes it at its end."""
+def create_argv(container: Container) -> list[str]:
+    """Makes a container on the machine's network, which does not run yet.
+
+    The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: they are those
+    of whoever performs the job, too.
+    """
     limits = container.limits
-    argv = [container.engine, "run", "--rm", "--name", container.name, "--network", "host"]
+    argv = [container.engine, "create", "--name", container.name, "--network", "host", "--log-driver", "none"]
+    argv += ["--security-opt", "label=disable"]
     if limits.cpus is not None:
         argv += ["--cpus", str(limits.cpus)]
     if limits.memory_bytes is not None:
-        argv += ["--memory", str(limits.memory_bytes)]
+        # Engines allow as much again of swap, unless that is said to be the limit too.
+        argv += ["--memory", str(limits.memory_bytes), "--memory-swap", str(limits.memory_bytes)]
     if limits.processes is not None:
         argv += ["--pids-limit", str(limits.processes)]
     if limits.gpu:
-        argv += ["--gpus", "all"]
+        argv += _gpu_options(container)
     for name, value in sorted(container.environment.items()):
         argv += ["-e", f"{name}={value}"]
     for mount in container.mounts:
-        argv += ["-v", mount.option]
+        argv += ["--mount", mount.option]
     return [*argv, container.image, *container.command]
+
+
+def _gpu_options(container: Container) -> list[str]:
+    """What gives it a GPU: docker has NVIDIA's hook called, podman reads what `nvidia-ctk cdi generate` wrote."""
+    if container.is_podman:
+        return ["--device", f"nvidia.com/gpu={container.gpu}"]
+    return ["--gpus", f"device={container.gpu}"]
+
+
+def start_argv(container: Container) -> list[str]:
+    """Runs a container that was made, in the foreground; ends with its exit code, and says if memory was its end."""
+    mebibytes = round((container.limits.memory_bytes or 0) / 2**20)
+    return ["/bin/bash", "-c", _START, "start", container.engine, container.name, str(mebibytes)]
 
 
 def tool_argv(container: Container, command: str) -> list[str]:
@@ -67,5 +114,19 @@ def tool_argv(container: Container, command: str) -> list[str]:
 
 
 def remove_argv(container: Container) -> list[str]:
-    """Ends a container, whatever it does."""
-    return [container.engine, "rm", "-f", container.name]
+    """Ends a container, whatever it does, and removes it."""
+    return ["/bin/bash", "-c", _REMOVE, "remove", container.engine, container.name]
+
+
+def give_back_argv(engine: str, name: str, image: str, folder: Path) -> list[str]:
+    """Makes all that containers wrote into a folder belong to whoever owns the folder.
+
+    Args:
+      engine: the engine's program.
+      name: for the container that does it, and is removed.
+      image: an image that has a shell, `chown`, `chmod` and `stat`.
+      folder: the folder.
+    """
+    run = [engine, "run", "--rm", "--name", name, "--network", "none", "--security-opt", "label=disable"]
+    run += ["--user", "0", "--mount", Mount(folder, _GIVEN_BACK).option, "--entrypoint", "/bin/sh"]
+    return [*run, image, "-c", _GIVE_BACK, _GIVEN_BACK]

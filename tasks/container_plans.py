@@ -1,28 +1,29 @@
 """Applications that are container images: pulled, given folders, run by docker or podman."""
 
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
+from ..schemas.errors import LaunchError
 from ..schemas.run_programs import ProgramPlan
 from ..schemas.simulation_run import ApplicationRole
 from .catalog import Resource
-from .container_argv import Container, Mount, remove_argv, run_argv, tool_argv
-from .containers import Engine, copy_out, engine_environment, find_engine, get_image
+from .compute import gpu_of
+from .container_argv import Container, Mount, create_argv, remove_argv, start_argv, tool_argv
+from .container_leftovers import ContainerNote, note_container
+from .containers import Engine, EngineError, copy_out, engine_environment, find_engine, get_image
 from .runtime.agent_client import SOCKET_VARIABLE
 from .runtime.agent_socket import agent_socket_path
-from .sandbox import DATA_SOURCES, HOME, LOGS, Sandbox
+from .sandbox import AGENT, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
 from .surroundings import Surroundings, container_sandbox, tool_plan
 
-OUTPUT_IN_CONTAINERS = "/opt/robomaker/output"
-WORLD_IN_CONTAINERS = "/opt/robomaker/world"
-AGENT_IN_CONTAINERS = "/opt/robomaker/agent"
+_CREATE_TIMEOUT_S = 120.0
 
 
 def plan_container(
     role: ApplicationRole, application: Resource, uri: str, config: Mapping[str, Any], surroundings: Surroundings
 ) -> list[ProgramPlan]:
-    """Gets an application's image and says how it and its tools are run.
+    """Gets an application's image, makes its container, and says how it and its tools are run.
 
     Args:
       role: the application's.
@@ -32,9 +33,9 @@ def plan_container(
       surroundings: what it finds.
 
     Raises:
-      LaunchError: there is no engine, or the image cannot be had or may not be run.
+      LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
-    container = _container(role, application, uri, config["launchConfig"], surroundings)
+    container = _made_container(role, application, uri, config["launchConfig"], surroundings)
     # The engine is called as whoever performs the job calls it: its sockets and credentials are theirs.
     environment = engine_environment(surroundings.environ)
     folder = surroundings.folder
@@ -42,7 +43,7 @@ def plan_container(
         name=role,
         role=role,
         kind="application",
-        argv=run_argv(container),
+        argv=start_argv(container),
         folder=folder,
         environment=environment,
         cleanup_argv=remove_argv(container),
@@ -54,37 +55,53 @@ def plan_container(
     return [program, *tools]
 
 
-def _container(
+def _made_container(
     role: ApplicationRole,
     application: Resource,
     uri: str,
     launch: Mapping[str, Any],
     surroundings: Surroundings,
 ) -> Container:
-    """Gets an image and says how it is run."""
+    """Gets an image and makes the container.
+
+    It is made here and not when it is run: who kills an engine's client that makes one cannot know whether the engine
+    goes on to make it. For the same reason nobody stops this.
+    """
     engine = find_engine(surroundings.environ, surroundings.which)
     digest = application.document.get("imageDigest")
     get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
     name = f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{role}"
-    sandbox = _seeded_sandbox(engine, uri, name, role, surroundings)
+    sandbox = _seeded_sandbox(engine, ContainerNote(engine.program, f"{name}-image", uri, role), surroundings)
     command = launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)]
-    return Container(
+    container = Container(
         engine=engine.program,
         name=name,
         image=uri,
         command=command,
-        environment={**_container_variables(role, surroundings), **(launch.get("environmentVariables") or {})},
+        environment={**(launch.get("environmentVariables") or {}), **_container_variables(role, surroundings)},
         mounts=_mounts(role, sandbox, surroundings),
         limits=surroundings.plan.compute,
+        is_podman=engine.is_podman,
+        gpu=gpu_of(surroundings.environ),
     )
+    note_container(surroundings.folder, ContainerNote(engine.program, name, uri, role))
+    try:
+        engine.carry_out(create_argv(container), "create", _CREATE_TIMEOUT_S)
+    except EngineError as error:
+        raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
+    return container
 
 
-def _seeded_sandbox(engine: Engine, uri: str, name: str, role: ApplicationRole, surroundings: Surroundings) -> Sandbox:
+def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundings) -> Sandbox:
     """Folders for a container, with what its image has there; whoever `USER` is may write to them."""
-    sandbox = container_sandbox(surroundings.folder, role).create()
+    sandbox = container_sandbox(surroundings.folder, note.role).create()
+    sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
-    copy_out(engine, uri, f"{name}-image", folders)
-    for folder in (*folders.values(), surroundings.plan.output_dir):
+    note_container(surroundings.folder, note)
+    copy_out(engine, note.image, note.name, folders, stopped=surroundings.stopped)
+    output = sandbox.place(OUTPUT)
+    output.mkdir(parents=True, exist_ok=True)
+    for folder in (*folders.values(), output):
         folder.chmod(0o777)
     return sandbox
 
@@ -92,14 +109,36 @@ def _seeded_sandbox(engine: Engine, uri: str, name: str, role: ApplicationRole, 
 def _mounts(role: ApplicationRole, sandbox: Sandbox, surroundings: Surroundings) -> list[Mount]:
     shared = surroundings.sandbox
     mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS)]
+    for path in surroundings.destinations:
+        if path.startswith((f"{HOME}/", f"{LOGS}/")):
+            _make_mount_point(sandbox, path)
     mounts.append(Mount(shared.place(DATA_SOURCES), DATA_SOURCES, read_only=True))
     mounts += [Mount(shared.place(path), path, read_only=True) for path in surroundings.destinations]
-    mounts.append(Mount(surroundings.plan.output_dir, OUTPUT_IN_CONTAINERS))
+    mounts.append(Mount(sandbox.place(OUTPUT), OUTPUT))
     if surroundings.plan.world_dir is not None:
-        mounts.append(Mount(surroundings.plan.world_dir, WORLD_IN_CONTAINERS, read_only=True))
+        mounts.append(Mount(surroundings.plan.world_dir, WORLD, read_only=True))
     if role == "robot":
-        mounts.append(Mount(_agent_folder(surroundings), AGENT_IN_CONTAINERS))
+        # Who may not write to the folder may connect nevertheless.
+        mounts.append(Mount(_agent_folder(surroundings), AGENT, read_only=True))
     return mounts
+
+
+def _make_mount_point(sandbox: Sandbox, path: str) -> None:
+    """Makes a folder below what the image has, where the engine would make one that belongs to root.
+
+    Raises:
+      LaunchError: the image has something else there; links could lead anywhere.
+    """
+    place = sandbox.root
+    for part in PurePosixPath(path).parts[1:]:
+        place /= part
+        if place.is_symlink() or (place.exists() and not place.is_dir()):
+            raise LaunchError(
+                f"the data source's destination {path} cannot be there: the image has something at "
+                f"/{place.relative_to(sandbox.root)} that is no folder",
+                "InvalidInput",
+            )
+        place.mkdir(exist_ok=True)
 
 
 def _agent_folder(surroundings: Surroundings) -> Path:
@@ -117,11 +156,12 @@ def _container_variables(role: ApplicationRole, surroundings: Surroundings) -> d
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": surroundings.plan.job_arn,
         "AWS_ROBOMAKER_SIMULATION_RUN_ID": surroundings.plan.run_id,
         "ROBOMAKER_DATA_DIR": DATA_SOURCES,
-        "ROBOMAKER_OUTPUT_DIR": OUTPUT_IN_CONTAINERS,
+        "ROBOMAKER_OUTPUT_DIR": OUTPUT,
+        "ROBOMAKER_SEED": str(surroundings.plan.seed),
     }
     if role == "robot":
-        variables[SOCKET_VARIABLE] = f"{AGENT_IN_CONTAINERS}/{agent_socket_path(surroundings.plan).name}"
+        variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(surroundings.plan).name}"
     if surroundings.plan.world_dir is not None:
-        variables["ROBOMAKER_WORLD_DIR"] = WORLD_IN_CONTAINERS
+        variables["ROBOMAKER_WORLD_DIR"] = WORLD
     service = {name: value for name, value in surroundings.plan.environment.items() if name.startswith("AWS_")}
     return variables | {name: value for name, value in service.items() if name != "AWS_DATA_PATH"}

@@ -5,8 +5,8 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,19 @@ ENGINE_VARIABLE = "ROBOMAKER_CONTAINER_ENGINE"
 PULL_TIMEOUT_S = 1800.0
 _ENGINES = ("docker", "podman")
 _ANSWER_TIMEOUT_S = 20.0
+_CREATE_TIMEOUT_S = 120.0
 _POLL_S = 0.1
 _KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")
+# What the engine says is told last: where it has nothing to copy, tar complains too.
+_COPY = """
+set -o pipefail
+unpack() { tar --extract --directory "$1" --numeric-owner --preserve-permissions "--$2-owner" 2>&1 | head -n 1 >&2; }
+said=$({ "$1" cp "$2" - 2>&3 | unpack "$3" "$4"; } 3>&1)
+code=$?
+echo "$said" >&2
+[ $code = 0 ] && [ "$4" = no-same ] && chmod -R a+rwX "$3"
+exit $code
+"""
 _KEPT_BEGINNINGS = ("DOCKER_", "CONTAINER_", "CONTAINERS_", "REGISTRY_")
 
 Which = Callable[[str], str | None]
@@ -40,6 +51,7 @@ class Engine:
 
     program: str
     environment: Mapping[str, str]
+    is_podman: bool = False
 
     def call(
         self, *arguments: str, timeout_s: float = _ANSWER_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
@@ -49,9 +61,25 @@ class Engine:
         Raises:
           EngineError: it failed, took too long, or was `stopped`.
         """
+        return self.carry_out([self.program, *arguments], arguments[0], timeout_s, stopped)
+
+    def carry_out(
+        self, argv: Sequence[str], what: str, timeout_s: float, stopped: Callable[[], bool] = lambda: False
+    ) -> str:
+        """Runs a command line that calls the engine; returns what it printed.
+
+        Args:
+          argv: the command line.
+          what: is done by it, for messages.
+          timeout_s: how long it may take.
+          stopped: asked several times a second whether to give up.
+
+        Raises:
+          EngineError: it failed, took too long, or was `stopped`.
+        """
         try:
             process = subprocess.Popen(
-                [self.program, *arguments],
+                argv,
                 env=dict(self.environment),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
@@ -61,8 +89,8 @@ class Engine:
                 start_new_session=True,
             )
         except OSError as error:
-            raise EngineError(f"{self.program} cannot be run: {error.strerror}") from error
-        return _finish(process, arguments, timeout_s, stopped)
+            raise EngineError(f"{argv[0]} cannot be run: {error.strerror}") from error
+        return _finish(process, what, timeout_s, stopped)
 
 
 @dataclass(frozen=True)
@@ -104,10 +132,10 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
         engine = Engine(program, engine_environment(environ))
         try:
             engine.call("version")
+            # Some systems have podman under the name of docker.
+            return replace(engine, is_podman="podman" in engine.call("--version").lower())
         except EngineError as error:
             said.append(f"{name} does not answer ({error})")
-        else:
-            return engine
     raise LaunchError(
         f"container images need docker or podman, and this machine has none that works: {'; '.join(said)}; "
         f"install one, or say with {ENGINE_VARIABLE} where it is",
@@ -171,27 +199,38 @@ def get_image(
     return image
 
 
-def copy_out(engine: Engine, uri: str, name: str, folders: Mapping[str, Path]) -> None:
+def copy_out(
+    engine: Engine,
+    uri: str,
+    name: str,
+    folders: Mapping[str, Path],
+    *,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
     """Copies folders of an image to this machine; those that it does not have are left out.
 
     What is mounted over a folder of an image hides what the image has there, such as a workspace below
-    `/home/robomaker`.
+    `/home/robomaker`. Root keeps whose files they are; for others all files become their own, and whoever is the
+    image's `USER` may write to them too.
 
     Args:
       engine: where the image is.
       uri: the image.
       name: for the container that is made for this, and removed.
       folders: by the path in the image, the folder here.
+      stopped: asked several times a second whether to give up.
 
     Raises:
-      LaunchError: the engine refuses.
+      LaunchError: the engine refuses, or it was `stopped`.
     """
+    owners = "same" if os.geteuid() == 0 else "no-same"
     try:
-        engine.call("create", "--name", name, uri, "nothing")
+        engine.call("create", "--name", name, "--network", "host", uri, "nothing", timeout_s=_CREATE_TIMEOUT_S)
         try:
             for inside, here in folders.items():
+                argv = ["/bin/bash", "-c", _COPY, "copy", engine.program, f"{name}:{inside}/.", str(here), owners]
                 try:
-                    engine.call("cp", "-a", f"{name}:{inside}/.", str(here), timeout_s=PULL_TIMEOUT_S)
+                    engine.carry_out(argv, "cp", PULL_TIMEOUT_S, stopped)
                 except EngineError as error:
                     if "o such" not in str(error) and "not find" not in str(error) and "not exist" not in str(error):
                         raise
@@ -212,9 +251,7 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
     return Image(tuple(names), tuple(config.get("Volumes") or ()), tuple(config.get("ExposedPorts") or ()))
 
 
-def _finish(
-    process: "subprocess.Popen[str]", arguments: tuple[str, ...], timeout_s: float, stopped: Callable[[], bool]
-) -> str:
+def _finish(process: "subprocess.Popen[str]", what: str, timeout_s: float, stopped: Callable[[], bool]) -> str:
     deadline = time.monotonic() + timeout_s
     while True:
         try:
@@ -226,7 +263,7 @@ def _finish(
                 os.killpg(process.pid, signal.SIGKILL)  # with helpers, which have its output open too
                 process.communicate()
                 why = f"did not end within {timeout_s:g} s" if late else "was stopped"
-                raise EngineError(f"`{arguments[0]}` {why}") from None
+                raise EngineError(f"`{what}` {why}") from None
     if process.returncode:
         last = (complained.strip() or printed.strip() or f"exit code {process.returncode}").splitlines()[-1]
         raise EngineError(last)

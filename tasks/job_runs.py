@@ -15,6 +15,8 @@ from ..schemas.errors import (
     StorageError,
 )
 from ..schemas.simulation_run import RunOutcome, RunPlan
+from .container_leftovers import remove_containers_of_job
+from .container_outputs import settle_containers
 from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
 from .performing import Lease, perform_if_idle, perform_once
 from .resuming import plan_to_resume
@@ -135,7 +137,8 @@ class JobRun:
             self._lease.update(lambda document: {**document, "attempts": document.get("attempts", 1) + 1})
             return self._carry_out(left)
         except LaunchError as error:
-            self._terminate(failed(error.failure_code, str(error)))
+            reason = self._why_stop()  # which is why something was given up, perhaps
+            self._terminate(stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error)))
         except Exception as error:  # the job has to end whatever breaks
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
@@ -149,6 +152,7 @@ class JobRun:
         # What an earlier run failed of is nothing that this one has.
         self._lease.transition("prepare", runId=run_id, failureCode=None, failureReason=None)
         self._outputs(run_id).prepare()
+        remove_containers_of_job(folder.parent)  # of performers that died together with all that they had started
         plan = run_plan(self._lease.job, run_id, folder, self._service, lambda: self._why_stop() is not None)
         self._lease.transition(
             "start",
@@ -167,7 +171,10 @@ class JobRun:
         run_id = plan.run_id
         with self._outputs(run_id).rolling():
             outcome = launcher().run(
-                plan, lambda: "canceled" if self._why_interrupt() else None, on_crash=self._note_crash
+                plan,
+                lambda: "canceled" if self._why_interrupt() else None,
+                on_crash=self._note_crash,
+                on_stopped=lambda: settle_containers(self._folder(run_id), plan.output_dir),
             )
         why_stop = self._why_stop()
         ending = ending_of(outcome, why_stop)
@@ -233,6 +240,7 @@ class JobRun:
     def _published(self, run_id: str, ending: Ending) -> Ending:
         """Stores the outputs; returns the ending, which is a failure when that does not work."""
         outputs = self._outputs(run_id)
+        settle_containers(self._folder(run_id), outputs.output_dir)
         try:
             return {**ending, "outputs": outputs.store(ending, finished=self._lease.job.document["finished"])}
         except (StorageError, OSError) as error:
@@ -294,6 +302,7 @@ class JobRun:
         if self._lease.lost:
             return  # whoever took over may go on with the same run
         folder, document = self._folder(run_id), self._lease.job.document
+        remove_containers_of_job(folder.parent)
         if "outputs" in document:
             kept = {run_id for run_id, run in _kept_runs(document).items() if "outputs" not in run}
             for each in folder.parent.glob("*"):  # also what performers left that died

@@ -18,6 +18,9 @@ HOME = "/home/robomaker"
 LOGS = "/var/log"
 TEMPORARY = "/tmp"  # noqa: S108 - the job's own
 DATA_SOURCES = "/opt/robomaker/datasources"
+OUTPUT, WORLD, AGENT = "/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent"
+"""What containers have besides."""
+
 _FOLDERS = (HOME, LOGS, TEMPORARY, DATA_SOURCES)
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 

@@ -11,6 +11,7 @@ pytest_plugins = [
     "endpoint_process",
     "performer_process",
     "prefect_server",
+    "real_engine",
     "s3_server",
     "service_fixtures",
     "swing_fixtures",

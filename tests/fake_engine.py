@@ -14,7 +14,7 @@ import json, os, signal, subprocess, sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-IMAGES, RUNNING = HERE / "images", HERE / "running"
+IMAGES, CONTAINERS = HERE / "images", HERE / "containers"
 arguments = sys.argv[1:]
 with (HERE / "calls.jsonl").open("a") as calls:
     calls.write(json.dumps(arguments) + "\n")
@@ -34,43 +34,57 @@ def inspect(name):
     print(json.dumps([json.loads((image(name) / "config.json").read_text())]))
 
 
-def run(words):
-    environment, mounts, name = dict(os.environ), [], None
-    flags = {"--rm"}
+def create(words):
+    environment, name = dict(os.environ), None
     while words[0].startswith("-"):
-        option = words.pop(0)
-        if option in flags:
-            continue
-        value = words.pop(0)
+        option, value = words.pop(0), words.pop(0)
         if option == "-e":
             key, _, content = value.partition("=")
             environment[key] = content
-        elif option == "-v":
-            mounts.append(value.split(":"))
+        elif option == "--mount":
+            mount = dict(word.split("=", 1) for word in value.split(",") if "=" in word)
+            environment["MOUNT" + mount["target"].upper().replace("/", "_")] = mount["source"]
         elif option == "--name":
             name = value
     entry = image(words.pop(0))
-    for source, target, *_ in mounts:
-        environment["MOUNT" + target.upper().replace("/", "_")] = source
+    if not entry.is_dir():
+        fail(f"Error: No such image: {entry.name}")
     config = json.loads((entry / "config.json").read_text())["Config"]
     command = (config.get("Entrypoint") or []) + (words or config.get("Cmd") or [])
-    process = subprocess.Popen(command, env=environment, start_new_session=True)
-    (RUNNING / name).write_text(json.dumps({"pid": process.pid, "environment": environment}))
+    note(name, {"pid": None, "environment": environment, "command": command, "root": str(entry / "root")})
+
+
+def note(name, about):
+    (CONTAINERS / f".{name}").write_text(json.dumps(about))
+    os.rename(CONTAINERS / f".{name}", CONTAINERS / name)
+
+
+def known(name):
+    try:
+        return json.loads((CONTAINERS / name).read_text())
+    except OSError:
+        fail(f"Error: No such container: {name}")
+
+
+def start(name):
+    about = known(name)
+    process = subprocess.Popen(about["command"], env=about["environment"], start_new_session=True)
+    note(name, {**about, "pid": process.pid})
     code = process.wait()
-    (RUNNING / name).unlink(missing_ok=True)
-    sys.exit(code if code >= 0 else 128 - code)
+    code = code if code >= 0 else 128 - code
+    if (CONTAINERS / name).exists():
+        note(name, {**about, "pid": None, "code": code})
+    sys.exit(code)
 
 
 def remove(name):
-    try:
-        running = json.loads((RUNNING / name).read_text())
-    except OSError:
-        return
-    try:
-        os.killpg(running["pid"], signal.SIGKILL)
-    except ProcessLookupError:
-        pass
-    (RUNNING / name).unlink(missing_ok=True)
+    about = known(name)
+    if about["pid"] is not None:
+        try:
+            os.killpg(about["pid"], signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+    (CONTAINERS / name).unlink(missing_ok=True)
 
 
 match arguments:
@@ -85,26 +99,30 @@ match arguments:
             fail(f"pull access denied for {name}, repository does not exist or may require authorization")
         if not image(name).exists():
             os.rename(HERE / "registry" / image(name).name, image(name))
-    case ["create", "--name", name, of, *_]:
-        (RUNNING / name).write_text(str(image(of)))
-    case ["cp", "-a", source, target]:
+    case ["--version"]:
+        print("Docker version 0.0.0, a fake")
+    case ["create", *words]:
+        create(words)
+    case ["cp", source, "-"]:
         name, _, inside = source.partition(":")
-        root = Path((RUNNING / name).read_text(), "root", inside.strip("/").removesuffix("/."))
+        root = Path(known(name)["root"], inside.strip("/").removesuffix("/."))
         if not root.is_dir():
             fail(f"Error response from daemon: Could not find the file {inside} in container {name}")
-        subprocess.run(["cp", "-a", f"{root}/.", target], check=True)
+        subprocess.run(["tar", "-c", "-C", root, "."], check=True)
     case ["rm", "-f", name]:
-        if name.endswith("-image"):
-            (RUNNING / name).unlink()
+        remove(name)
+    case ["inspect", "--format", form, name]:
+        about = known(name)
+        if "Running" in form:
+            print("true" if about["pid"] is not None else "false")
         else:
-            remove(name)
-    case ["inspect", "--format", _, name]:
-        print("true" if (RUNNING / name).exists() else fail("No such object"))
+            print("exited false", about["code"])
     case ["exec", name, *words]:
-        running = json.loads((RUNNING / name).read_text())
-        os.execvpe(words[0], words, running["environment"])
-    case ["run", *words]:
-        run(words)
+        os.execvpe(words[0], words, known(name)["environment"])
+    case ["kill", "--signal", "TERM", name]:
+        os.kill(known(name)["pid"], signal.SIGTERM)
+    case ["start", "--attach", name]:
+        start(name)
     case _:
         fail(f"unknown: {arguments}")
 """
@@ -115,7 +133,7 @@ class FakeEngine:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        for name in ("images", "registry", "running"):
+        for name in ("images", "registry", "containers"):
             (folder / name).mkdir(parents=True)
         self.program = folder / "docker"
         self.program.write_text(f"#!{sys.executable}\n{_PROGRAM}")
@@ -145,9 +163,9 @@ class FakeEngine:
         path = self.folder / "calls.jsonl"
         return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
-    def running(self) -> list[str]:
-        """Names of containers that run."""
-        return sorted(path.name for path in (self.folder / "running").iterdir())
+    def containers(self) -> list[str]:
+        """Names of all containers, whether they run or not."""
+        return sorted(path.name for path in (self.folder / "containers").iterdir())
 
     def lose_daemon(self) -> None:
         """Leaves the client without anybody to talk to."""

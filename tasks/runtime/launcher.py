@@ -77,6 +77,7 @@ class Launcher:
         stop: Callable[[], str | None],
         *,
         on_crash: OnCrash | None = None,
+        on_stopped: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
         """Carries out a run and waits until none of its processes is left.
@@ -87,6 +88,7 @@ class Launcher:
             on_crash: Called once, with failure code and reason, when something crashed in a run whose
                 failure behaviour is `Continue`. The run goes on until it is stopped or its duration
                 limit is reached, and fails then.
+            on_stopped: Called when none of its processes is left, before its outputs are looked at.
             clock: Seconds, for the duration limit.
 
         Returns:
@@ -112,6 +114,7 @@ class Launcher:
         ended_at = datetime.now(UTC)
         if ended is None:
             _clean_up(request)
+        on_stopped()
         judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
         judgement, finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
         outcome = RunOutcome(

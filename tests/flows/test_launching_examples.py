@@ -84,4 +84,4 @@ def test_the_pole_stays_up_with_the_robot_in_a_container(
 
     assert result.verdict == "PASS", result.summary
     assert "balancing in run 20" in log
-    assert fake.running() == []
+    assert fake.containers() == []

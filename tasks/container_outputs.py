@@ -1,0 +1,76 @@
+"""Outputs of containers: written into folders of their own, put among the run's once all code has stopped."""
+
+import logging
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from ..schemas.globs import Glob
+from ..schemas.simulation_run import ApplicationRole
+from .container_leftovers import remove_containers
+from .sandbox import OUTPUT
+from .surroundings import container_sandbox
+from .upload_files import link_or_copy, visit_matches
+
+NOTES = "logs/outputs.log"
+"""Which files could not be kept, and why."""
+
+_ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
+_MOST_NOTES = 200
+
+_logger = logging.getLogger(__name__)
+
+
+def settle_containers(folder: Path, output_dir: Path) -> None:
+    """Ends and removes the containers of a run that is over, and puts their outputs among its own.
+
+    Args:
+      folder: the run's own folder.
+      output_dir: the run's outputs.
+    """
+    remove_containers(folder)
+    keep_outputs(folder, output_dir)
+
+
+def keep_outputs(folder: Path, output_dir: Path) -> None:
+    """Moves what containers wrote as outputs to the run's own outputs; calling it again does no harm.
+
+    Links are not followed. Nothing that is there is replaced: a second `result.json` becomes `result.json.1`.
+
+    Args:
+      folder: the run's own folder.
+      output_dir: the run's outputs.
+    """
+    notes: list[str] = []
+    for role in _ROLES:
+        visit_matches(container_sandbox(folder, role).root, Glob(f"{OUTPUT}/**"), _mover(role, output_dir, notes))
+    if notes:
+        try:
+            (output_dir / NOTES).parent.mkdir(exist_ok=True)
+            with (output_dir / NOTES).open("a") as log:
+                log.write("\n".join(notes[:_MOST_NOTES]) + "\n")
+        except OSError as error:
+            _logger.warning("%s cannot be written in %s: %s", NOTES, output_dir, error)
+
+
+def _mover(role: ApplicationRole, output_dir: Path, notes: list[str]) -> Callable[[int, str, str], None]:
+    def visit(descriptor: int, name: str, below: str) -> None:
+        try:
+            link_or_copy(descriptor, name, _free(output_dir / below))
+        except OSError as error:
+            notes.append(f"{OUTPUT}/{below} of the {role} application's container is not kept: {error}")
+            return
+        with suppress(OSError):  # it goes with the folder
+            os.unlink(name, dir_fd=descriptor)
+
+    return visit
+
+
+def _free(path: Path) -> Path:
+    """The path, or the first of `….1`, `….2` that nothing has."""
+    free, number = path, 0
+    while os.path.lexists(free):
+        number += 1
+        free = path.with_name(f"{path.name}.{number}")
+    return free
