@@ -1,6 +1,7 @@
 """The warm process that runs are forked from.
 
-It has imported what every run needs and then only forks, so a run starts in milliseconds. It is a
+It has imported what every run needs and then only forks, so a run starts in milliseconds. The next run's
+supervisor and process are forked as soon as there is time, and wait. It is a
 program of its own rather than Python's `multiprocessing` fork server, which is shared by everything in
 a process, imports the caller's `__main__` again in each child and hands down the caller's standard
 output. Here nothing is inherited but a cleaned environment.
@@ -21,11 +22,14 @@ import socket
 import sys
 import traceback
 from contextlib import suppress
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
+from typing import NamedTuple
 
 from .processes import adopt_orphans, kill_children
 
 READY = b"ready"
+_FORK_AHEAD_AFTER_S = 0.25
+"""By then the run that was begun last has made its world."""
 _MODULES = (
     "PIL.PpmImagePlugin",  # maps
     "asyncio",
@@ -42,7 +46,7 @@ _MODULES = (
 
 
 def main() -> None:
-    """Imports, reports, then forks a supervisor per message."""
+    """Imports, reports, then has a supervisor per message."""
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:
@@ -58,6 +62,14 @@ def main() -> None:
     _Supervisors(control).serve()
 
 
+class _StandBy(NamedTuple):
+    """A supervisor that waits for a run."""
+
+    pid: int
+    control: socket.socket
+    """Takes the run's connection to its launcher."""
+
+
 class _Supervisors:
     """The supervisors that were forked and have not ended.
 
@@ -70,43 +82,69 @@ class _Supervisors:
         self._alive: dict[int, tuple[int, int]] = {}
         """By pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
         the launcher until the run's last process is gone."""
+        self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
-        """Forks and buries until the launcher is gone."""
+        """Gives runs to supervisors and buries these until the launcher is gone."""
         while True:
-            ready = wait([self._control, *self._alive])
+            idle_s = None if self._standing_by else _FORK_AHEAD_AFTER_S
+            ready = wait([self._control, *self._alive], idle_s)
+            if not ready:
+                self._standing_by = self._fork()
             for pidfd in self._alive.keys() & set(ready):
                 self._bury(pidfd)
             if self._control in ready:
                 message, descriptors, _, _ = socket.recv_fds(self._control, 1, 1)
                 if not message:
-                    return
-                self._fork(descriptors[0])
+                    break
+                self._supervise(descriptors[0])
+        if self._standing_by:
+            self._standing_by.control.close()
+            os.waitpid(self._standing_by.pid, 0)
 
-    def _fork(self, descriptor: int) -> None:
+    def _supervise(self, descriptor: int) -> None:
+        """Gives a run to the supervisor that waits for one, or to a new one."""
+        supervisor, self._standing_by = self._standing_by, None
+        while True:
+            supervisor = supervisor or self._fork()
+            try:
+                with supervisor.control as control:
+                    socket.send_fds(control, [b"r"], [descriptor])
+            except OSError:  # somebody has killed it
+                os.waitpid(supervisor.pid, 0)
+                supervisor = None
+            else:
+                break
+        self._alive[os.pidfd_open(supervisor.pid)] = supervisor.pid, descriptor
+
+    def _fork(self) -> "_StandBy":
+        ours, theirs = socket.socketpair()
         pid = os.fork()
         if pid == 0:
             try:
-                self._become_supervisor(descriptor)
+                ours.close()
+                self._become_supervisor(theirs)
             finally:
                 os._exit(0)
-        self._alive[os.pidfd_open(pid)] = pid, descriptor
+        theirs.close()
+        return _StandBy(pid, ours)
 
-    def _become_supervisor(self, descriptor: int) -> None:
+    def _become_supervisor(self, control: socket.socket) -> None:
         from .child import run_child
-        from .supervisor import supervise
+        from .supervisor import stand_by
 
         self._control.close()
         for pidfd, (_, other) in self._alive.items():
             os.close(pidfd)
             os.close(other)
-        supervise(Connection(descriptor), run_child)
+        stand_by(control, run_child)
 
     def _bury(self, pidfd: int) -> None:
         pid, descriptor = self._alive.pop(pidfd)
         with suppress(ChildProcessError):  # reaped with another one
             os.waitpid(pid, 0)
-        kill_children(spared={pid for pid, _ in self._alive.values()})
+        waiting = {self._standing_by.pid} if self._standing_by else set[int]()
+        kill_children(spared={pid for pid, _ in self._alive.values()} | waiting)
         os.close(pidfd)
         os.close(descriptor)
 

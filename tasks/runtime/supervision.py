@@ -40,7 +40,7 @@ class Supervision:
         channel: Connection to the launcher.
         request: The run.
         progress: What the run's process shares.
-        fork_run: Forks the run's process, which calls the function it is given first; returns its pid.
+        begin_run: Lets the run's process begin; returns its pid.
         tell: Sends a message to the launcher.
     """
 
@@ -49,14 +49,14 @@ class Supervision:
         channel: Connection,
         request: RunRequest,
         progress: Progress,
-        fork_run: Callable[[Callable[[], None]], int],
+        begin_run: Callable[[], int],
         tell: Callable[[dict[str, Any]], None],
     ) -> None:
         self._channel = channel
         self._request = request
         self._plan = request.plan
         self._progress = progress
-        self._fork_run = fork_run
+        self._begin_run = begin_run
         self._tell = tell
         self._run_pid: int | None = None
         self._run_ended: int | None = None
@@ -106,7 +106,7 @@ class Supervision:
     def start(self) -> None:
         """Starts the run's process and programs."""
         if self._plan.has_episode:
-            self._run_pid = self._fork_run(self._confine)
+            self._run_pid = self._begin_run()
             self._run_ended = os.pidfd_open(self._run_pid)
         for program in self._programs:
             self._start(program)

@@ -14,21 +14,40 @@ ignored signal, a fork bomb) keeps it from doing its work:
 import json
 import os
 import signal
-from collections.abc import Callable
+import socket
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from ...schemas.errors import LaunchError
-from .processes import adopt_orphans, come_first, die_with_parent, kill_children
+from .processes import adopt_orphans, come_first, kill_children
 from .progress import Progress
 from .run_request import RunRequest
 from .supervision import Supervision
-
-RunChild = Callable[[RunRequest, Progress], int]
-"""Carries out the run described by a request; returns the exit code."""
+from .waiting_run import RunChild, WaitingRun
 
 
-def supervise(channel: Connection, run_child: RunChild) -> None:
+def stand_by(control: socket.socket, run_child: RunChild) -> None:
+    """Waits for a run, and supervises it.
+
+    Args:
+        control: Brings one message, with the connection to the run's launcher; closed, if no run will come.
+        run_child: What the run's process does.
+    """
+    os.setsid()
+    adopt_orphans()
+    come_first()
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    progress = Progress()
+    run = WaitingRun(run_child, progress, control.close)
+    with control:
+        _, descriptors, _, _ = socket.recv_fds(control, 1, 1)
+    if descriptors:
+        _supervise(Connection(descriptors[0]), run, progress)
+    else:
+        run.dismiss()
+
+
+def _supervise(channel: Connection, run: WaitingRun, progress: Progress) -> None:
     """Starts one run, watches it, leaves none of its processes behind.
 
     Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
@@ -38,31 +57,24 @@ def supervise(channel: Connection, run_child: RunChild) -> None:
 
     Args:
         channel: Connection to the launcher; the first message is a `RunRequest`.
-        run_child: What the run's process does.
+        run: Becomes the run's process.
+        progress: What that shares with this process.
     """
-    os.setsid()
-    adopt_orphans()
-    come_first()
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     try:
-        request = RunRequest.model_validate_json(channel.recv_bytes())
+        message = channel.recv_bytes()
     except EOFError:
+        run.dismiss()
         return
-    progress = Progress()
-
-    def fork_run(confine: Callable[[], None]) -> int:
-        supervisor = os.getpid()
-        pid = os.fork()
-        if pid == 0:
-            channel.close()
-            _become_run(supervisor, request, run_child, progress, confine)
-        return pid
+    run.tell(message)  # which both read at the same time
+    request = RunRequest.model_validate_json(message)
+    if not request.plan.has_episode:
+        run.dismiss()
 
     def tell(message: dict[str, object]) -> None:
         with suppress(OSError):  # nobody may be left to be told
             channel.send_bytes(json.dumps(message).encode())
 
-    supervision = Supervision(channel, request, progress, fork_run, tell)
+    supervision = Supervision(channel, request, progress, run.begin, tell)
     try:
         supervision.prepare()
     except (LaunchError, OSError) as error:
@@ -74,20 +86,3 @@ def supervise(channel: Connection, run_child: RunChild) -> None:
     supervision.start()
     supervision.until_end()
     tell({"event": "exited", "exit": supervision.finish().to_message()})
-
-
-def _become_run(
-    supervisor: int, request: RunRequest, run_child: RunChild, progress: Progress, confine: Callable[[], None]
-) -> None:
-    """Turns a fork into the run's process; never returns."""
-    code = 70  # EX_SOFTWARE: the runtime itself failed
-    try:
-        os.setsid()
-        # The supervisor itself may be killed too, for want of memory for example.
-        die_with_parent()
-        if os.getppid() == supervisor:
-            confine()
-            code = run_child(request.for_run_process(), progress)
-    finally:
-        # Not sys.exit: this fork must not run the clean-up of the process it was copied from.
-        os._exit(code)
