@@ -35,6 +35,19 @@ class ProgramPlan(Model):
     )
 
 
+class ToolEnds(Model):
+    """A tool that ended while its run went on, and was started again."""
+
+    role: ApplicationRole = Field(description="The application beside which it ran.")
+    name: str = Field(description="Its name in the request.")
+    ends: int = Field(ge=1, description="How often it ended, or could not be started.")
+    last_end: str = Field(description="How it ended the last time, in words: `exited with code 1`.")
+
+    def __str__(self) -> str:
+        """All of it in words, without whose tool it is: `ended 14 times, and last exited with code 1`."""
+        return self.last_end if self.ends == 1 else f"ended {self.ends} times, and last {self.last_end}"
+
+
 class PortPlan(Model):
     """One port of an application that is reachable under another number, on this machine only."""
 

@@ -24,7 +24,7 @@ from pydantic import Field
 
 from .base import Model, ShapeName
 from .requirements import JobRequirements
-from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, PortPlan, ProgramPlan
+from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, PortPlan, ProgramPlan, ToolEnds
 
 Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
 VideoPolicy = Annotated[Literal["none", "on-failure", "always"], ShapeName("VideoPolicy")]
@@ -200,4 +200,5 @@ class RunResult(Model):
     state_digest: str | None = Field(
         default=None, description="Digest of all states of the physics; absent when there is no physics."
     )
+    tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
     extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")

@@ -1,16 +1,19 @@
 """What a run's end leaves in its output folder."""
 
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 
 from pydantic import ValidationError
 
+from ...schemas.run_programs import ToolEnds
 from ...schemas.simulation_run import RunPlan, RunResult
 from .agent_socket import remove_agent_socket
 from .left_files import read_left
-from .outcomes import Exit, Judgement, failure_reason
+from .outcomes import Exit, Judgement, failure_reason, tool_in_words
 from .results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
+from .run_notes import add_note
 
 INVALID_RESULT_FILE = "result.invalid.json"
 """What an application wrote as `result.json`, if it is none."""
@@ -33,17 +36,25 @@ def finish_outputs(
     Returns:
         The judgement, which is a failure if the result of programs cannot be written; whether the outputs are whole.
     """
+    tools = ended.tools if ended is not None else ()
+    for tool in tools:
+        add_note(plan.output_dir, f"robomaker: {tool_in_words(tool, plan)}")
     if plan.has_episode:
         remove_agent_socket(plan)
         if judgement.status == "Failed":
             with suppress(OSError):  # the application may have put anything in the folder's place
                 (plan.output_dir / RESULT_FILE).unlink()
             return judgement, False
-        return judgement, ended is not None and ended.ended_by is not None
+        is_whole = ended is not None and ended.ended_by is not None
+        if is_whole and tools:
+            _add_tools(plan, tools)
+        return judgement, is_whole
     if judgement.status == "Failed":
         return judgement, False
     try:
         _result_of_programs(plan, judgement, times)
+        if tools:
+            _add_tools(plan, tools)
     except OSError as error:  # the disk is full, or an application put something in the way
         if judgement.status == "Completed":
             reason = failure_reason(f"{RESULT_FILE} cannot be written: {error}", "", ())
@@ -73,6 +84,13 @@ def _result_of_programs(plan: RunPlan, judgement: Judgement, times: tuple[dateti
         extra=extra | {"started_at": began.isoformat(), "ended_at": ended.isoformat()},
     )
     write_result(result, plan.output_dir)
+
+
+def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
+    """Says in the result which tools ended; it is left as it is where that is impossible, since it is whole."""
+    with suppress(OSError, ValidationError):  # no room for a longer one, or an application put another in its place
+        result = RunResult.model_validate_json(read_left(plan.output_dir / RESULT_FILE, MAX_RESULT_BYTES))
+        write_result(result.model_copy(update={"tools": list(tools)}), plan.output_dir)
 
 
 def _is_result(plan: RunPlan) -> bool:

@@ -3,9 +3,10 @@
 import os
 import signal
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
+from ...schemas.run_programs import ToolEnds
 from ...schemas.simulation_run import ApplicationRole, RunPlan
 from .progress import Phase
 
@@ -14,6 +15,8 @@ _MAX_HEAD_CHARACTERS = 600
 _LINE_END = 300
 """Characters that are kept of the end of a last line that is too long."""
 _MAX_TAIL_LINES = 12
+_OFTEN = 3
+"""Ends of a tool from which on a failure's reason names it."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
 """What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
 _BATCH_TIMEOUT = "timed out (batch)"
@@ -53,6 +56,9 @@ class Exit:
     crash: Crash | None = None
     """What crashed besides the run's process and counts instead."""
 
+    tools: Sequence[ToolEnds] = ()
+    """Tools that ended and were started again."""
+
     @property
     def ended_by(self) -> str | None:
         """What ended the loop of a run that finished its outputs; None for others."""
@@ -60,13 +66,14 @@ class Exit:
 
     def to_message(self) -> dict[str, Any]:
         """The end as plain values."""
-        return asdict(self)
+        return {**asdict(replace(self, tools=())), "tools": [tool.model_dump() for tool in self.tools]}
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> "Exit":
         """Reads what `to_message` made."""
         crash = Crash(**message["crash"]) if message["crash"] else None
-        return cls(message["exit_code"], message["signal"], Phase(message["phase"]), message["report"], crash)
+        tools = [ToolEnds.model_validate(tool) for tool in message["tools"]]
+        return cls(message["exit_code"], message["signal"], Phase(message["phase"]), message["report"], crash, tools)
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,7 @@ def judge(
         by that.
     """
     if ended is not None and ended.crash is not None:
-        head = f"{_subject(ended.crash, plan)} {ended.crash.what}"
+        head = f"{_subject(ended.crash, plan)} {ended.crash.what}{_about_tools(ended, plan)}"
         return Judgement("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
     if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
         return Judgement("Completed")  # a rerun ends by itself where the run was stopped
@@ -117,7 +124,7 @@ def judge(
     elif code == "InvalidInput" and phase.role is None:
         reason = _what(ended)  # the request's fault, not the runtime's
     else:
-        reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}"
+        reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}{_about_tools(ended, plan)}"
     return Judgement("Failed", code, failure_reason(reason, *log))
 
 
@@ -155,8 +162,23 @@ def _subject(crash: Crash, plan: RunPlan) -> str:
     if crash.program is None:
         return application
     if crash.is_tool:
-        return f"Tool {crash.program.removeprefix(f'{crash.role}-')} of {application[0].lower()}{application[1:]}"
+        return _tool(crash.program.removeprefix(f"{crash.role}-"), crash.role, plan)
     return f"{application} (program {crash.program})"
+
+
+def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
+    """What became of a tool: `Tool rviz of robot application driver ended 14 times, and last exited with code 1`."""
+    return f"{_tool(tool.name, tool.role, plan)} {tool}"
+
+
+def _about_tools(ended: Exit, plan: RunPlan) -> str:
+    """What a failure may have come of: tools that were started again and again."""
+    return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= _OFTEN)
+
+
+def _tool(name: str, role: ApplicationRole, plan: RunPlan) -> str:
+    application = _application(role, plan)
+    return f"Tool {name} of {application[0].lower()}{application[1:]}"
 
 
 def _who(phase: Phase, plan: RunPlan) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ...schemas.run_programs import ProgramPlan
+from ...schemas.run_programs import ProgramPlan, ToolEnds
 from .capped_logs import CappedLog
 from .logs import LOG_FOLDER, program_logs
 from .processes import die_with_parent
@@ -57,6 +57,8 @@ class Program:
         self._clock = clock
         self._started_at = 0.0
         self._starts = 0
+        self._ends = 0
+        self._last_end = ""
         self._pause_s = FIRST_PAUSE_S
         stdout, stderr = program_logs(plan.name)
         folder = output_dir / LOG_FOLDER
@@ -107,16 +109,26 @@ class Program:
             self.pid = None
 
     def pause(self, how: str) -> float:
-        """Returns how long to wait before it is started again, in seconds, and notes that in its log.
+        """Returns how long to wait before it is started again, in seconds; notes that, in its log too.
 
         Args:
             how: How it ended.
         """
+        self._ends, self._last_end = self._ends + 1, how
         if self._clock() - self._started_at >= STEADY_LIFE_S:
             self._pause_s = FIRST_PAUSE_S
         pause_s, self._pause_s = self._pause_s, min(2.0 * self._pause_s, MAX_PAUSE_S)
         self._note(f"it {how}; it is started again in {pause_s:g} s")
         return pause_s
+
+    @property
+    def restarts(self) -> ToolEnds | None:
+        """How often it had to be started again, and why the last time; None if it never had."""
+        if not self._ends:
+            return None
+        plan = self.plan
+        name = plan.name.removeprefix(f"{plan.role}-")
+        return ToolEnds(role=plan.role, name=name, ends=self._ends, last_end=self._last_end)
 
     def clean_up(self) -> int | None:
         """Starts the command that ends what killing does not reach; returns its pid, None if there is none."""

@@ -12,6 +12,7 @@ from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from ...schemas.run_programs import ToolEnds
 from .capped_logs import CappedLog
 from .disk_use import disk_meter
 from .limits import Excess, Meter, confine
@@ -235,7 +236,7 @@ class Supervision:
     def _on_crash(self, crash: Crash) -> None:
         if self._plan.failure_behavior == "Continue":
             if not self._has_crashed:
-                self._go_on(Exit(None, None, self._progress.phase, {}, crash))
+                self._go_on(Exit(None, None, self._progress.phase, {}, crash, self._tools()))
         else:
             self._crash = crash
             self._end()
@@ -322,16 +323,19 @@ class Supervision:
         kill_children()
 
     def _exit(self) -> Exit:
-        phase, report = self._progress.phase, self._progress.read_report()
+        phase, report, tools = self._progress.phase, self._progress.read_report(), self._tools()
         if self._run_pid is None:
             ended_by = {"ended_by": "application"} if self._is_completed else {}
-            return Exit(0 if self._is_completed else None, None, Phase.STARTING, ended_by, self._crash)
+            return Exit(0 if self._is_completed else None, None, Phase.STARTING, ended_by, self._crash, tools)
         status = self._run_status
         if status is None:
-            return Exit(None, None, phase, report, self._crash)
+            return Exit(None, None, phase, report, self._crash, tools)
         exit_code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else None
         signal_number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
-        return Exit(exit_code, signal_number, phase, report, self._crash)
+        return Exit(exit_code, signal_number, phase, report, self._crash, tools)
+
+    def _tools(self) -> list[ToolEnds]:
+        return [restarts for program in self._programs if (restarts := program.restarts) is not None]
 
 
 def _blamed_role(report: dict[str, Any]) -> str | None:

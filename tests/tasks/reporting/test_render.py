@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedStep
+from prefect_robomaker.schemas.run_programs import ToolEnds
 from prefect_robomaker.schemas.world import World
 from prefect_robomaker.tasks.reporting import render_report, write_report
 
@@ -207,11 +208,20 @@ def test_jobs_without_result_or_world_say_so(make_report: Any, make_job: Any, ma
 def test_programs_without_a_simulation_have_no_numbers_of_one(
     make_report: Any, make_job: Any, make_result: Any
 ) -> None:
-    nought = {"sim_time_s": 0.0, "real_time_factor": 0.0, "metrics": {}, "collisions": []}
+    nought = {"sim_time_s": 0.0, "real_time_factor": 0.0, "metrics": {}, "collisions": [], "rooms": []}
     result = make_result("NONE", 5).model_copy(update=nought)
     page = Document(render_report(make_report([], [make_job("sim-1", None, result=result)])))
     assert "real-time factor" not in page.text
     assert "wall time" in page.text
+    cells = [cell["data-sort"] for cell in page.all("td") if "data-sort" in cell]
+    assert cells[1:] == ["", "", "", "", "", "", "7.4"]
+
+
+def test_tools_that_kept_dying_are_told(make_report: Any, make_job: Any, make_result: Any) -> None:
+    tool = ToolEnds(role="robot", name="rviz<b>", ends=14, last_end="exited with code 1")
+    result = make_result("PASS", 5).model_copy(update={"tools": [tool]})
+    page = Document(render_report(make_report([], [make_job("sim-1", None, result=result)])))
+    assert "rviz<b> of the robot application ended 14 times, and last exited with code 1" in page.text
 
 
 @pytest.mark.parametrize(

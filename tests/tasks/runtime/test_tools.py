@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from run_processes import never, processes_with
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import RunPlan
+from prefect_robomaker.schemas.run_programs import ProgramPlan, ToolEnds
+from prefect_robomaker.schemas.simulation_run import RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 from prefect_robomaker.tasks.runtime.programs import FIRST_PAUSE_S, MAX_PAUSE_S, Program
 
+Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
 ProgramsPlan = Callable[..., RunPlan]
 LASTING = "import time; time.sleep(1.3)"
@@ -25,6 +26,10 @@ def tool(program: MakeProgram) -> MakeProgram:
         return program("", **({"name": "robot-rviz", "kind": "tool", "argv": argv} | members))
 
     return make
+
+
+def result_of(plan: RunPlan) -> RunResult:
+    return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
 
 
 def log_of(plan: RunPlan, name: str) -> str:
@@ -61,6 +66,57 @@ def test_a_tool_is_started_again(
         "robomaker: start 2 of this tool",
         "robomaker: it exited with code 3; it is started again in 1 s",
     ]
+
+
+class TestRestartsAreTold:
+    """Not only in the tool's own log."""
+
+    DYING = "exit 1"
+
+    def test_in_the_result_and_in_the_runs_log(
+        self, launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        plan = plan_programs(
+            program("import time; time.sleep(2.2)"),
+            tool(self.DYING, exit_behavior="RESTART"),
+            tool("sleep 1000", name="robot-quiet", exit_behavior="RESTART"),
+        )
+        assert launcher.run(plan, never).status == "Completed"
+        assert result_of(plan).tools == [ToolEnds(role="robot", name="rviz", ends=3, last_end="exited with code 1")]
+        assert log_of(plan, "stderr.log") == (
+            "robomaker: Tool rviz of robot application driver ended 3 times, and last exited with code 1\n"
+        )
+
+    def test_beside_an_episode(self, launcher: Launcher, tool: MakeProgram, make_plan: Plan) -> None:
+        view = tool(self.DYING, name="simulation-view", role="simulation", exit_behavior="RESTART")
+        plan = make_plan(programs=[view], variables={"STEPS": "30", "WAIT_S": "0.02"})
+        assert launcher.run(plan, never).status == "Completed"
+        [told] = result_of(plan).tools
+        assert (told.role, told.name, told.last_end) == ("simulation", "view", "exited with code 1")
+        assert result_of(plan).ended_by == "environment"
+
+    def test_in_a_result_that_an_application_wrote(
+        self, launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        result = RunResult(
+            verdict="PASS", sim_time_s=1, wall_time_s=1, real_time_factor=1, ended_by="application", seed=1
+        )
+        code = "import os, time; from pathlib import Path; time.sleep(.3)\n"
+        code += f"Path(os.environ['ROBOMAKER_OUTPUT_DIR'], 'result.json').write_text({result.model_dump_json()!r})"
+        plan = plan_programs(program(code), tool(self.DYING, exit_behavior="RESTART"))
+        assert launcher.run(plan, never).status == "Completed"
+        assert (result_of(plan).verdict, result_of(plan).tools[0].name) == ("PASS", "rviz")
+
+    def test_in_the_reason_of_a_failure(
+        self, launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        plan = plan_programs(
+            program("import time; time.sleep(2.2); raise SystemExit(4)"), tool(self.DYING, exit_behavior="RESTART")
+        )
+        assert launcher.run(plan, never).failure_reason == (
+            "Robot application driver (program robot) exited with code 4. "
+            "Tool rviz of robot application driver ended 3 times, and last exited with code 1"
+        )
 
 
 def test_a_tool_that_is_not_there_is_tried_again(
