@@ -41,13 +41,22 @@ def stand_by(control: socket.socket, run_child: RunChild) -> None:
     run = WaitingRun(run_child, progress, control.close)
     with control:
         _, descriptors, _, _ = socket.recv_fds(control, 1, 1)
-    if descriptors:
-        _supervise(Connection(descriptors[0]), run, progress)
-    else:
+    if not descriptors:
         run.dismiss()
+        return
+    channel = Connection(descriptors[0])
+    try:
+        message = channel.recv_bytes()
+    except EOFError:
+        run.dismiss()
+        return
+    while not run.tell(message):  # which both read at the same time
+        run.dismiss()
+        run = WaitingRun(run_child, progress, channel.close)
+    _supervise(channel, RunRequest.model_validate_json(message), run, progress)
 
 
-def _supervise(channel: Connection, run: WaitingRun, progress: Progress) -> None:
+def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progress: Progress) -> None:
     """Starts one run, watches it, leaves none of its processes behind.
 
     Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
@@ -56,17 +65,11 @@ def _supervise(channel: Connection, run: WaitingRun, progress: Progress) -> None
     `{"stop": reason}` asks the run to finish (SIGTERM), `{"kill": true}` ends it.
 
     Args:
-        channel: Connection to the launcher; the first message is a `RunRequest`.
+        channel: Connection to the launcher.
+        request: The run.
         run: Becomes the run's process.
         progress: What that shares with this process.
     """
-    try:
-        message = channel.recv_bytes()
-    except EOFError:
-        run.dismiss()
-        return
-    run.tell(message)  # which both read at the same time
-    request = RunRequest.model_validate_json(message)
     if not request.plan.has_episode:
         run.dismiss()
 

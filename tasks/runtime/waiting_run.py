@@ -41,18 +41,24 @@ class WaitingRun:
             _become_run(supervisor, theirs, run_child, progress)
         theirs.close()
 
-    def tell(self, request: bytes) -> None:
+    def tell(self, request: bytes) -> bool:
         """Says which run it will be.
 
         Args:
             request: A `RunRequest` as JSON in one line.
+
+        Returns:
+            Whether it is still there; somebody may have killed it while it waited.
         """
-        with suppress(OSError):  # it has been killed, which is noticed by those who wait for its end
+        try:
             self._pipe.sendall(request + b"\n")
+        except OSError:
+            return False
+        return True
 
     def begin(self) -> int:
         """Lets the run that it was told of begin; returns the pid."""
-        with suppress(OSError):
+        with suppress(OSError):  # it has been killed, which is noticed by those who wait for its end
             self._pipe.sendall(_BEGIN)
         self._pipe.close()
         return self.pid

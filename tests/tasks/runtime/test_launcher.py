@@ -265,6 +265,17 @@ print(Launcher().run(plan, lambda: None).model_dump_json())
 """
 
 
+def waiting_below(server: int) -> list[int]:
+    """Supervisors whose process has no run yet: it is in the warm process's folder."""
+    home = Path(f"/proc/{server}/cwd").readlink()
+    return [
+        supervisor
+        for supervisor in children_of(server)
+        for run in children_of(supervisor)
+        if Path(f"/proc/{run}/cwd").readlink() == home
+    ]
+
+
 class TestParentProcess:
     @pytest.fixture
     def start_script(self, tmp_path: Path) -> Callable[[RunPlan], subprocess.Popen[str]]:
@@ -289,11 +300,14 @@ class TestParentProcess:
         with start_script(plan) as process:
             wait_until((plan.work_dir / "busy").exists, 20)
             [server] = children_of(process.pid)
-            [supervisor] = children_of(server)
+            wait_until(lambda: len(waiting_below(server)) == 1, 5)
+            [supervisor] = set(children_of(server)) - set(waiting_below(server))
             assert children_of(supervisor) == [pid_of(plan)]
+            tree = [server, supervisor, pid_of(plan), *waiting_below(server), *children_of(waiting_below(server)[0])]
             os.kill(process.pid, signal.SIGKILL)
             process.wait()
-        wait_until(lambda: not any(map(is_running, (server, supervisor, pid_of(plan)))), 2)
+        assert len(tree) == 5
+        wait_until(lambda: not any(map(is_running, tree)), 2)
 
     def test_a_dead_fork_server_is_replaced(self, make_plan: Plan) -> None:
         before = set(children_of(os.getpid()))
@@ -303,6 +317,31 @@ class TestParentProcess:
             os.kill(server, signal.SIGKILL)
             wait_until(lambda: not is_running(server), 5)
             assert launcher.run(make_plan(), never).status == "Completed"
+
+    @pytest.mark.parametrize("which", ["supervisor", "run", "both"])
+    def test_processes_that_wait_may_be_killed(self, make_plan: Plan, which: str) -> None:
+        before = set(children_of(os.getpid()))
+        with Launcher() as launcher:
+            launcher.start()
+            [server] = set(children_of(os.getpid())) - before
+            wait_until(lambda: len(waiting_below(server)) == 1, 5)
+            [supervisor] = waiting_below(server)
+            [run] = children_of(supervisor)
+            for pid in {"supervisor": [supervisor], "run": [run], "both": [run, supervisor]}[which]:
+                os.kill(pid, signal.SIGKILL)
+                wait_until(lambda pid=pid: not is_running(pid), 5)
+            assert launcher.run(make_plan(), never).status == "Completed"
+        wait_until(lambda: not any(map(is_running, (server, supervisor, run))), 2)
+
+    def test_nothing_waits_once_the_launcher_is_closed(self, make_plan: Plan) -> None:
+        before = set(children_of(os.getpid()))
+        with Launcher() as launcher:
+            launcher.start()
+            [server] = set(children_of(os.getpid())) - before
+            wait_until(lambda: len(waiting_below(server)) == 1, 5)
+            tree = [server, *waiting_below(server), *children_of(waiting_below(server)[0])]
+        assert len(tree) == 3
+        assert not any(map(is_running, tree))
 
     def test_a_launcher_that_cannot_start_says_why(
         self, make_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
