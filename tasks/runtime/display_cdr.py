@@ -80,6 +80,18 @@ def _camera_info(message: display.CameraInfo) -> bytes:
     return writer.message()
 
 
+def _occupancy_grid(message: display.OccupancyGrid) -> bytes:
+    writer = _Writer()
+    writer.put_header(message.header)
+    writer.put("i", message.header.stamp.sec)  # when the map was loaded
+    writer.put("I", message.header.stamp.nanosec)
+    writer.put("f", message.resolution)
+    writer.put("I", message.width, message.height)
+    writer.put_pose(message.origin)
+    writer.put_bytes(message.data)
+    return writer.message()
+
+
 def _marker_array(message: display.MarkerArray) -> bytes:
     writer = _Writer()
     writer.put("I", len(message.markers))
@@ -97,7 +109,7 @@ def _put_marker(writer: _Writer, marker: display.Marker) -> None:
     writer.put("f", *marker.color)
     writer.put("i", marker.lifetime.sec)
     writer.put("I", marker.lifetime.nanosec)
-    writer.put("B", 0)  # not locked to its frame
+    writer.put("B", marker.frame_locked)
     writer.put("I", len(marker.points))
     for point in marker.points:
         writer.put("d", *point)
@@ -118,5 +130,6 @@ DISPLAY_ENCODERS: dict[type, Callable[[Any], bytes]] = {
     display.PoseStamped: _pose_stamped,
     display.CompressedImage: _compressed_image,
     display.CameraInfo: _camera_info,
+    display.OccupancyGrid: _occupancy_grid,
     display.MarkerArray: _marker_array,
 }

@@ -101,6 +101,34 @@ class CameraInfo(NamedTuple):
     )
 
 
+class OccupancyGrid(NamedTuple):
+    """`nav_msgs/OccupancyGrid`, by custom on `/map`: rows from the south, columns from the west."""
+
+    header: Header
+    resolution: float
+    """Side of a cell, metres."""
+
+    width: int
+    height: int
+    origin: Pose
+    """South-west corner of the first cell."""
+
+    data: bytes
+    """A cell each, int8: 0 is free, 100 occupied, -1 unknown."""
+
+    ROS_TYPE = "nav_msgs/msg/OccupancyGrid"
+    TYPE_HASH = "RIHS01_8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7"
+    DEFINITION = definition(
+        "std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data",
+        "std_msgs/Header",
+        "builtin_interfaces/Time",
+        "nav_msgs/MapMetaData",
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+    )
+
+
 class ColorRGBA(NamedTuple):
     """`std_msgs/ColorRGBA`: 0 to 1."""
 
@@ -114,6 +142,7 @@ class MarkerType(IntEnum):
     """What a marker looks like (those that are used here)."""
 
     ARROW = 0
+    CUBE = 1
     SPHERE = 2
     CYLINDER = 3
     TEXT_VIEW_FACING = 9
@@ -136,6 +165,8 @@ class Marker(NamedTuple):
 
     points: Sequence[Vector3] = ()
     text: str = ""
+    frame_locked: bool = False
+    """Whether it moves with its frame; else it stays where that was at the stamp."""
 
 
 class MarkerArray(NamedTuple):
@@ -162,4 +193,4 @@ class MarkerArray(NamedTuple):
     )
 
 
-DisplayMessage = PoseStamped | Path | CompressedImage | CameraInfo | MarkerArray
+DisplayMessage = PoseStamped | Path | CompressedImage | CameraInfo | OccupancyGrid | MarkerArray

@@ -9,7 +9,10 @@ _POSES, _SCANS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
 _JOINTS, _PICTURES = "sensor_msgs/msg/JointState", "sensor_msgs/msg/CompressedImage"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _DRAWN: Mapping[str, dict[str, Any]] = {
-    _SCANS: {"pointSize": 4, "colorMode": "flat", "flatColor": "#ff6b2dff"},
+    # Without a field Foxglove colours scans by their intensities, whatever mode is asked for.
+    _SCANS: {"pointSize": 4, "colorField": "range", "colorMode": "flat", "flatColor": "#ff6b2dff"},
+    # It would cover the floor.
+    "nav_msgs/msg/OccupancyGrid": {"visible": False},
     _POSES: {"type": "axis", "axisScale": 0.4},
     "geometry_msgs/msg/PoseStamped": {"type": "arrow", "color": "#28c76fff"},
     "nav_msgs/msg/Path": {"type": "line", "lineWidth": 0.03, "gradient": ["#28c76fff", "#28c76fff"]},
@@ -32,7 +35,7 @@ def layout(topics: Mapping[str, str]) -> dict[str, Any]:
     scene = [*_scene(topics), *_pictures(topics)]
     numbers = [*_plots(topics), *_raw(topics)]
     panels = dict([*scene, *numbers])
-    columns = [_stack(scene, "column"), _stack(numbers, "column")]
+    columns = [_stack(scene, 60 if len(scene) == 2 else None), _stack(numbers)]
     return {
         "configById": panels,
         "globalVariables": {},
@@ -61,7 +64,17 @@ def _scene(topics: Mapping[str, str]) -> list[Panel]:
             "near": 0.05,
             "far": 500,
         },
-        "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 20, "divisions": 20}},
+        "layers": {
+            "grid": {
+                "layerId": "foxglove.Grid",
+                "visible": True,
+                "size": 20,
+                "divisions": 20,
+                "position": [0, 0, -0.02],
+            }
+        },
+        # Axes without names and lines between them, which would hide the robot.
+        "scene": {"transforms": {"showLabel": False, "axisScale": 0.3, "lineWidth": 0}},
         "topics": drawn,
     }
     return [("3D!scene", config)]
@@ -83,21 +96,23 @@ def _plots(topics: Mapping[str, str]) -> list[Panel]:
     for topic, kind in topics.items():
         name = topic.strip("/").replace("/", "-")
         if kind == _POSES:
-            paths = [f"{topic}.twist.twist.linear.x", f"{topic}.twist.twist.angular.z"]
-            panels.append((f"Plot!{name}", _plot("Speed (m/s, rad/s)", paths)))
+            speeds = {"ahead (m/s)": "linear.x", "turning (rad/s)": "angular.z"}
+            paths = {label: f"{topic}.twist.twist.{member}" for label, member in speeds.items()}
+            panels.append((f"Plot!{name}", _plot("Speed", paths)))
         elif kind == _JOINTS:
-            paths = [f"{topic}.velocity[0]", f"{topic}.velocity[1]"]
-            panels.append((f"Plot!{name}", _plot("Joints (rad/s)", paths)))
+            paths = {f"joint {number} (1/s)": f"{topic}.velocity[{number}]" for number in range(2)}
+            panels.append((f"Plot!{name}", _plot("Joints", paths)))
     return panels
 
 
-def _plot(title: str, paths: Sequence[str]) -> dict[str, Any]:
+def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
+    """A plot of paths by what they are called."""
     lines = [
-        {"value": path, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
-        for path, colour in zip(paths, _COLOURS, strict=False)
+        {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
+        for (label, path), colour in zip(paths.items(), _COLOURS, strict=False)
     ]
     return {
-        "title": title,
+        "foxglovePanelTitle": title,
         "paths": lines,
         "xAxisVal": "timestamp",
         "isSynced": True,
@@ -114,8 +129,8 @@ def _raw(topics: Mapping[str, str]) -> list[Panel]:
     return [("RawMessages!messages", {"topicPath": ranked[0]})] if ranked else []
 
 
-def _stack(panels: Sequence[Panel], direction: str) -> Any:
-    return _split([name for name, _ in panels], direction)
+def _stack(panels: Sequence[Panel], percentage: float | None = None) -> Any:
+    return _split([name for name, _ in panels], "column", percentage)
 
 
 def _split(parts: Sequence[Any], direction: str, percentage: float | None = None) -> Any:

@@ -16,6 +16,13 @@ _TEXTS = {
     "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
     "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
     "sensor_msgs/RegionOfInterest": ("uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify"),
+    "nav_msgs/MapMetaData": (
+        "builtin_interfaces/Time map_load_time\n"
+        "float32 resolution\n"
+        "uint32 width\n"
+        "uint32 height\n"
+        "geometry_msgs/Pose origin"
+    ),
     "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v",
     "visualization_msgs/MeshFile": "string filename\nuint8[] data",
     "visualization_msgs/Marker": """\

@@ -39,7 +39,7 @@ class RayCamera:
         """
         self._model = model
         self._size = width, height
-        self._colours = _geom_colours(model)
+        self._colours = geom_colours(model)
         # A scene without a renderer, only to learn where a view stands and looks.
         self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
         self._option = mujoco.MjvOption()
@@ -160,17 +160,16 @@ def _grid_lines(length: int) -> _Pixels:
     return np.unique(np.append(np.arange(0, length, _GRID), length - 1))
 
 
-def _geom_colours(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """A colour per geom: the mean of its texture where it has one, otherwise its own or its material's.
+def geom_colours(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Returns a colour per geom: the mean of its texture where it has one, otherwise its own or its material's.
 
     The extra last row is what geom id -1, no geom, finds.
     """
     colours = model.geom_rgba[:, :3].astype(float)
-    for geom, material in enumerate(model.geom_matid):
-        if material < 0:
-            continue
+    for material in np.unique(model.geom_matid[model.geom_matid >= 0]).tolist():
         texture = int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
-        colours[geom] = model.mat_rgba[material, :3] * (_mean_colour(model, texture) if texture >= 0 else 1.0)
+        mean = _mean_colour(model, texture) if texture >= 0 else 1.0
+        colours[model.geom_matid == material] = model.mat_rgba[material, :3] * mean
     return np.clip(np.vstack([colours, _SKY]), 0.0, 1.0)
 
 

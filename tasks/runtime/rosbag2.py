@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 METADATA_FILE = "metadata.yaml"
 _VERSION = 9
-_LATCHED = frozenset({"/tf_static", "/goals"})
+_LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot"})
 """Topics that are sent once; a player has to keep them for subscribers that come later."""
 _INFINITE = "{sec: 9223372036, nsec: 854775807}"
 _QOS = f"""\

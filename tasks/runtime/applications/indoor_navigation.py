@@ -1,7 +1,9 @@
 """The built-in simulation application: a furnished world with a robot in it."""
 
+import logging
 import math
 import os
+from pathlib import Path
 
 from ....schemas.errors import LaunchError
 from ....schemas.run_variables import number_in
@@ -11,6 +13,7 @@ from ..results import EnvironmentReport
 from ..resumable import ResumableEnvironment
 from ..state_series import BASE_FRAME
 from .navigation_task import NavigationTask
+from .occupancy_map import OccupancyMap, read_map
 from .robot_scout import SCOUT
 from .robots.lookup import find_robot
 from .robots.robot import CONTROL_TIMESTEP_S, Robot
@@ -20,6 +23,7 @@ from .telemetry import MAP_FRAME, moving_body
 TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 
 _INVALID = "InvalidInput"
+_logger = logging.getLogger(__name__)
 
 
 class IndoorNavigation(ResumableEnvironment):
@@ -77,8 +81,19 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
         physics = assemble(context.world_dir / "world.xml", robot)
     except ValueError as cause:
         raise LaunchError(str(cause), _INVALID) from cause
-    task = NavigationTask(context.world, robot, context.rng, context.recorder, limit_s)
+    known = _known_map(context.world_dir) if context.recorder.enabled else None
+    task = NavigationTask(context.world, robot, context.rng, context.recorder, limit_s, known)
     return IndoorNavigation(physics, task, robot)
+
+
+def _known_map(world_dir: Path) -> OccupancyMap | None:
+    """The world's map, if it has one that can be read."""
+    path = world_dir / "map.yaml"
+    try:
+        return read_map(path) if path.is_file() else None
+    except (OSError, ValueError) as cause:
+        _logger.warning("there is no map in the recording: %s", cause)
+        return None
 
 
 def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:

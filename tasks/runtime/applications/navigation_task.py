@@ -25,6 +25,7 @@ from ..results import EnvironmentReport
 from . import lidar
 from .collisions import CollisionMonitor
 from .mission import Mission
+from .occupancy_map import OccupancyMap
 from .robots.bases import bind_base, take_home_pose
 from .robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from .scene import ScenePhysics
@@ -45,7 +46,13 @@ class NavigationTask(Task):
     """Hands actions to the robot, senses, keeps the score."""
 
     def __init__(
-        self, world: World, robot: Robot, rng: np.random.Generator, recorder: Recorder, time_limit_s: float
+        self,
+        world: World,
+        robot: Robot,
+        rng: np.random.Generator,
+        recorder: Recorder,
+        time_limit_s: float,
+        known: OccupancyMap | None = None,
     ) -> None:
         """Prepares the task; a run begins with `initialize_episode`.
 
@@ -55,12 +62,13 @@ class NavigationTask(Task):
           rng: source of the first heading and of the lidar's noise.
           recorder: where ROS 2 messages go.
           time_limit_s: simulated time that ends a run.
+          known: the world's map, for the recording.
         """
         self._world = world
         self._robot = robot
         self._rng = rng
         self._recorder = recorder
-        self._telemetry = Telemetry(recorder, robot)
+        self._telemetry = Telemetry(recorder, robot, known)
         self._time_limit_s = time_limit_s
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)

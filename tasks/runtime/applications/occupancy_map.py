@@ -25,6 +25,9 @@ class OccupancyMap:
     origin: tuple[float, float]
     """South-west corner of cell `[0, 0]`, metres."""
 
+    occupied: NDArray[np.bool_] | None = None
+    """In which cells something stands; None: nobody asked."""
+
     def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows and columns of the cells that hold points of shape (n, 2), clipped into the map."""
         rows, columns = self.free.shape
@@ -56,8 +59,10 @@ def read_map(path: Path) -> OccupancyMap:
         shade = np.asarray(picture.convert("L"), dtype=np.float64) / _WHITE
     occupancy = shade if description.get("negate", 0) else 1.0 - shade
     # The picture's first row is the northernmost.
-    free = np.flipud(occupancy < float(_member(path, description, "free_thresh")))
-    return OccupancyMap(np.ascontiguousarray(free), resolution_m, (x, y))
+    northwards = np.flipud(occupancy)
+    free = northwards < float(_member(path, description, "free_thresh"))
+    occupied = northwards > float(_member(path, description, "occupied_thresh"))
+    return OccupancyMap(free, resolution_m, (x, y), occupied)
 
 
 def _member(path: Path, description: Any, name: str) -> Any:

@@ -16,8 +16,10 @@ from ..context import Recorder
 from ..resumable import KeepsAttributes
 from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
+from .occupancy_map import OccupancyMap
 from .robots.robot import Lidar, Robot
 from .scene_markers import goal_markers
+from .scene_shapes import occupancy_grid, robot_markers, world_markers
 
 MAP_FRAME = "map"
 _ROUNDING_S = 1e-6
@@ -53,6 +55,7 @@ class Telemetry(KeepsAttributes):
     | `/scan` | the lidar | with every measurement |
     | `/contacts` | what the robot touches | 50 Hz while it does |
     | `/goals` | the rooms' goals and which were visited | at the start and with every change |
+    | `/map`, `/world`, `/robot` | the map, and what world and robot look like | once |
     | `/tf_static` | `map` to `odom`, `base_link` to `base_scan` | once |
 
     The odometry is exact, so that `map` and `odom` are the same.
@@ -60,11 +63,13 @@ class Telemetry(KeepsAttributes):
 
     KEPT = ("_start_s", "_samples", "_due_s")
 
-    def __init__(self, recorder: Recorder, robot: Robot) -> None:
+    def __init__(self, recorder: Recorder, robot: Robot, known: OccupancyMap | None = None) -> None:
         self._recorder = recorder
+        self._map = known
         self._robot = robot
         self._series: StateSeries | None = None
         self._scans: ScanSeries | None = None
+        self._shown: mujoco.MjModel | None = None
         self._start_s, self._samples, self._due_s = 0.0, 0, 0.0
 
     def start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -77,6 +82,9 @@ class Telemetry(KeepsAttributes):
         self._data = data
         self._start_s, self._samples, self._due_s = data.time, 0, data.time - _ROUNDING_S
         self._publish_static(model, data)
+        if self._shown is not model:
+            self._shown = model
+            self._publish_looks(model, data)
         if self._series is None or self._series.data is not data:
             if self._series is not None:
                 self._recorder.remove_series(self._series)
@@ -122,6 +130,16 @@ class Telemetry(KeepsAttributes):
             mount = ros.Transform(ros.Vector3(*place.tolist()), ros.Quaternion(x, y, z, w))
             transforms.append(ros.TransformStamped(ros.Header(stamp, BASE_FRAME), "base_scan", mount))
         self._recorder.add_static_transforms(transforms, data.time)
+
+    def _publish_looks(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        robot, stamp = self._robot, ros.Time.from_seconds(data.time)
+        if self._map is not None:
+            self._recorder.write("/map", occupancy_grid(self._map, ros.Header(stamp, MAP_FRAME)), data.time)
+        self._recorder.write("/world", world_markers(model, data, MAP_FRAME, stamp), data.time)
+        joints = robot.joints if robot.is_differential else ()
+        wheels = [int(model.joint(f"{robot.prefix}{name}").bodyid[0]) for name in joints]
+        looks = robot_markers(model, data, model.body(moving_body(robot)).id, wheels, BASE_FRAME, stamp)
+        self._recorder.write("/robot", looks, data.time)
 
     def publish_goals(self, rooms: Sequence[Room], visited: Sequence[bool]) -> None:
         """Publishes the goals.

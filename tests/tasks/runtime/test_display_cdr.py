@@ -16,7 +16,8 @@ STORES = [get_typestore(store) for store in (Stores.ROS2_HUMBLE, Stores.ROS2_JAZ
 STORE = STORES[0]
 KINDS: list[type[Message]] = [
     ros.Clock, ros.TFMessage, ros.Odometry, ros.LaserScan, ros.JointState, ros.Imu,
-    display.PoseStamped, display.Path, display.CompressedImage, display.CameraInfo, display.MarkerArray,
+    display.PoseStamped, display.Path, display.CompressedImage, display.CameraInfo, display.OccupancyGrid,
+    display.MarkerArray,
 ]  # fmt: skip
 
 numbers = st.floats(allow_nan=False)
@@ -30,6 +31,7 @@ stamped = st.builds(display.PoseStamped, headers, poses)
 markers = st.builds(
     display.Marker, headers, texts, st.integers(-(2**31), 2**31 - 1), st.sampled_from(display.MarkerType), poses,
     vectors, st.builds(display.ColorRGBA, small, small, small, small), times, st.lists(vectors, max_size=3), texts,
+    st.booleans(),
 )  # fmt: skip
 
 
@@ -66,7 +68,8 @@ def marker_of(marker: display.Marker) -> Any:
         header=header_of(marker.header), ns=marker.ns, id=marker.id, type=int(marker.type), action=0,
         pose=pose_of(marker.pose), scale=theirs("geometry_msgs/msg/Vector3", **marker.scale._asdict()),
         color=theirs("std_msgs/msg/ColorRGBA", **marker.color._asdict()),
-        lifetime=theirs("builtin_interfaces/msg/Duration", **marker.lifetime._asdict()), frame_locked=False,
+        lifetime=theirs("builtin_interfaces/msg/Duration", **marker.lifetime._asdict()),
+        frame_locked=marker.frame_locked,
         points=[theirs("geometry_msgs/msg/Point", **point._asdict()) for point in marker.points], colors=[],
         texture_resource="", texture=image(ros.Header(ros.Time(0, 0), ""), "", b""), uv_coordinates=[],
         text=marker.text, mesh_resource="",
@@ -109,6 +112,17 @@ def test_camera_info(ours: display.CameraInfo) -> None:
         p=np.array([fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]), binning_x=0, binning_y=0, roi=roi,
     )  # fmt: skip
     check(ours, message)
+
+
+@given(st.builds(display.OccupancyGrid, headers, small, sizes, sizes, poses, st.binary(max_size=40)))
+def test_occupancy_grid(ours: display.OccupancyGrid) -> None:
+    header, resolution, width, height, origin, data = ours
+    info = theirs(
+        "nav_msgs/msg/MapMetaData", map_load_time=header_of(header).stamp, resolution=resolution, width=width,
+        height=height, origin=pose_of(origin),
+    )  # fmt: skip
+    cells = np.frombuffer(data, np.int8)
+    check(ours, theirs("nav_msgs/msg/OccupancyGrid", header=header_of(header), info=info, data=cells))
 
 
 @given(st.lists(markers, max_size=3))

@@ -142,6 +142,12 @@ def test_the_layout_for_foxglove_shows_what_is_there(recording: Path) -> None:
     assert sorted(leaves(shown["layout"])) == sorted(panels)
 
 
+def test_scans_have_the_colour_that_the_layout_asks_for(recording: Path) -> None:
+    # Without a field Foxglove puts its own mode in place of the one asked for.
+    shown = json.loads((recording.parent / "foxglove-layout.json").read_text())["configById"]["3D!scene"]
+    assert shown["topics"]["/scan"].items() >= {"colorMode": "flat", "colorField": "range"}.items()
+
+
 def leaves(node: Any) -> list[str]:
     return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
 

@@ -85,6 +85,7 @@ def test_foxglove_reads_what_a_job_records(launcher: Launcher, make_context, mod
 
     topics = check_same(plan.output_dir / "recording.mcap", modules)
     assert topics >= {"/clock", "/tf", "/odom", "/joint_states", "/scan", "/tf_static", "/goals", "/goal_pose", "/plan"}
+    assert topics >= {"/map", "/world", "/robot"}
     assert topics >= {"/camera/image_raw/compressed", "/camera/camera_info"}
 
 
@@ -94,7 +95,13 @@ def test_foxglove_reads_every_kind_of_message(modules: Path, tmp_path: Path) -> 
     pose = ros.Pose(ros.Vector3(math.inf, -1e300, 5e-324), ros.Quaternion())
     stamped = display.PoseStamped(header, pose)
     label = display.Marker(
-        header, "wall", -1, display.MarkerType.TEXT_VIEW_FACING, points=[ros.Vector3(1.0), ros.Vector3(2.0)], text="2 N"
+        header,
+        "wall",
+        -1,
+        display.MarkerType.TEXT_VIEW_FACING,
+        points=[ros.Vector3(1.0), ros.Vector3(2.0)],
+        text="2 N",
+        frame_locked=True,
     )
     scan = np.array([0.1, math.inf, math.nan], np.float32)
     messages = [
@@ -108,6 +115,7 @@ def test_foxglove_reads_every_kind_of_message(modules: Path, tmp_path: Path) -> 
         display.Path(header, [stamped, stamped]),
         display.CompressedImage(header, "jpeg", bytes(range(256))),
         display.CameraInfo(header, 240, 320, 200.5, 200.25, 159.5, 119.5),
+        display.OccupancyGrid(header, 0.05, 2, 1, pose, b"\xff\x64"),
         display.MarkerArray([label, label._replace(text="", points=())]),
     ]
     with McapRecorder(tmp_path / "recording.mcap") as recorder:
