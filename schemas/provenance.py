@@ -56,6 +56,15 @@ class StateDigestSummary(Model):
     value: str = Field(description="The last link, in hexadecimal: equal for runs with the same states.")
 
 
+class ActionsSummary(Model):
+    """The actions of a robot application that is a program; `actions.bin` has each of them."""
+
+    mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each action.")
+    actions: int = Field(description="How many there are: one for each step, also where one was held.")
+    size_bytes: int = Field(description="Size of the file.")
+    sha256: str = Field(description="SHA-256 of the file, in hexadecimal.")
+
+
 class Provenance(Model):
     """Where a run came from, so that it can be repeated and compared."""
 
@@ -77,7 +86,13 @@ class Provenance(Model):
     digest: StateDigestSummary | None = Field(
         default=None, description="Digest of its states; absent until it ends, and of runs without physics."
     )
-    ended_by: str | None = Field(default=None, description="As in `result.json`; absent: it failed, or goes on.")
+    actions: ActionsSummary | None = Field(
+        default=None,
+        description="What `actions.bin` has; absent until the run ends, and when the robot application is no program.",
+    )
+    ended_by: str | None = Field(
+        default=None, description="As in `result.json`; absent: it failed, goes on, or only had programs."
+    )
     resumed_at_s: list[float] = Field(
         default=[], description="Simulated times of the checkpoints from which it was continued."
     )

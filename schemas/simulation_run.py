@@ -9,6 +9,7 @@
 | `recording.mcap`, `metadata.yaml` | ROS 2 messages, as a rosbag2 |
 | `foxglove-layout.json` | how Foxglove shows them |
 | `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
+| `actions.bin` | what a robot application that is a program did, step by step |
 | `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
 | `logs/<program>.stdout.log`, `….stderr.log` | what a program of the run printed |
 | `video.mp4`, `poster.png` | when asked for |
@@ -44,6 +45,15 @@ class ApplicationPlan(Model):
         default=None, description="Folder to import it from (an unpacked bundle); absent: installed."
     )
     environment_variables: dict[str, str] = Field(default={}, description="The launch configuration's variables.")
+
+
+class RecordedActions(Model):
+    """What takes the place of a robot application's program in a rerun."""
+
+    path: Path = Field(description="The run's `actions.bin`.")
+    ended_by: Literal["agent", "duration limit"] | None = Field(
+        default=None, description="What ends the rerun after the last of them; absent: it fails, as the run did."
+    )
 
 
 class RunPlan(Model):
@@ -94,6 +104,9 @@ class RunPlan(Model):
     )
     requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
 
+    recorded_actions: RecordedActions | None = Field(
+        default=None, description="Of a rerun: what is done in place of the robot application's program."
+    )
     end_at_s: float | None = Field(
         default=None, ge=0, description="Simulated time at which a rerun ends, of a run that was stopped from outside."
     )
@@ -108,6 +121,16 @@ class RunPlan(Model):
         if self.simulation_application is not None:
             return self.simulation_application.attribute is not None
         return self.robot_application is None or self.robot_application.attribute is not None
+
+    @property
+    def has_robot_program(self) -> bool:
+        """Whether a program drives the environment, over a socket."""
+        return self.has_episode and self.robot_application is not None and self.robot_application.attribute is None
+
+    @property
+    def is_rerun(self) -> bool:
+        """Whether it ends where another run ended, also where that one was stopped from outside."""
+        return self.end_at_s is not None or self.recorded_actions is not None
 
 
 class RunOutcome(Model):

@@ -41,13 +41,18 @@ class Verification(Model):
     until_s: float | None = Field(default=None, description="Simulated time of the last of them.")
     digest: str | None = Field(default=None, description="Digest of the run's states.")
     digest_again: str | None = Field(default=None, description="Digest of the rerun's states.")
+    recorded_actions: bool = Field(
+        default=False,
+        description="Whether the rerun did what was recorded of the robot application, a program, in its place.",
+    )
 
     def __str__(self) -> str:
         if self.answer == "not comparable":
             return f"not comparable: {'; '.join(self.reasons)}"
+        how = "; with the recorded actions, the robot's program was not run" if self.recorded_actions else ""
         if self.divergence is not None:
-            return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}"
-        return f"bit-identical: {self.looks} states over {self.until_s or 0.0:.3f} s"
+            return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}{how}"
+        return f"bit-identical: {self.looks} states over {self.until_s or 0.0:.3f} s{how}"
 
 
 class ReproductionFolder(Model):

@@ -1,61 +1,34 @@
 """Running a stored run again: to compare its states, or to take it apart on this machine."""
 
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
-from pydantic import ValidationError
-
-from ..schemas.arns import ResourceArn
-from ..schemas.errors import (
-    ConfigurationError,
-    LaunchError,
-    ObjectNotFoundError,
-    ResourceNotFoundException,
-    StorageError,
-)
-from ..schemas.provenance import PROVENANCE_FILE
+from ..schemas.errors import ConfigurationError, LaunchError, ResourceNotFoundException
 from ..schemas.simulation_run import RunPlan, VideoPolicy
 from ..schemas.verification import ReproductionFolder, Verification
 from .catalog import Resource
+from .found_runs import FoundRun, found_run, scratch_folder
 from .job_runs import launcher
 from .run_plans import run_plan
-from .runtime.digest import DIGEST_FILE
 from .runtime.provenance import machine_facts
 from .runtime.replay import (
     RunOutputs,
-    first_difference,
     read_outputs,
     rerun_plan,
     why_not_comparable,
     why_not_repeatable,
     why_other_inputs,
+    without_robot,
 )
-from .runtime.repro import Reproduction, ending_of, in_words, write_reproduction
-from .runtime.results import RESULT_FILE
+from .runtime.repro import Reproduction, in_words, rerun_ending, write_reproduction
+from .runtime.run_comparison import first_difference
 from .service import Service
-from .storage.naming import join_key
-
-_KIND = "simulation-job"
-_WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, RESULT_FILE)
-
-
-@dataclass(frozen=True)
-class FoundRun:
-    """A run, with what it wrote down on this machine."""
-
-    outputs: RunOutputs
-    folder: Path
-    """What it wrote down; only that, not all of its outputs."""
-    job: Resource | None
-    """Its job, while the catalog has it."""
 
 
 def verify_run(reference: str, service: Service) -> Verification:
     """Runs a run again on this machine and compares all states; neither job nor outputs are touched.
+
+    The program of a robot application is not run again: what it did was recorded, and is done again.
 
     Args:
       reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
@@ -66,21 +39,23 @@ def verify_run(reference: str, service: Service) -> Verification:
       ResourceNotFoundException: there is no such job.
       StorageError: its outputs cannot be read.
     """
-    with _found(reference, service) as run, _scratch(service) as scratch:
+    with found_run(reference, service) as run, scratch_folder(service) as scratch:
         first = run.outputs
         reasons = [
-            *why_not_repeatable(first.provenance.plan),
+            *why_not_repeatable(first),
             *_without_physics(first),
             *why_not_comparable(first.provenance.machine, machine_facts()),
         ]
         if reasons:
             return _verification(reference, first, reasons)
         try:
-            plan = rerun_plan(_plan_here(run, scratch / "inputs", service), first.provenance, scratch / "rerun")
-            launcher().run(plan, lambda: None)
+            plan = rerun_plan(_plan_here(run, scratch / "inputs", service), first, scratch / "rerun")
+            outcome = launcher().run(plan, lambda: None)
             again = read_outputs(plan.output_dir)
         except (LaunchError, FileNotFoundError) as error:
             return _verification(reference, first, [f"it cannot be run here: {error}"])
+        if again.timeline is None:
+            return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
         return _compared(reference, first, again)
 
 
@@ -99,8 +74,8 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
       ResourceNotFoundException: there is no such job.
       StorageError: its outputs cannot be read.
     """
-    with _found(reference, service) as run, _scratch(service) as scratch:
-        if reasons := why_not_repeatable(run.outputs.provenance.plan):
+    with found_run(reference, service) as run, scratch_folder(service) as scratch:
+        if reasons := why_not_repeatable(run.outputs):
             raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
         failure_code = run.job.document.get("failureCode") if run.job else None
         plan = _plan_here(run, scratch / "inputs", service)
@@ -116,7 +91,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         test=test.resolve(),
         video=film if film.exists() else None,
         ending=in_words(rerun.ending),
-        same_ending=rerun.ending == ending_of(reproduction.first, failure_code),
+        same_ending=rerun.ending == rerun_ending(reproduction.first, failure_code),
     )
 
 
@@ -146,6 +121,7 @@ def _verification(reference: str, first: RunOutputs, reasons: list[str]) -> Veri
         looks=len(timeline.links) if timeline else 0,
         until_s=float(timeline.times_s[-1]) if timeline and timeline.links else None,
         digest=provenance.digest.value if provenance.digest else None,
+        recorded_actions=len(reasons) == 0 and first.actions is not None,
     )
 
 
@@ -155,80 +131,6 @@ def _without_physics(first: RunOutputs) -> list[str]:
     return ["it kept no states: its environment has no physics, or it ended before the first"]
 
 
-# Finding it
-
-
-@contextmanager
-def _found(reference: str, service: Service) -> Iterator[FoundRun]:
-    """Finds a run, and fetches what it wrote down into a folder that is there inside the block."""
-    with _scratch(service) as scratch:
-        job = _job_of(reference, service)
-        if job is not None:
-            _fetch_of_job(job, scratch, service)
-        elif reference.startswith("s3://"):
-            bucket, _, prefix = reference.removeprefix("s3://").partition("/")
-            _fetch(bucket, prefix.rstrip("/"), scratch, service)
-        else:
-            _copy(Path(reference), scratch)
-        outputs = _read(scratch, reference)
-        if job is None:
-            job = service.catalog.get_many([outputs.provenance.plan.job_arn]).get(outputs.provenance.plan.job_arn)
-        yield FoundRun(outputs, scratch, job)
-
-
-def _job_of(reference: str, service: Service) -> Resource | None:
-    if reference.startswith("arn:"):
-        return service.catalog.get(str(ResourceArn.parse(reference, _KIND)), kind=_KIND)
-    if reference.startswith("sim-") and "/" not in reference and not Path(reference).exists():
-        return service.catalog.get(service.arn(_KIND, reference), kind=_KIND)
-    return None
-
-
-def _fetch_of_job(job: Resource, folder: Path, service: Service) -> None:
-    """Fetches what the last run of a job wrote down, from the store or from this machine."""
-    document = job.document
-    run_id = document.get("runId")
-    kept = service.settings.home / "jobs" / job.id / str(run_id) / "output"
-    if place := document.get("outputs"):
-        _fetch(place["bucket"], place["prefix"], folder, service)
-    elif kept.is_dir():
-        _copy(kept, folder)
-    else:
-        raise ConfigurationError(f"{job.arn} has no outputs: it is {job.status}, and none are on this machine")
-
-
-def _fetch(bucket: str, prefix: str, folder: Path, service: Service) -> None:
-    for name in _WRITTEN_DOWN:
-        try:
-            service.store.get_file(bucket, join_key(prefix, name), folder / name)
-        except ObjectNotFoundError:
-            continue  # runs without physics and failed ones lack some
-
-
-def _copy(outputs: Path, folder: Path) -> None:
-    if not outputs.is_dir():
-        raise ConfigurationError(
-            f"{str(outputs)!r} is no run: name the ARN or the id of a simulation job, s3://BUCKET/PREFIX or a folder"
-        )
-    for name in _WRITTEN_DOWN:
-        if (outputs / name).is_file():
-            shutil.copyfile(outputs / name, folder / name)
-
-
-def _read(folder: Path, reference: str) -> RunOutputs:
-    try:
-        return read_outputs(folder)
-    except FileNotFoundError as error:
-        raise ConfigurationError(
-            f"{reference}: there is no {PROVENANCE_FILE} in its outputs; it ended before it ran, or was run by an "
-            "earlier version"
-        ) from error
-    except ValidationError as error:
-        raise StorageError(f"{reference}: its outputs cannot be read: {error.errors()[0]['msg']}") from error
-    except ValueError as error:
-        raise StorageError(f"{reference}: its outputs cannot be read: {error}") from error
-
-
 def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
     """The run's plan with folders of this machine: from its job, else as it was while those folders are still here.
 
@@ -236,9 +138,11 @@ def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
       LaunchError: something cannot be had.
     """
     plan = run.outputs.provenance.plan
+    if run.outputs.actions is not None:
+        plan = without_robot(plan)
     if run.job is not None:
         try:
-            return run_plan(run.job, plan.run_id, folder, service)
+            return _plan_of_job(run.job, plan, folder, service)
         except ResourceNotFoundException as error:
             raise LaunchError(str(error), "ResourceNotFound") from error
     applications = [each for each in (plan.simulation_application, plan.robot_application) if each is not None]
@@ -251,7 +155,10 @@ def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
     return plan
 
 
-@contextmanager
-def _scratch(service: Service) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="replay-", dir=service.folder("scratch")) as folder:
-        yield Path(folder)
+def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service) -> RunPlan:
+    """The plan as the job orders it; of a robot whose actions are repeated neither bundle nor image is fetched."""
+    if not plan.has_robot_program:
+        return run_plan(job, plan.run_id, folder, service)
+    request = {name: value for name, value in job.document["request"].items() if name != "robotApplications"}
+    planned = run_plan(replace(job, document={**job.document, "request": request}), plan.run_id, folder, service)
+    return planned.model_copy(update={"robot_application": plan.robot_application})

@@ -29,7 +29,10 @@ def upload_swinger(service: Service, tmp_path: Path, more: bytes = b"") -> None:
 
 @pytest.fixture
 def swing(service: Service, tmp_path: Path) -> Simulate:
-    """Orders a job of the swinging pendulum, runs it to its end, and returns its description."""
+    """Orders a job of the swinging pendulum, runs it to its end, and returns its description.
+
+    `simulation` and `robot` change what is ordered of either application.
+    """
     upload_swinger(service, tmp_path)
     source = [{"s3Bucket": "applications", "s3Key": "swinger.tar.gz"}]
     call("CreateRobotApplication", {"name": "pusher", "sources": source, "robotSoftwareSuite": SUITE}, service)
@@ -37,16 +40,22 @@ def swing(service: Service, tmp_path: Path) -> Simulate:
     request = {"name": "swing", "sources": source, "robotSoftwareSuite": SUITE, "simulationSoftwareSuite": runtime}
     call("CreateSimulationApplication", request, service)
 
-    def run(duration_s: int = 60, seed: int = 3, perform: bool = True, **variables: str) -> dict[str, Any]:
+    def run(
+        duration_s: int = 60,
+        seed: int = 3,
+        perform: bool = True,
+        simulation: dict[str, Any] | None = None,
+        robot: dict[str, Any] | None = None,
+        **variables: str,
+    ) -> dict[str, Any]:
         launch = {"packageName": "swinger", "launchFile": "make_environment", "environmentVariables": variables}
+        push = {"packageName": "swinger", "launchFile": "make_agent"}
         request = {
             "maxJobDurationInSeconds": duration_s,
             "iamRole": ROLE,
             "seed": seed,
-            "simulationApplications": [{"application": "swing", "launchConfig": launch}],
-            "robotApplications": [
-                {"application": "pusher", "launchConfig": {"packageName": "swinger", "launchFile": "make_agent"}}
-            ],
+            "simulationApplications": [{"application": "swing", "launchConfig": launch, **(simulation or {})}],
+            "robotApplications": [{"application": "pusher", "launchConfig": push, **(robot or {})}],
         }
         job = call("CreateSimulationJob", request, service)
         if perform:
@@ -58,6 +67,6 @@ def swing(service: Service, tmp_path: Path) -> Simulate:
 
 def outputs_of(service: Service, job: dict[str, Any]) -> Path:
     place = service.catalog.get(job["arn"]).document["outputs"]
-    path = service.store.local_path(place["bucket"], f"{place['prefix']}/result.json")
+    path = service.store.local_path(place["bucket"], f"{place['prefix']}/provenance.json")
     assert path is not None
     return Path(path).parent

@@ -29,6 +29,7 @@ from .loop import RunStopped, run_episode
 from .observers import Observer, make_observers
 from .progress import Phase, Progress
 from .provenance import machine_facts
+from .recorded_robot import RecordedRobot
 from .recording import McapRecorder, NullRecorder, RecordingError
 from .remote_agent import RobotProgramError
 from .remote_robot import RemoteRobot
@@ -133,8 +134,7 @@ def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     observers = make_observers(plan, run.video_backend, _applications(plan))
     if camera := camera_recording(plan):
         observers.append(CameraRecorder(recorder, camera, run.video_backend))
-    robot = _applications(plan)[1]
-    remote = RemoteRobot(plan, robot.name, stop) if robot.attribute is None else None
+    remote = _remote_robot(plan, stop)
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
     try:
@@ -165,7 +165,7 @@ def _run(
     progress: Progress,
     stop: _StopSignal,
     observers: Sequence[Observer],
-    remote: RemoteRobot | None,
+    remote: RemoteRobot | RecordedRobot | None,
     checkpoints: Checkpointer | None,
 ) -> Episode:
     simulation, robot = _applications(plan)
@@ -189,6 +189,16 @@ def _run(
         watchers=observers,
         checkpoints=checkpoints,
     )
+
+
+def _remote_robot(plan: RunPlan, stop: _StopSignal) -> RemoteRobot | RecordedRobot | None:
+    """The robot's side of a run whose robot application is a program; None: it is a factory."""
+    robot = _applications(plan)[1]
+    if robot.attribute is not None:
+        return None
+    if plan.recorded_actions is not None:
+        return RecordedRobot(plan.recorded_actions, robot.name)
+    return RemoteRobot(plan, robot.name, stop)
 
 
 def _applications(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:

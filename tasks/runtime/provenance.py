@@ -17,6 +17,7 @@ import mujoco
 
 from ...schemas.provenance import PROVENANCE_FILE, ApplicationDigest, MachineFacts, Provenance
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
+from .action_log import actions_summary
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .physics import raw_physics
 from .results import Findings
@@ -77,7 +78,9 @@ class ProvenanceKeeper:
         digest = self._digest.finish(self._data)
         imported = [each for each in self._applications if each.attribute is not None]  # not programs
         applications = [] if ended_by == "canceled" else [_digest_of(each) for each in imported]
-        self._write(digest=digest, ended_by=ended_by, applications=applications)
+        keeps_actions = self._plan.has_robot_program and self._plan.recorded_actions is None
+        actions = actions_summary(self._plan.output_dir) if keeps_actions else None
+        self._write(digest=digest, ended_by=ended_by, applications=applications, actions=actions)
         return Findings(state_digest=digest.value if digest else None)
 
     def state(self) -> dict[str, Any]:
@@ -110,10 +113,17 @@ class ProvenanceKeeper:
             resumed_at_s=self._resumed_at_s,
             **members,
         )
-        path = self._plan.output_dir / PROVENANCE_FILE
-        unfinished = path.with_name(f".{PROVENANCE_FILE}.unfinished")
-        unfinished.write_text(provenance.model_dump_json(indent=1) + "\n")
-        unfinished.replace(path)
+        _write_provenance(provenance)
+
+
+def note_run_of_programs(plan: RunPlan) -> None:
+    """Writes `provenance.json` of a run without a process of its own, which only has programs.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    world_sha256 = digest_of_folder(plan.world_dir) if plan.world_dir else None
+    _write_provenance(Provenance(plan=plan, machine=machine_facts(), world_sha256=world_sha256))
 
 
 @lru_cache(maxsize=1)
@@ -145,6 +155,13 @@ def digest_of_folder(folder: Path, suffix: str = "") -> str:
                 content = hashlib.file_digest(file, "sha256").digest()
             digest.update(f"{name}\0".encode() + content)
     return digest.hexdigest()
+
+
+def _write_provenance(provenance: Provenance) -> None:
+    path = provenance.plan.output_dir / PROVENANCE_FILE
+    unfinished = path.with_name(f".{PROVENANCE_FILE}.unfinished")
+    unfinished.write_text(provenance.model_dump_json(indent=1) + "\n")
+    unfinished.replace(path)
 
 
 def _digest_of(application: ApplicationPlan) -> ApplicationDigest:

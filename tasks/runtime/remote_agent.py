@@ -10,7 +10,7 @@ from typing import Any
 
 import dm_env
 
-from .agent_client import ACTION, END, ERROR, ProtocolError
+from .agent_client import ACTION, ACTION_HEADER, END, ERROR, ProtocolError
 from .agent_layout import Layout
 from .agent_protocol import ActionReader, ObservationWriter, RobotHello, read_words
 from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
@@ -40,6 +40,7 @@ class RemoteAgent:
         robot: str,
         simulated_time: Callable[[int], float],
         control_timestep_s: float | None = None,
+        keep: Callable[[bytes], None] | None = None,
         clock: Clock = time.monotonic,
         wall_clock: Clock = time.perf_counter,
     ) -> None:
@@ -53,6 +54,7 @@ class RemoteAgent:
             robot: The robot application's name, for what goes wrong.
             simulated_time: Seconds at a time step, by its number; NaN if unknown.
             control_timestep_s: Simulated seconds of a step; needed for free-running.
+            keep: Told each action that the environment is given, as its arrays lie in the message.
             clock: Seconds of the link's clock.
             wall_clock: Seconds, for measuring how long answers take.
         """
@@ -63,11 +65,14 @@ class RemoteAgent:
         self._robot = robot
         self._simulated_time = simulated_time
         self._period_s = (control_timestep_s or 0.0) / hello.real_time_factor
+        self._keep = keep
         self._clock = clock
         self._wall_clock = wall_clock
         self._due_s = 0.0
         self._number = -1
         self._action: Any = None
+        self._content = b""
+        """The same as it came, without its number."""
         self._sent = self._actions = 0
         self._waited_s = 0.0
 
@@ -83,9 +88,7 @@ class RemoteAgent:
         self._number += 1
         try:
             self._writer.write(self._number, self._simulated_time(self._number), timestep)
-            if self._hello.mode == "lockstep":
-                return self._in_lockstep()
-            return self._freely()
+            action = self._in_lockstep() if self._hello.mode == "lockstep" else self._freely()
         except TimeoutError:
             raise self._refusal(
                 f"observation {self._number} was not answered within {self._hello.timeout_s:g} s"
@@ -98,6 +101,10 @@ class RemoteAgent:
             raise
         except (ProtocolError, ActionError) as error:
             raise self._refusal(str(error)) from None
+        # Before the environment sees it, which may not survive it.
+        if self._keep is not None:
+            self._keep(self._content)
+        return action
 
     def findings(self) -> Findings:
         """Returns what the run's result says about the conversation."""
@@ -151,6 +158,7 @@ class RemoteAgent:
         kind, payload = message
         if kind == ACTION:
             self._action = self._reader.read(payload, expected)
+            self._content = bytes(payload[ACTION_HEADER.size :])
             self._actions += 1
             return self._action
         if kind == ERROR:

@@ -11,6 +11,8 @@ import dm_env
 from ...schemas.errors import LaunchError
 from ...schemas.run_variables import number_in
 from ...schemas.simulation_run import RunPlan
+from .action_log import ACTIONS_FILE, header_of
+from .action_log_writer import ActionKeeper
 from .agent_client import (
     ACTION,
     ACTION_HEADER,
@@ -68,6 +70,7 @@ class RemoteRobot:
         self._socket: AgentSocket | None = AgentSocket(plan)
         self._link: AgentLink | None = None
         self._agent: RemoteAgent | None = None
+        self._keeper: ActionKeeper | None = None
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> RemoteAgent:
         """Waits for the robot's program and greets it.
@@ -93,6 +96,7 @@ class RemoteRobot:
         assert self._link is not None
         # Only now is it known what else the robot may say.
         self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
+        self._keeper = ActionKeeper(self._plan.output_dir / ACTIONS_FILE, header_of(hello.mode, action))
         self._agent = RemoteAgent(
             self._link,
             hello,
@@ -101,6 +105,7 @@ class RemoteRobot:
             robot=self._robot,
             simulated_time=_simulated_time(environment, timestep_s),
             control_timestep_s=timestep_s,
+            keep=self._keeper.keep,
             clock=self._clock,
         )
         return self._agent
@@ -118,6 +123,8 @@ class RemoteRobot:
             What the result says about the conversation.
         """
         self._stop_listening()
+        if self._keeper is not None:
+            self._keeper.close()
         if self._agent is None:
             if self._link is not None:
                 self._link.refuse(_FAILED)
@@ -129,7 +136,10 @@ class RemoteRobot:
             self._agent.end(ended_by)
         assert self._link is not None
         self._link.close()
-        return self._agent.findings()
+        findings = self._agent.findings()
+        if self._keeper is not None and self._keeper.error is not None:
+            findings.extra["agent"]["actions_not_kept"] = self._keeper.error
+        return findings
 
     def _greet(self, greeting: bytes, timeout_s: float) -> RobotHello:
         """Greets until a robot greets back; whoever leaves without a word was none."""
@@ -202,25 +212,33 @@ def _greeting(
     }
 
 
-def _layouts(environment: Any) -> tuple[Layout, Layout]:
-    layouts = []
-    for name, header in (("observation_spec", OBSERVATION_HEADER.size), ("action_spec", ACTION_HEADER.size)):
-        method = getattr(environment, name, None)
-        if not callable(method):
-            raise LaunchError(
-                f"the environment has no {name}(); a robot application that is a program needs it", _INVALID
-            )
-        try:
-            layouts.append(Layout(method(), header))
-        except ValueError as error:
-            raise LaunchError(f"the environment's {name}() cannot be sent: {error}", _INVALID) from error
-    observation, action = layouts
+def action_layout(environment: Any) -> Layout:
+    """How an environment's actions lie in messages.
+
+    Raises:
+        LaunchError: They cannot be sent.
+    """
+    action = _layout(environment, "action_spec", ACTION_HEADER.size)
     if action.left_out:
         raise LaunchError(
             f"the environment's action_spec() cannot be sent: {', '.join(action.left_out)} is no array of numbers",
             _INVALID,
         )
-    return observation, action
+    return action
+
+
+def _layouts(environment: Any) -> tuple[Layout, Layout]:
+    return _layout(environment, "observation_spec", OBSERVATION_HEADER.size), action_layout(environment)
+
+
+def _layout(environment: Any, name: str, header_bytes: int) -> Layout:
+    method = getattr(environment, name, None)
+    if not callable(method):
+        raise LaunchError(f"the environment has no {name}(); a robot application that is a program needs it", _INVALID)
+    try:
+        return Layout(method(), header_bytes)
+    except ValueError as error:
+        raise LaunchError(f"the environment's {name}() cannot be sent: {error}", _INVALID) from error
 
 
 def _control_timestep_s(environment: Any) -> float | None:

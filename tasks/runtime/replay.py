@@ -1,16 +1,12 @@
-"""Compares a run with its rerun, from what both wrote down."""
+"""Running a run again: whether a rerun has to be the same, and how it is made so."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...schemas.provenance import PROVENANCE_FILE, JointPlace, MachineFacts, Provenance
-from ...schemas.simulation_run import RunPlan, RunResult, VideoPolicy
-from ...schemas.verification import Divergence
+from ...schemas.provenance import PROVENANCE_FILE, MachineFacts, Provenance
+from ...schemas.run_programs import ProgramPlan
+from ...schemas.simulation_run import RecordedActions, RunPlan, RunResult, VideoPolicy
+from .action_log import ACTIONS_FILE, ActionLog, ActionLogError
 from .digest import DIGEST_FILE, StateTimeline, read_timeline
 from .results import RESULT_FILE
 
@@ -31,6 +27,9 @@ class RunOutputs:
     result: RunResult | None
     """Absent when the run failed."""
 
+    actions: Path | None = None
+    """File of what a robot application that is a program did; absent when it is none, or nothing was kept."""
+
 
 def read_outputs(folder: Path) -> RunOutputs:
     """Reads a run's outputs.
@@ -40,19 +39,37 @@ def read_outputs(folder: Path) -> RunOutputs:
         ValueError: A file is not what it should be.
     """
     provenance = Provenance.model_validate_json((folder / PROVENANCE_FILE).read_bytes())
-    digest, result = folder / DIGEST_FILE, folder / RESULT_FILE
+    digest, result, actions = (folder / name for name in (DIGEST_FILE, RESULT_FILE, ACTIONS_FILE))
     return RunOutputs(
         provenance=provenance,
         timeline=read_timeline(digest) if digest.exists() else None,
         result=RunResult.model_validate_json(result.read_bytes()) if result.exists() else None,
+        actions=actions if provenance.plan.has_robot_program and actions.is_file() else None,
     )
 
 
-def why_not_repeatable(plan: RunPlan) -> list[str]:
-    """Why no rerun of a plan need have the same states; empty when it has to."""
-    if not plan.has_episode:
-        return ["its applications are programs of their own: no seed repeats their timing"]
-    return [f"{each.name} is a program of its own: no seed repeats its timing" for each in plan.programs]
+def why_not_repeatable(run: RunOutputs) -> list[str]:
+    """Why no rerun of a run need have the same states, by the names of what is in the way; empty when it has to.
+
+    Actions that were recorded repeat a robot's program, and whatever its tools had to do with it.
+    """
+    plan = run.provenance.plan
+    programs = without_robot(plan).programs if run.actions is not None else plan.programs
+    if plan.has_robot_program:
+        programs = [each for each in programs if each.kind == "tool"]
+    reasons = [f"{_named(each, plan)} is a program of its own: no seed repeats its timing" for each in programs]
+    return [*_why_no_actions(run), *reasons] if plan.has_robot_program else reasons
+
+
+def without_robot(plan: RunPlan) -> RunPlan:
+    """A plan for which nothing of the robot application need be there: its recorded actions take its place."""
+    robot = plan.robot_application
+    return plan.model_copy(
+        update={
+            "robot_application": robot.model_copy(update={"path": None}) if robot else None,
+            "programs": [each for each in plan.programs if each.role != "robot"],
+        }
+    )
 
 
 def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
@@ -88,32 +105,19 @@ def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
     return reasons
 
 
-@dataclass(frozen=True)
-class JointNames:
-    """Which joint each number of a state belongs to."""
-
-    joints: Sequence[JointPlace]
-    positions: int
-    """How many positions there are; velocities follow."""
-
-    def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
-        """Joint and kind of the number at an index into positions and velocities."""
-        quantity: Literal["qpos", "qvel"] = "qpos" if index < self.positions else "qvel"
-        place = index if quantity == "qpos" else index - self.positions
-        owners = [joint for joint in self.joints if getattr(joint, quantity) <= place]
-        return (max(owners, key=lambda joint: getattr(joint, quantity)).name if owners else "unknown"), quantity
-
-
-def rerun_plan(plan: RunPlan, of: Provenance, folder: Path, video: VideoPolicy = "none") -> RunPlan:
+def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy = "none") -> RunPlan:
     """The plan of a rerun: the same run in folders of its own, ended where the first was stopped.
 
     Args:
         plan: The run, with the folders of this machine.
-        of: What the run wrote down.
+        of: What the run wrote down; recorded actions in it take the place of the robot's program.
         folder: Where the rerun's own folders are made.
         video: Whether the rerun is filmed.
     """
-    stopped = of.ended_by in STOPPED_FROM_OUTSIDE and of.digest is not None
+    first = of.provenance
+    stopped = first.ended_by in STOPPED_FROM_OUTSIDE and first.digest is not None
+    if of.actions is not None:
+        plan = without_robot(plan)
     return plan.model_copy(
         update={
             "work_dir": folder / "work",
@@ -123,93 +127,42 @@ def rerun_plan(plan: RunPlan, of: Provenance, folder: Path, video: VideoPolicy =
             "checkpoint_dir": None,
             # This machine may be slower, or busier.
             "max_duration_s": plan.max_duration_s * 10 + 60,
-            "end_at_s": of.digest.until_s if stopped and of.digest else None,
+            "end_at_s": first.digest.until_s if stopped and first.digest else None,
+            "recorded_actions": _recorded_actions(of),
         }
     )
 
 
-def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
-    """Finds where two runs part.
-
-    Args:
-        one: The run; one that was killed is compared as far as it got.
-        other: The rerun.
-
-    Returns:
-        The first difference; None when all states are equal.
-    """
-    here, there = one.provenance, other.provenance
-    if here.model_sha256 != there.model_sha256:
-        return Divergence(time_s=0.0, what="in the model itself: its environment built another one")
-    if one.timeline is None or other.timeline is None:
+def _recorded_actions(of: RunOutputs) -> RecordedActions | None:
+    if of.actions is None:
         return None
-    names = JointNames(here.joints, here.positions)
-    return compare_timelines(one.timeline, other.timeline, names, whole=here.digest is not None)
+    if of.result is None:
+        return RecordedActions(path=of.actions.absolute())
+    stopped = of.provenance.ended_by in STOPPED_FROM_OUTSIDE
+    return RecordedActions(path=of.actions.absolute(), ended_by="duration limit" if stopped else "agent")
 
 
-def compare_timelines(
-    one: StateTimeline, other: StateTimeline, names: JointNames, *, whole: bool = True
-) -> Divergence | None:
-    """Finds where two runs of one model part.
-
-    Args:
-        one: States of the run.
-        other: States of the rerun.
-        names: Names of the model's joints.
-        whole: Whether the run came to its end, so that the rerun has to end there too.
-    """
-    both = min(len(one.links), len(other.links))
-    at = next((i for i in range(both) if one.links[i] != other.links[i]), None)
-    if at is None:
-        if len(other.links) < len(one.links) or (whole and len(other.links) > len(one.links)):
-            return _other_end(one, other)
-        return None
-    time_s = float(min(one.times_s[at], other.times_s[at]))
-    until_s = float(one.times_s[at - 1]) if at else None
-    named = _name_joint(one.states, other.states, names, time_s)
-    if named is None:
-        what = "in no position or velocity that was kept: in controls, forces or solver state"
-        return Divergence(time_s=time_s, equal_until_s=until_s, what=what)
-    return named.model_copy(update={"time_s": time_s, "equal_until_s": until_s})
+def _why_no_actions(run: RunOutputs) -> list[str]:
+    """Why the actions of a robot's program cannot be repeated; empty when they can."""
+    robot = run.provenance.plan.robot_application
+    assert robot is not None
+    about = f"robot application {robot.name} is a program of its own, and"
+    if run.actions is None:
+        return [f"{about} none of its actions were kept"]
+    try:
+        found = ActionLog(run.actions).summary()
+    except (ActionLogError, OSError) as error:
+        return [f"{about} its actions cannot be read: {error}"]
+    kept = run.provenance.actions
+    if kept is not None and kept != found:
+        return [
+            f"{about} {ACTIONS_FILE} is not what the run wrote: {found.actions} of {kept.actions} actions are whole"
+        ]
+    return []
 
 
-def _other_end(one: StateTimeline, other: StateTimeline) -> Divergence:
-    ends = [float(each.times_s[-1]) if len(each.times_s) else 0.0 for each in (one, other)]
-    what = f"in its end: the run ended at {ends[0]:.3f} s, the rerun at {ends[1]:.3f} s"
-    return Divergence(time_s=min(ends), equal_until_s=min(ends), what=what)
-
-
-def _name_joint(
-    one: Sequence[NDArray[np.float64]],
-    other: Sequence[NDArray[np.float64]],
-    names: JointNames,
-    from_s: float,
-) -> Divergence | None:
-    """The joint that differs most in the first kept state that differs."""
-    for state, again in zip(one, other, strict=False):
-        if state[0] < from_s or len(state) != len(again) or state[0] != again[0]:
-            continue
-        different = np.flatnonzero((state != again) & ~(np.isnan(state) & np.isnan(again)))
-        if different.size:
-            return _difference(state, again, different, names)
-    return None
-
-
-def _difference(
-    state: NDArray[np.float64], again: NDArray[np.float64], different: NDArray[np.intp], names: JointNames
-) -> Divergence:
-    # Positions say more than velocities; where only velocities differ, they have to do.
-    positions = different[different <= names.positions]
-    candidates = positions if positions.size else different
-    index = int(candidates[np.argmax(np.abs(state[candidates] - again[candidates]))])
-    joint, quantity = names.of(index - 1)
-    value, value_again, time_s = float(state[index]), float(again[index]), float(state[0])
-    return Divergence(
-        time_s=time_s,
-        what=f"in joint {joint} ({quantity} {value!r} vs {value_again!r} at {time_s:.3f} s)",
-        joint=joint,
-        quantity=quantity,
-        value=value,
-        value_again=value_again,
-        value_time_s=time_s,
-    )
+def _named(program: ProgramPlan, plan: RunPlan) -> str:
+    """A program in words: `tool watch of simulation application arena`."""
+    application = plan.robot_application if program.role == "robot" else plan.simulation_application
+    named = f"{program.role} application {application.name}" if application else f"the {program.role} application"
+    return f"tool {program.name.removeprefix(f'{program.role}-')} of {named}" if program.kind == "tool" else named

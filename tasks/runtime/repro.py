@@ -20,7 +20,7 @@ FIRST_OUTPUTS = "first"
 
 _MOST_OF_NAME = 200
 _TEST = '''\
-"""Repeats run {run_id} of {job_id}, which {words}.
+"""Repeats run {run_id} of {job_id}, which {words}{how}.
 
     python -m pytest {name}
 
@@ -108,7 +108,7 @@ class Reproduction:
         Raises:
             LaunchError: It cannot be started here.
         """
-        plan = rerun_plan(self.plan, self.first.provenance, folder, video)
+        plan = rerun_plan(self.plan, self.first, folder, video)
         for each in (plan.work_dir, plan.output_dir):
             shutil.rmtree(each, ignore_errors=True)
         if self.plan.root_dir is not None:
@@ -126,6 +126,12 @@ def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
         return {"failure_code": failure_code}
     missed = [each.name for each in outputs.result.requirements if not each.satisfied]
     return {"verdict": outputs.result.verdict, "missed": missed, "ended_by": outputs.result.ended_by}
+
+
+def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
+    """How a rerun ends that goes as the run went: one that was stopped from outside ends by itself at that time."""
+    ending = ending_of(outputs, failure_code)
+    return ending | {"ended_by": "duration limit"} if ending.get("ended_by") == "canceled" else ending
 
 
 def in_words(ending: dict[str, Any]) -> str:
@@ -164,14 +170,13 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
 def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> Path:
     provenance: Provenance = outputs.provenance
-    ending = ending_of(outputs, failure_code)
-    if ending.get("ended_by") == "canceled":
-        ending["ended_by"] = "duration limit"  # what a rerun says that ends at the same time
+    ending = rerun_ending(outputs, failure_code)
     name = f"test_repro_{re.sub(r'[^A-Za-z0-9_]', '_', provenance.plan.job_id)[:_MOST_OF_NAME]}.py"
     text = _TEST.format(
         run_id=_in_docstring(provenance.plan.run_id),
         job_id=_in_docstring(provenance.plan.job_id),
         words=_in_docstring(in_words(ending)),
+        how=", and whose robot is replayed from its recorded actions" if outputs.actions else "",
         name=name,
         ending=ending,
         digest=provenance.digest.value if provenance.digest else None,

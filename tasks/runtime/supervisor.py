@@ -21,6 +21,7 @@ from multiprocessing.connection import Connection
 from ...schemas.errors import LaunchError
 from .processes import adopt_orphans, come_first, kill_children
 from .progress import Progress
+from .provenance import note_run_of_programs
 from .run_request import RunRequest
 from .supervision import Supervision
 from .waiting_run import RunChild, WaitingRun
@@ -80,6 +81,9 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
     supervision = Supervision(channel, request, progress, run.begin, tell)
     try:
         supervision.prepare()
+        if not request.plan.has_episode:
+            with suppress(OSError):  # a full disk fails the run when its result is written
+                note_run_of_programs(request.for_run_process().plan)
     except (LaunchError, OSError) as error:
         kill_children()
         code = error.failure_code if isinstance(error, LaunchError) else "InternalServiceError"

@@ -100,13 +100,14 @@ def test_another_application_world_or_engine_cannot_be_compared(
     assert reason.startswith("it cannot be run here: ")
 
 
-def test_programs_of_their_own_cannot_be_compared(service: Service, swing: Simulate) -> None:
-    def with_program(document: dict[str, Any]) -> None:
-        program = {"name": "robot", "role": "robot", "kind": "application", "argv": ["true"], "folder": "/"}
-        document["plan"]["programs"] = [program]
+def test_a_rerun_that_comes_to_no_state_says_why(service: Service, swing: Simulate) -> None:
+    def without_factory(document: dict[str, Any]) -> None:
+        document["plan"]["job_arn"] += "0"  # which no catalog has
+        document["plan"]["simulation_application"]["attribute"] = "swinger.make_nothing"
 
-    answer = verify_run(str(changed(service, swing(), "provenance.json", with_program)), service)
-    assert answer.reasons == ["robot is a program of its own: no seed repeats its timing"]
+    [reason] = verify_run(str(changed(service, swing(), "provenance.json", without_factory)), service).reasons
+    assert reason.startswith("its rerun came to no state: Simulation application swing failed")
+    assert "swinger has no make_nothing" in reason
 
 
 def test_what_is_no_run_is_said(service: Service, tmp_path: Path) -> None:
@@ -137,6 +138,18 @@ def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swi
     tested = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
     assert "1 failed, 3 passed" in tested.stdout, tested.stdout + tested.stderr
     assert "FAILED test_wrong.py::test_it_ends_as_it_did" in tested.stdout
+
+
+def test_a_run_that_was_stopped_is_reproduced_up_to_there(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    job = swing(duration_s=1, TIME_LIMIT_S="3600", SLEEP_S="0.005")
+    made = reproduce_run(job["arn"], tmp_path / "limit", service, video="none")
+    assert (made.same_ending, made.ending) == (True, "ended with verdict PASS")
+
+    def canceled(document: dict[str, Any]) -> None:
+        document["ended_by"] = "canceled"
+
+    folder = changed(service, job, "result.json", canceled)
+    assert reproduce_run(str(folder), tmp_path / "canceled", service, video="none").same_ending
 
 
 def test_a_folder_that_is_taken_is_left_alone(service: Service, swing: Simulate, tmp_path: Path) -> None:

@@ -53,7 +53,9 @@ class Unusual(dm_env.Environment):
 
     def run_result(self):
         kinds = [type(action["arms"][1]).__name__ for action in self.taken]
-        return {"extra": {"kinds": kinds, "owned": len({id(action["arms"][0]) for action in self.taken})}}
+        owned = len({id(action["arms"][0]) for action in self.taken})
+        taken = [[bool(action["grip"]), action["arms"][0].tolist(), int(action["arms"][1])] for action in self.taken]
+        return {"extra": {"kinds": kinds, "owned": owned, "taken": taken}}
 
 
 def make_unusual(context):

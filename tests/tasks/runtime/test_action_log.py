@@ -1,0 +1,224 @@
+"""Logs of actions: what a robot did is read as it was, however the process that wrote it ended."""
+
+import hashlib
+import json
+import os
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zstandard
+from dm_env import specs
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from prefect_robomaker.tasks.runtime import action_log
+from prefect_robomaker.tasks.runtime.action_log import (
+    CHUNK_ACTIONS,
+    CHUNK_BYTES,
+    PACKED,
+    ActionLog,
+    ActionLogError,
+    ActionLogHeader,
+    actions_summary,
+    chunk_of,
+    header_of,
+)
+from prefect_robomaker.tasks.runtime.action_log_writer import ActionKeeper, ActionLogWriter
+from prefect_robomaker.tasks.runtime.agent_client import ACTION_HEADER
+from prefect_robomaker.tasks.runtime.agent_layout import Layout
+
+WHEELS = header_of("lockstep", Layout(specs.Array((2,), np.float64), ACTION_HEADER.size))
+
+
+def some_actions(count: int, size: int, seed: int = 0) -> list[bytes]:
+    """Actions of which some are held for a while."""
+    rng = np.random.default_rng(seed)
+    actions: list[bytes] = []
+    for _ in range(count):
+        actions.append(actions[-1] if actions and rng.random() < 0.5 else rng.bytes(size))
+    return actions
+
+
+def write(path: Path, actions: list[bytes], header: ActionLogHeader = WHEELS, *, close: bool = True) -> None:
+    writer = ActionLogWriter(path, header)
+    for action in actions:
+        writer.add(action)
+    if close:
+        writer.close()
+    else:
+        writer.abandon()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    count=st.one_of(st.integers(0, 5), st.integers(CHUNK_ACTIONS - 2, 2 * CHUNK_ACTIONS + 2)),
+    size=st.sampled_from([0, 1, 8, 16, 168, CHUNK_BYTES // 4, CHUNK_BYTES + 8]),
+    close=st.booleans(),
+    seed=st.integers(0, 9),
+)
+def test_what_was_done_is_read_to_the_bit(
+    tmp_path_factory: pytest.TempPathFactory, count: int, size: int, close: bool, seed: int
+) -> None:
+    path = tmp_path_factory.mktemp("log") / "actions.bin"
+    actions = some_actions(min(count, 400_000 // max(1, size)), size, seed)
+    header = ActionLogHeader(mode="free", size=size, arrays=[])
+    write(path, actions, header, close=close)
+    log = ActionLog(path)
+    assert log.header == header
+    assert list(log) == actions
+    summary = log.summary()
+    assert (summary.mode, summary.actions, summary.size_bytes) == ("free", len(actions), path.stat().st_size)
+    assert summary.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_beginning_says_what_actions_are(tmp_path: Path) -> None:
+    spec = {"grip": specs.Array((), bool), "wheels": specs.BoundedArray((2,), np.float32, -1, 1, name="left, right")}
+    header = header_of("free", Layout(spec, ACTION_HEADER.size))
+    write(tmp_path / "actions.bin", [], header)
+    name, line = (tmp_path / "actions.bin").read_bytes().splitlines()
+    assert name == b"robomaker actions 1"
+    assert json.loads(line) == {
+        "mode": "free",
+        "size": 16,
+        "arrays": [
+            {"path": ["grip"], "dtype": "bool", "shape": [], "offset": 0},
+            {
+                "path": ["wheels"], "dtype": "float32", "shape": [2], "offset": 8, "minimum": -1.0, "maximum": 1.0,
+                "description": "left, right",
+            },
+        ],
+    }  # fmt: skip
+
+
+KILLED = """
+import os, signal, sys
+sys.path.insert(0, os.environ["TESTS"])
+from pathlib import Path
+from test_action_log import WHEELS, ActionLogWriter, some_actions
+writer = ActionLogWriter(Path(sys.argv[1]), WHEELS)
+for action in some_actions(int(sys.argv[2]), 16):
+    writer.add(action)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_process_that_is_killed_leaves_every_action(tmp_path: Path) -> None:
+    environment = {**os.environ, "TESTS": str(Path(__file__).parent)}
+    path, count = tmp_path / "actions.bin", CHUNK_ACTIONS + 7
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(path), str(count)], env=environment)
+    assert ended.returncode == -9
+    assert list(ActionLog(path)) == some_actions(count, 16)
+
+
+@pytest.mark.parametrize("written", [0, 10, 24, 3000, 10_000])
+def test_a_process_that_is_killed_while_it_compresses_loses_one_chunk_at_most(tmp_path: Path, written: int) -> None:
+    """Of those that it replaces, some are behind the new chunk, or behind the part of it that was written."""
+    actions = some_actions(2 * CHUNK_ACTIONS, 16)
+    whole, before = tmp_path / "whole.bin", tmp_path / "before.bin"
+    write(whole, actions)
+    write(before, actions[:-1], close=False)
+    begin = before.read_bytes().index(b"RMAP")
+    packed, torn = whole.read_bytes()[begin:], bytearray(before.read_bytes())
+    torn[begin : begin + min(written, len(packed))] = packed[:written]
+    before.write_bytes(torn)
+
+    read = list(ActionLog(before))
+
+    assert read == actions[: len(read)]
+    assert len(read) in (CHUNK_ACTIONS, 2 * CHUNK_ACTIONS - 1, 2 * CHUNK_ACTIONS)
+
+
+@settings(max_examples=40, deadline=None)
+@given(place=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255), keep=st.floats(0, 1))
+def test_of_a_damaged_log_only_what_was_done_is_read(
+    tmp_path_factory: pytest.TempPathFactory, place: float, value: int, keep: float
+) -> None:
+    path = tmp_path_factory.mktemp("log") / "actions.bin"
+    actions = some_actions(CHUNK_ACTIONS + 20, 16)
+    write(path, actions, close=False)
+    begin = path.read_bytes().index(b"\n", len(action_log.MAGIC)) + 1
+    data = bytearray(path.read_bytes())
+    data[begin + int(place * (len(data) - begin))] = value
+    path.write_bytes(data[: begin + int(keep * (len(data) - begin))])
+    read = list(ActionLog(path))
+    assert read == actions[: len(read)]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        zstandard.compress(bytes(2**28)),
+        zstandard.compress(bytes(16))[:-3],
+        b"no frame",
+        b"",
+    ],
+)
+def test_what_is_no_chunk_is_not_unpacked(tmp_path: Path, content: bytes) -> None:
+    """The checksum is right: somebody made it so."""
+    path = tmp_path / "actions.bin"
+    write(path, some_actions(3, 16))
+    with path.open("ab") as file:
+        file.write(chunk_of(PACKED, 4, 3, content))
+    assert list(ActionLog(path)) == some_actions(3, 16)
+
+
+@pytest.mark.parametrize("head", [(b"RMAZ", 2**31, 100, 0), (b"RMAP", 1, 2**32 - 1, 0), (b"RMAP", 0, 16, 0)])
+def test_lengths_that_cannot_be_are_not_believed(tmp_path: Path, head: tuple[bytes, int, int, int]) -> None:
+    path = tmp_path / "actions.bin"
+    write(path, [])
+    with path.open("ab") as file:
+        file.write(struct.pack("<4sIIQI", *head, zlib.crc32(b"")) + bytes(100))
+    assert list(ActionLog(path)) == []
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"robomaker digest 1\n", b"robomaker actions 1\n", b"robomaker actions 1\n{}\n"]
+)
+def test_what_is_no_log_is_said(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "actions.bin").write_bytes(content)
+    with pytest.raises(ActionLogError, match="is no log of actions"):
+        ActionLog(tmp_path / "actions.bin")
+    assert actions_summary(tmp_path) is None
+
+
+def test_an_hour_is_small(tmp_path: Path) -> None:
+    """20 actions a second, of which one in five is another."""
+    rng, path = np.random.default_rng(0), tmp_path / "actions.bin"
+    others = [rng.uniform(-1, 1, 2).tobytes() for _ in range(14_400)]
+    write(path, [action for action in others for _ in range(5)])
+    assert path.stat().st_size < 1.5 * 16 * len(others)
+
+
+def test_a_log_that_cannot_be_written_fails_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    keeper = ActionKeeper(tmp_path / "gone" / "actions.bin", WHEELS)
+    keeper.keep(bytes(16))
+    keeper.close()
+    assert (keeper.error or "").startswith("FileNotFoundError")
+    assert "The robot's actions are not kept, so that the run cannot be repeated: " in capsys.readouterr().err
+
+
+def test_of_a_log_that_does_not_fit_no_part_is_left(tmp_path: Path) -> None:
+    code = """
+import resource, sys
+sys.path.insert(0, sys.argv[2])
+from pathlib import Path
+from test_action_log import WHEELS, ActionKeeper
+import signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+keeper = ActionKeeper(Path(sys.argv[1]), WHEELS)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+for _ in range(100):
+    keeper.keep(bytes(16))
+keeper.close()
+print(keeper.error)
+"""
+    path = tmp_path / "actions.bin"
+    command = [sys.executable, "-c", code, str(path), str(Path(__file__).parent)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "File too large" in ended.stdout
+    assert not path.exists()

@@ -1,0 +1,128 @@
+"""Reruns in which recorded actions take the place of a robot's program."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from dm_env import specs
+from remote_jobs import ARENA, Job
+
+from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RecordedActions, RunOutcome, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.action_log import ActionLog, header_of
+from prefect_robomaker.tasks.runtime.action_log_writer import ActionLogWriter
+from prefect_robomaker.tasks.runtime.agent_client import ACTION_HEADER
+from prefect_robomaker.tasks.runtime.agent_layout import Layout
+from prefect_robomaker.tasks.runtime.launcher import Launcher
+
+MakePlan = Callable[..., RunPlan]
+Start = Callable[..., Job]
+Repeat = Callable[..., tuple[RunOutcome, RunPlan]]
+DRIVER = ApplicationPlan(role="robot", name="driver")
+
+
+@pytest.fixture
+def repeat(launcher: Launcher) -> Repeat:
+    """Runs a plan again with recorded actions and nobody who connects."""
+
+    def repeat(plan: RunPlan, **recorded: Any) -> tuple[RunOutcome, RunPlan]:
+        folder = plan.work_dir.parent.parent / "again"
+        actions = RecordedActions(**({"path": plan.output_dir / "actions.bin", "ended_by": "agent"} | recorded))
+        folders = {"work_dir": folder / "work", "output_dir": folder / "out"}
+        again = plan.model_copy(update={**folders, "recorded_actions": actions})
+        return launcher.run(again, lambda: None), again
+
+    return repeat
+
+
+def result_of(plan: RunPlan) -> RunResult:
+    return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
+
+
+def log_of(path: Path, spec: Any, *actions: Any) -> Path:
+    writer = ActionLogWriter(path, header_of("lockstep", Layout(spec, ACTION_HEADER.size)))
+    for action in actions:
+        writer.add(np.asarray(action, "<f8").tobytes())
+    writer.close()
+    return path
+
+
+def test_actions_of_every_kind_are_given_again_as_they_were(start: Start, repeat: Repeat) -> None:
+    job = start(ARENA.format("make_unusual"))
+    with job.connect() as simulation:
+        for step in simulation:
+            simulation.act({"grip": step.step % 2 == 0, "arms": [[0.1 * step.step, -step.step], step.step % 4]})
+
+    first = job.result().extra
+
+    _, again = repeat(job.plan)
+
+    second = result_of(again).extra
+    assert second["taken"] == first["taken"] != []
+    assert (second["kinds"], second["owned"]) == (first["kinds"], 5)
+    assert second["agent"] == {"mode": "recorded", "actions": 5}
+    assert not (again.output_dir / "actions.bin").exists()
+
+
+def test_of_a_robot_that_runs_free_every_step_is_known(start: Start, repeat: Repeat) -> None:
+    job = start(ARENA.format("make_timed"))
+    with job.connect(mode="free") as simulation:
+        for step in simulation:
+            simulation.act(float(step.step))
+            time.sleep(0.03)  # a step is 0.02 s: some actions are held
+    first = job.result().extra
+    assert len(set(first["actions"])) < 30
+
+    _, again = repeat(job.plan)
+
+    second = result_of(again).extra
+    assert second["actions"] == first["actions"]
+    assert second["times"][-1] - second["times"][0] < first["times"][-1] - first["times"][0], "nobody is waited for"
+    assert ActionLog(job.plan.output_dir / "actions.bin").header.mode == "free"
+
+
+def test_where_actions_end_the_rerun_ends_as_the_run_did(start: Start, repeat: Repeat) -> None:
+    job = start()
+    with job.connect() as simulation:
+        for step in simulation:
+            if step.step == 3:
+                break
+            simulation.act([0.5])
+    assert job.result().ended_by == "agent"
+
+    _, again = repeat(job.plan)
+    assert (result_of(again).ended_by, result_of(again).metrics["steps"]) == ("agent", 3.0)
+    _, again = repeat(job.plan, ended_by="duration limit")
+    assert (result_of(again).ended_by, result_of(again).metrics["steps"]) == ("duration limit", 3.0)
+    outcome, _ = repeat(job.plan, ended_by=None)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "RobotApplicationCrash")
+    assert "the recorded actions of robot application driver end here, after 3 steps" in (outcome.failure_reason or "")
+
+
+@pytest.mark.parametrize(
+    ("spec", "actions", "code", "text"),
+    [
+        (specs.Array((2,), np.float64), [], "InvalidInput", "are float64[2]; this environment takes float64[1]"),
+        (specs.Array((1,), np.float32), [], "InvalidInput", "are float32[1]; this environment takes float64[1]"),
+        ({"a": specs.Array((1,), np.float64)}, [], "InvalidInput", "are a: float64[1]; this environment takes"),
+        (
+            specs.Array((1,), np.float64), [[0.0], [np.nan]], "RobotApplicationCrash",
+            "recorded action 1: the action is [nan]; it has to be finite",
+        ),
+    ],
+)  # fmt: skip
+def test_what_this_environment_does_not_take_is_refused(
+    make_plan: MakePlan, repeat: Repeat, tmp_path: Path, spec: Any, actions: list[Any], code: str, text: str
+) -> None:
+    plan = make_plan(robot_application=DRIVER)
+    outcome, _ = repeat(plan, path=log_of(tmp_path / "other.bin", spec, *actions))
+    assert (outcome.status, outcome.failure_code) == ("Failed", code), outcome
+    assert text in (outcome.failure_reason or "")
+
+
+def test_what_is_no_log_is_said(make_plan: MakePlan, repeat: Repeat, tmp_path: Path) -> None:
+    outcome, _ = repeat(make_plan(robot_application=DRIVER), path=tmp_path / "gone.bin")
+    assert "the recorded actions of robot application driver: " in (outcome.failure_reason or "")
+    assert "gone.bin cannot be read" in (outcome.failure_reason or "")

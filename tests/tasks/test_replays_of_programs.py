@@ -1,0 +1,179 @@
+"""Runs whose robot is a program are repeated without it, from what it did; other programs are named as in the way."""
+
+import hashlib
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from swing_fixtures import SUITE, outputs_of
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ConfigurationError
+from prefect_robomaker.schemas.provenance import Provenance
+from prefect_robomaker.tasks.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.runtime.action_log import ActionLog
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
+
+ROBOT = Path(__file__).parents[1] / "pushing_robot"
+WATCH = {"exitBehavior": "RESTART", "name": "watch", "command": "sleep 60"}
+Simulate = Callable[..., dict[str, Any]]
+NOT_RUN = "; with the recorded actions, the robot's program was not run"
+
+
+@pytest.fixture
+def push(service: Service, swing: Simulate, tmp_path: Path) -> Simulate:
+    """Orders a job of the pendulum whose robot is a program that pushes by chance."""
+    pack_tar_gz(shutil.copytree(ROBOT, tmp_path / "robot"), tmp_path / "robot.tar.gz")
+    service.store.put_file("applications", "robot.tar.gz", tmp_path / "robot.tar.gz")
+    source = [{"s3Bucket": "applications", "s3Key": "robot.tar.gz"}]
+    call("CreateRobotApplication", {"name": "chance", "sources": source, "robotSoftwareSuite": SUITE}, service)
+
+    def run(robot: dict[str, str] | None = None, **members: Any) -> dict[str, Any]:
+        launch = {"command": ["python3", "push.py"], "environmentVariables": robot or {}}
+        more = members.pop("of_robot", {})
+        return swing(robot={"application": "chance", "launchConfig": launch, **more}, **members)
+
+    return run
+
+
+def provenance_of(service: Service, job: dict[str, Any]) -> Provenance:
+    return Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
+
+
+@pytest.mark.parametrize("robot", [{}, {"MODE": "free", "FACTOR": "8"}])
+def test_what_a_program_did_by_chance_is_repeated_to_the_bit_without_it(
+    service: Service, push: Simulate, robot: dict[str, str]
+) -> None:
+    job, other = push(robot), push(robot)
+    service.store.delete("applications", "robot.tar.gz")  # nobody needs it any more
+
+    answer = verify_run(job["arn"], service)
+
+    assert answer.answer == "bit-identical", str(answer)
+    assert answer.recorded_actions
+    assert str(answer) == f"bit-identical: 5 states over 4.000 s{NOT_RUN}"
+    assert answer.digest == answer.digest_again
+    assert answer.digest != verify_run(other["arn"], service).digest
+    outputs, actions = outputs_of(service, job), provenance_of(service, job).actions
+    assert actions is not None
+    assert (actions.mode, actions.actions) == (robot.get("MODE", "lockstep"), 200)
+    document = service.catalog.get(job["arn"]).document
+    [listed] = [
+        file for file in read_manifest(service.store, **document["outputs"]).files if file.path == "actions.bin"
+    ]
+    content = (outputs / "actions.bin").read_bytes()
+    assert (listed.sha256, listed.size_bytes) == (actions.sha256, actions.size_bytes)
+    assert (hashlib.sha256(content).hexdigest(), len(content)) == (actions.sha256, actions.size_bytes)
+
+
+def test_an_environment_that_no_seed_repeats_still_diverges(service: Service, push: Simulate) -> None:
+    answer = verify_run(push(DRIFT_AT="60")["arn"], service)
+    assert answer.answer == "diverged"
+    assert str(answer).startswith("diverged at t=2.000 s in joint ")
+    assert str(answer).endswith(NOT_RUN)
+
+
+def test_actions_that_are_not_the_runs_are_not_taken_for_them(service: Service, push: Simulate) -> None:
+    outputs = outputs_of(service, push())
+    about = "robot application chance is a program of its own, and "
+    folder = shutil.copytree(outputs, service.folder("scratch") / "damaged")
+    data = (folder / "actions.bin").read_bytes()
+
+    (folder / "actions.bin").write_bytes(data[:-20])
+    assert verify_run(str(folder), service).reasons == [
+        f"{about}actions.bin is not what the run wrote: 0 of 200 actions are whole"
+    ]
+    (folder / "actions.bin").write_bytes(b"something else")
+    [reason] = verify_run(str(folder), service).reasons
+    assert "actions.bin is no log of actions" in reason
+    (folder / "actions.bin").unlink()
+    assert verify_run(str(folder), service).reasons == [f"{about}none of its actions were kept"]
+    with pytest.raises(ConfigurationError, match="cannot be repeated: robot application chance is a program"):
+        reproduce_run(str(folder), folder / "repro", service)
+
+
+def test_a_failure_of_a_program_that_no_seed_repeats_becomes_a_test(
+    service: Service, push: Simulate, tmp_path: Path
+) -> None:
+    job = push(LIMIT="0.5")
+
+    made = reproduce_run(job["arn"], tmp_path / "repro", service)
+
+    assert (made.same_ending, made.ending) == (True, "ended with verdict FAIL (low)")
+    assert made.video is not None
+    assert made.video.stat().st_size > 1000
+    # Somebody else's machine has neither this catalog nor this store, nor the robot.
+    elsewhere = made.folder.rename(tmp_path / "elsewhere")
+    shutil.rmtree(service.settings.home)
+    assert not list(elsewhere.rglob("push.py"))
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", made.test.name]
+    tested = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
+    assert "2 passed" in tested.stdout, tested.stdout + tested.stderr
+    assert "whose robot is replayed from its recorded actions" in (elsewhere / made.test.name).read_text()
+
+
+def test_a_program_that_broke_is_followed_to_there(service: Service, push: Simulate, tmp_path: Path) -> None:
+    job = push({"BREAK_AT": "77"})
+    assert job["failureCode"] == "RobotApplicationCrash"
+    assert "a wheel came off" in job["failureReason"]
+
+    answer = verify_run(job["arn"], service)
+    made = reproduce_run(job["arn"], tmp_path / "repro", service, video="none")
+
+    assert (answer.answer, answer.until_s) == ("bit-identical", pytest.approx(77 * 0.02))
+    assert (made.same_ending, made.ending) == (True, "failed with RobotApplicationCrash")
+
+
+def test_an_environment_that_a_program_killed_is_killed_again(service: Service, push: Simulate, tmp_path: Path) -> None:
+    """The action that did it is among those that were kept."""
+    job = push(KILL_AT="90")
+    assert job["failureCode"] == "SimulationApplicationCrash"
+    assert len(list(ActionLog(outputs_of(service, job) / "actions.bin"))) == 90
+
+    made = reproduce_run(job["arn"], tmp_path / "repro", service, video="none")
+
+    assert (made.same_ending, made.ending) == (True, "failed with SimulationApplicationCrash")
+    [reason] = verify_run(job["arn"], service).reasons
+    assert reason.startswith("it kept no states")
+
+
+def test_a_run_that_its_duration_limit_ended_is_repeated_up_to_there(service: Service, push: Simulate) -> None:
+    answer = verify_run(push(duration_s=1, TIME_LIMIT_S="3600", SLEEP_S="0.005")["arn"], service)
+    assert answer.answer == "bit-identical", str(answer)
+    assert 0.3 < (answer.until_s or 0) < 20
+
+
+def test_tools_of_a_robot_that_is_repeated_are_not_in_the_way(service: Service, push: Simulate) -> None:
+    answer = verify_run(push(of_robot={"tools": [WATCH]})["arn"], service)
+    assert answer.answer == "bit-identical", str(answer)
+
+
+def test_other_tools_and_programs_cannot_be_compared_and_are_named(
+    service: Service, push: Simulate, swing: Simulate
+) -> None:
+    why = "is a program of its own: no seed repeats its timing"
+
+    beside_program = verify_run(push(simulation={"tools": [WATCH]})["arn"], service)
+    beside_factory = verify_run(swing(robot={"tools": [WATCH]})["arn"], service)
+
+    assert beside_program.reasons == [f"tool watch of simulation application swing {why}"]
+    assert str(beside_program) == f"not comparable: tool watch of simulation application swing {why}"
+    assert beside_factory.reasons == [f"tool watch of robot application pusher {why}"]
+
+
+def test_a_job_of_two_programs_cannot_be_compared_and_both_are_named(
+    service: Service, push: Simulate, tmp_path: Path
+) -> None:
+    job = push(simulation={"launchConfig": {"command": ["sleep", "0.3"]}})
+    why = "is a program of its own: no seed repeats its timing"
+
+    answer = verify_run(job["arn"], service)
+
+    assert set(answer.reasons) >= {f"simulation application swing {why}", f"robot application chance {why}"}
+    with pytest.raises(ConfigurationError, match=r"cannot be repeated: .*simulation application swing is a program"):
+        reproduce_run(job["arn"], tmp_path / "repro", service)
