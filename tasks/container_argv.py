@@ -21,7 +21,7 @@ read -r status is_out_of_memory ended_with <<<"$("$1" inspect --format "$form" "
 if [ "$is_out_of_memory" = true ]; then
   echo "the container used more memory than the $3 MiB that are allowed, and was killed" >&2
 fi
-[ "$status" = exited ] && code=$ended_with
+case "$status:$ended_with" in exited:*|created:[1-9]*) code=$ended_with ;; esac
 exit $code
 """
 # A tool is started at the same moment as its container, which takes a while to be there.

@@ -210,8 +210,8 @@ def copy_out(
     """Copies folders of an image to this machine; those that it does not have are left out.
 
     What is mounted over a folder of an image hides what the image has there, such as a workspace below
-    `/home/robomaker`. Root keeps whose files they are; for others all files become their own, and whoever is the
-    image's `USER` may write to them too.
+    `/home/robomaker`. Root keeps whose files they are; for others, and where podman does not tell it, all files become
+    the caller's, and whoever is the image's `USER` may write to them too.
 
     Args:
       engine: where the image is.
@@ -223,7 +223,7 @@ def copy_out(
     Raises:
       LaunchError: the engine refuses, or it was `stopped`.
     """
-    owners = "same" if os.geteuid() == 0 else "no-same"
+    owners = "same" if os.geteuid() == 0 and not engine.is_podman else "no-same"
     try:
         engine.call("create", "--name", name, "--network", "host", uri, "nothing", timeout_s=_CREATE_TIMEOUT_S)
         try:

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from prefect_robomaker.tasks.runtime import agent_client
 
-PROGRAMS = ("bash", "cat", "chmod", "env", "head", "id", "ln", "ls", "mkdir", "rm", "sleep", "stat", "tail", "touch")
+PROGRAMS = ("bash", "cat", "chmod", "chown", "head", "env", "id", "ln", "mkdir", "rm", "sleep", "stat", "tail", "touch")
 USER_ID = 1234
 """Of the user `robo` of every image."""
 

@@ -67,11 +67,19 @@ class RealEngine:
             instructions: of a Dockerfile, such as `USER robo`.
             python: whether Python is in it.
         """
+        changes = [word for instruction in instructions for word in ("--change", instruction)]
+        self.call("import", *changes, str(self.root(python=python)), name)
+        return self.note_image(name)
+
+    def root(self, *, python: bool = False) -> Path:
+        """The archive of a root file system."""
         if python not in self._archives:
             self._archives[python] = self.roots / f"root-{python}.tar"
             write_root(self._archives[python], python=python)
-        changes = [word for instruction in instructions for word in ("--change", instruction)]
-        self.call("import", *changes, str(self._archives[python]), name)
+        return self._archives[python]
+
+    def note_image(self, name: str) -> str:
+        """Has an image removed at the end; returns its name."""
         self._images.add(name)
         return name
 

@@ -1,0 +1,187 @@
+"""What is asked of a container engine, asked of a real one."""
+
+import os
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from container_images import USER_ID
+from image_registry import ImageRegistry, image_registry
+from real_engine import RealEngine
+
+from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.tasks.container_leftovers import ContainerNote, note_container, remove_containers
+from prefect_robomaker.tasks.containers import Engine, copy_out, engine_environment, find_engine, get_image
+from prefect_robomaker.tasks.sandbox import remove
+from prefect_robomaker.tasks.surroundings import container_sandbox
+
+pytestmark = pytest.mark.deep
+
+AsUser = Callable[[Callable[[], None]], None]
+
+
+@pytest.fixture
+def engine(real_engine: RealEngine) -> Engine:
+    environ = {**os.environ, **real_engine.environ, "ROBOMAKER_CONTAINER_ENGINE": real_engine.program}
+    return find_engine(environ, lambda name: name)
+
+
+@pytest.fixture
+def registry(real_engine: RealEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ImageRegistry]:
+    with image_registry() as running:
+        settings = tmp_path / "registries.conf"
+        settings.write_text(f'[[registry]]\nlocation = "{running.address}"\ninsecure = true\n')
+        monkeypatch.setenv("CONTAINERS_REGISTRIES_CONF", str(settings))  # docker needs none
+        yield running
+
+
+@pytest.fixture
+def root(real_engine: RealEngine) -> bytes:
+    """A root file system, as an archive."""
+    return real_engine.root().read_bytes()
+
+
+def with_settings(engine: Engine) -> Engine:
+    """The engine with what the environment says now."""
+    return Engine(engine.program, {**engine.environment, **engine_environment(os.environ)}, engine.is_podman)
+
+
+def test_an_image_is_pulled_and_is_the_one_that_was_meant(
+    real_engine: RealEngine, engine: Engine, registry: ImageRegistry, root: bytes
+) -> None:
+    first = registry.add_image("robot:1", root, Cmd=["id"])
+    uri = real_engine.note_image(f"{registry.address}/robot:1")
+
+    assert get_image(with_settings(engine), uri, "robot", digest=first).digests == (first,)
+    second = registry.add_image("robot:1", root, Cmd=["ls"])
+    with pytest.raises(LaunchError, match=f"{first}, then {second}") as caught:
+        get_image(with_settings(engine), uri, "robot", digest=first)
+    assert caught.value.failure_code == "RobotApplicationVersionMismatchedEtag"
+
+
+def test_what_jobs_do_not_allow_is_found_in_a_pulled_image(
+    real_engine: RealEngine, engine: Engine, registry: ImageRegistry, root: bytes
+) -> None:
+    uri = real_engine.note_image(f"{registry.address}/robot:2")
+    registry.add_image("robot:2", root, Volumes={"/data": {}})
+
+    with pytest.raises(LaunchError, match="VOLUME /data"):
+        get_image(with_settings(engine), uri, "robot", digest=None)
+    registry.add_image("robot:2", root, ExposedPorts={"80/tcp": {}})
+    with pytest.raises(LaunchError, match="EXPOSE 80/tcp"):
+        get_image(with_settings(engine), uri, "robot", digest=None)
+
+
+def test_an_image_that_no_registry_has_cannot_be_pulled(engine: Engine, registry: ImageRegistry) -> None:
+    with pytest.raises(
+        LaunchError, match=r"cannot be pulled: .*(not found|manifest unknown|name unknown|404)"
+    ) as caught:
+        get_image(with_settings(engine), f"{registry.address}/none:1", "simulation", digest=None)
+    assert caught.value.failure_code == "BadPermissionsSimulationApplication"
+
+
+def test_pulling_is_given_up_within_a_second(engine: Engine, registry: ImageRegistry, root: bytes) -> None:
+    registry.add_image("slow:1", root + b"\0" * 512)  # layers that an engine has already are not asked for
+    registry.answers.clear()
+    asked_s: list[float] = []
+
+    def stopped() -> bool:
+        if registry.asked.is_set():
+            asked_s.append(time.monotonic())
+        return bool(asked_s)
+
+    with pytest.raises(LaunchError, match="was stopped"):
+        get_image(with_settings(engine), f"{registry.address}/slow:1", "robot", digest=None, stopped=stopped)
+    assert time.monotonic() - asked_s[0] < 1
+
+
+def test_folders_are_copied_out_with_their_owners(real_engine: RealEngine, engine: Engine, tmp_path: Path) -> None:
+    image = real_engine.add_image("robomaker-tests/folders:1")
+    home = tmp_path / "home"
+    home.mkdir()
+
+    copy_out(engine, image, "robomaker-tests-folders", {"/home/robomaker": home, "/nowhere": tmp_path / "none"})
+
+    assert (home / "workspace/built.txt").read_text() == "in the image\n"
+    assert (home / "secret.txt").read_text() == "of root\n"
+    if os.getuid() == 0 and not engine.is_podman:
+        assert (home / "workspace").stat().st_uid == USER_ID
+        assert (home / "secret.txt").stat().st_mode & 0o777 == 0o600
+    else:
+        assert (home / "secret.txt").stat().st_mode & 0o777 == 0o666, "whoever is USER may write to it"
+    assert real_engine.containers("robomaker-tests-folders") == []
+
+
+def test_containers_that_were_noted_are_removed_whether_they_run_or_not(
+    real_engine: RealEngine, engine: Engine, tmp_path: Path
+) -> None:
+    image = real_engine.add_image("robomaker-tests/left:1")
+    for name in ("robomaker-tests-left-1", "robomaker-tests-left-2", "robomaker-tests-left-3"):
+        note_container(tmp_path, ContainerNote(engine.program, name, image, "robot"))
+    engine.call("create", "--name", "robomaker-tests-left-1", "--network", "host", image, "id")
+    engine.call("run", "-d", "--name", "robomaker-tests-left-2", "--network", "host", image, "sleep", "60")
+
+    remove_containers(tmp_path, engine.environment)
+
+    assert real_engine.containers("robomaker-tests-left") == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def as_user(real_engine: RealEngine) -> AsUser:
+    """Does something as a user who is not root, but may call the engine."""
+    socket = Path(real_engine.environ.get("DOCKER_HOST", "none").removeprefix("unix://"))
+    if os.getuid() != 0 or real_engine.is_podman or not socket.is_socket():
+        pytest.skip("only a docker daemon of the tests' own is opened to others")
+
+    def do(action: Callable[[], None]) -> None:
+        for folder in (socket, *list(socket.parents)[:-2]):
+            folder.chmod(0o777)
+        child = os.fork()
+        if child == 0:
+            try:
+                os.setgroups([])
+                os.setgid(4321)
+                os.setuid(4321)
+                action()
+                os._exit(0)
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+
+    return do
+
+
+def test_files_that_root_of_a_container_wrote_are_given_back(
+    real_engine: RealEngine, engine: Engine, as_user: AsUser, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    image = real_engine.add_image("robomaker-tests/given:1")
+    run = tmp_path_factory.mktemp("run")
+
+    def work() -> None:
+        sandbox = container_sandbox(run, "robot").create()
+        sandbox.root.chmod(0o700)
+        home = sandbox.place("/home/robomaker")
+        copy_out(engine, image, "robomaker-tests-seed", {"/home/robomaker": home})
+        assert (home / "secret.txt").read_text() == "of root\n"
+        note_container(run, ContainerNote(engine.program, "robomaker-tests-given", image, "robot"))
+        script = "umask 77; mkdir /h/mine; echo 1 > /h/mine/file; ln -s /etc/passwd /h/link"
+        words = ["run", "--name", "robomaker-tests-given", "--network", "host", "-v", f"{home}:/h", image]
+        engine.call(*words, "bash", "-c", script)
+        remove_containers(run, engine.environment)
+        assert (home / "mine/file").read_text() == "1\n"
+        remove(sandbox.root)
+        assert not sandbox.root.exists()
+
+    for folder in (run, *run.parents):
+        if folder.stat().st_uid == os.getuid() and folder.is_relative_to(tmp_path_factory.getbasetemp().parent):
+            folder.chmod(0o755)
+    os.chown(run, 4321, 4321)
+    as_user(work)
+
+    assert real_engine.containers("robomaker-tests-given") == []
+    assert Path("/etc/passwd").stat().st_uid == 0
