@@ -5,21 +5,24 @@ from typing import Any
 
 from ..schemas.errors import Problem, SpecError
 from ..schemas.request_problems import nearest
-from ..schemas.spec import CheckedSpec
+from ..schemas.requirement_orders import no_such_room
+from ..schemas.spec import CheckedSpec, CheckedStep
 from ..schemas.spec_text import plain
 from ..tasks.service import Service
 from ..tasks.uploads import prepare_bucket
+from ..tasks.world_rooms import room_names
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 
 
 def check_surroundings(checked: CheckedSpec, service: Service) -> None:
-    """Checks that the object store answers and that the applications named by jobs exist.
+    """Checks that the object store answers, that the applications named by jobs exist, and the rooms of their goals.
 
     Applications that a step of the same specification makes count as existing.
 
     Raises:
-      SpecError: an application is named that does not exist; says where and what is near.
+      SpecError: an application is named that does not exist, or a room that its world has not; says where and what is
+        near.
       StorageError: the object store cannot be used.
     """
     prepare_bucket(service, service.settings.bucket)
@@ -36,8 +39,43 @@ def check_surroundings(checked: CheckedSpec, service: Service) -> None:
                 known |= {resource.name for resource in service.catalog.list(kind).resources}
                 words = f"there is no {kind.replace('-', ' ')} {name!r}{nearest(name, sorted(known))}"
                 problems.append(Problem(step.place, path, words))
+        problems += _room_problems(step, service)
     if problems:
         raise SpecError(problems)
+
+
+def _room_problems(step: CheckedStep, service: Service) -> Iterator[Problem]:
+    """Goals in rooms that worlds do not have which are there already."""
+    for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
+        arn = _written_world(order)
+        world = service.catalog.get_many([arn]).get(arn) if arn else None
+        rooms = room_names(world, service) if world is not None else None
+        for index, goal in enumerate(order["requirements"] if rooms is not None else []):
+            room = goal.get("room") if isinstance(goal, Mapping) else None
+            if isinstance(room, str) and "${{" not in room and room not in (rooms or ()):
+                yield Problem(step.place, f"{path}.requirements[{index}].room", no_such_room(room, rooms or ()))
+
+
+def _written_world(order: Mapping[str, Any]) -> str | None:
+    """The world of an order, where that is no reference."""
+    found: Any = order
+    for key in ("simulationApplications", "worldConfigs"):
+        found = found.get(key) if isinstance(found, Mapping) else None
+        found = found[0] if isinstance(found, list) and found else None
+    world = found.get("world") if isinstance(found, Mapping) else None
+    return world if isinstance(world, str) and "${{" not in world else None
+
+
+def _orders(value: Any, path: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Path and content of every order for a job that has requirements."""
+    if isinstance(value, Mapping):
+        if isinstance(value.get("requirements"), list) and isinstance(value.get("simulationApplications"), list):
+            yield path, value
+        for key, inner in value.items():
+            yield from _orders(inner, f"{path}.{key}")
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _orders(inner, f"{path}[{index}]")
 
 
 def _named(value: Any, path: str) -> Iterator[tuple[str, str, str]]:

@@ -3,6 +3,7 @@
 from datetime import datetime
 from typing import Any
 
+from ..schemas.requirement_orders import rooms_asked
 from ..schemas.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
     CancelSimulationJobBatchResponse,
@@ -15,7 +16,9 @@ from ..schemas.simulation_job_batches import (
 )
 from ..tasks.catalog import ClientToken, Resource
 from ..tasks.performing import perform_if_idle, perform_once
+from ..tasks.run_plans import world_arn
 from ..tasks.service import Service
+from ..tasks.world_rooms import check_rooms
 from .batch_runs import BatchRun, jobs_by_request
 from .listing import page_of
 from .operation import flows_of, operation
@@ -36,6 +39,7 @@ def start_simulation_job_batch(
     request: StartSimulationJobBatchRequest, service: Service
 ) -> StartSimulationJobBatchResponse:
     """Stores a batch; its requests become jobs when it is performed."""
+    _check_rooms(request, service)
     policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
     batch = service.store_job(
         KIND,
@@ -105,6 +109,19 @@ def cancel_simulation_job_batch(
     service.catalog.request_cancel(request.batch)
     perform_if_idle(request.batch, KIND, service, lambda lease: BatchRun(lease, service).end())
     return CancelSimulationJobBatchResponse()
+
+
+def _check_rooms(request: StartSimulationJobBatchRequest, service: Service) -> None:
+    """Refuses goals in rooms that do not exist; a world that does not fails its request later, as without goals."""
+    orders = {
+        index: (order, world)
+        for index, order in enumerate(request.createSimulationJobRequests)
+        if rooms_asked(order) and (world := world_arn(order.to_wire())) is not None
+    }
+    worlds = service.catalog.get_many({world for _, world in orders.values()})
+    for index, (order, arn) in orders.items():
+        if arn in worlds:
+            check_rooms(order, worlds[arn], service, f"createSimulationJobRequests[{index}].")
 
 
 def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:

@@ -33,6 +33,7 @@ from ..tasks.job_runs import stop_idle_job
 from ..tasks.run_plans import world_arn
 from ..tasks.service import Progress, Service
 from ..tasks.uploads import check_output_location
+from ..tasks.world_rooms import check_rooms
 from .listing import page_of
 from .operation import flows_of, operation
 
@@ -134,7 +135,8 @@ def store_job(
 
     Raises:
       ResourceNotFoundException: an application or world does not exist.
-      InvalidParameterException: data cannot be read, or an application cannot be started so.
+      InvalidParameterException: data cannot be read, an application cannot be started so, or the world has no such
+        room.
       IdempotentParameterMismatchException: the token was used for another request.
     """
     if (earlier := service.made_before(token)) is not None:
@@ -142,7 +144,7 @@ def store_job(
     wire = request.to_wire()
     applications = {f"{role}ApplicationNames": _applications(wire, role, service) for role in ("robot", "simulation")}
     if (world := world_arn(wire)) is not None:
-        service.catalog.get(world, kind="world")
+        check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)

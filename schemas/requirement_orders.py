@@ -1,6 +1,6 @@
 """The requirements that an order for a job asks for: by its member, or by a launch variable."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from .errors import InvalidParameterException
@@ -23,18 +23,33 @@ def ordered_requirements(order: "SimulationJobOrder") -> list[JobRequirement]:
     Raises:
       InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
     """
+    return _placed_requirements(order)[1]
+
+
+def rooms_asked(order: "SimulationJobOrder") -> list[tuple[str, str]]:
+    """The rooms that an order's goals ask for, each with the path of the member that does.
+
+    Raises:
+      InvalidParameterException: as `ordered_requirements`.
+    """
+    place, requirements = _placed_requirements(order)
+    return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
+
+
+def _placed_requirements(order: "SimulationJobOrder") -> tuple[str, list[JobRequirement]]:
+    """The path of the member that holds an order's requirements, and these."""
     given: dict[str, list[JobRequirement]] = {}
     if order.requirements is not None:
         given["requirements"] = order.requirements
     for place, text in _variables(order):
         given[place] = parse_requirements(load_strict(text, place, _MAX_CHARACTERS), place)
     if not given:
-        return []
+        return "requirements", []
     (first, requirements), *others = given.items()
     for place, again in others:
         if again != requirements:
             raise InvalidParameterException(f"{first} and {place} differ; leave one of them out")
-    return requirements
+    return first, requirements
 
 
 def check_requirements(order: "SimulationJobOrder") -> None:
@@ -44,24 +59,34 @@ def check_requirements(order: "SimulationJobOrder") -> None:
       ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
     """
     try:
-        requirements = ordered_requirements(order)
+        rooms = rooms_asked(order)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
     if _has_world(order):
         return
-    for name, room in rooms_of(requirements):
+    for path, room in rooms:
         raise ValueError(
-            f"requirement {name} asks for the room {room!r}, but the job names no world; "
+            f"{path} is {room!r}, but the job names no world; "
             "add simulationApplications[0].worldConfigs, or give the goal as x and y"
         )
 
 
-def unknown_room(requirements: list[JobRequirement], rooms: list[str]) -> str | None:
-    """Says which goal cannot be judged because the world has no such room; `None` if all can."""
-    for name, room in rooms_of(requirements):
+def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
+    """Says which goal cannot be judged because the world has no such room; `None` if all can.
+
+    Args:
+      asked: see `rooms_asked`.
+      rooms: names of the world's rooms.
+    """
+    for path, room in asked:
         if room not in rooms:
-            return f"requirement {name}: the world has no room {room!r}; its rooms are {', '.join(rooms)}"
+            return f"{path}: {no_such_room(room, rooms)}"
     return None
+
+
+def no_such_room(room: str, rooms: Sequence[str]) -> str:
+    """Says that a world has other rooms."""
+    return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
 
 
 def _has_world(order: "SimulationJobOrder") -> bool:

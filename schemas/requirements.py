@@ -171,10 +171,10 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
         raise InvalidParameterException("\n".join(f"{what}{line}" for line in lines)) from None
 
 
-def rooms_of(requirements: Sequence[JobRequirement]) -> list[tuple[str, str]]:
-    """The rooms that goals ask for, each with the name of its goal."""
+def rooms_of(requirements: Sequence[JobRequirement]) -> list[tuple[int, str]]:
+    """The rooms that goals ask for, each with the place of its goal."""
     return [
-        (requirement.name, requirement.room)
-        for requirement in requirements
+        (index, requirement.room)
+        for index, requirement in enumerate(requirements)
         if isinstance(requirement, GoalRequirement) and requirement.room is not None
     ]

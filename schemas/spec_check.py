@@ -14,6 +14,7 @@ from .reference_kinds import ANYTHING, Kind, Structure
 from .request_problems import nearest, problems_of
 from .spec import REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
 from .spec_inputs import InputCheck
+from .spec_rooms import room_problems
 from .spec_text import (
     Location,
     MappingNode,
@@ -121,6 +122,8 @@ class _Check:
             name: step for name, node in nodes.items() if (step := self._check_step(name, node, scope)) is not None
         }
         order = self._order(steps)
+        if not self._problems:
+            self._problems.extend(room_problems(steps))
         if self._problems:
             raise SpecError(sorted(set(self._problems), key=lambda problem: _position(problem.place)))
         return CheckedSpec(

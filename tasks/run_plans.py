@@ -19,6 +19,7 @@ from .process_variables import process_variables
 from .resuming import CHECKPOINTS_FOLDER, checkpoint_every_s
 from .service import Service
 from .surroundings import Surroundings, run_sandbox
+from .world_rooms import WORLD_FILE
 
 
 def run_plan(
@@ -97,8 +98,9 @@ def _requirements(job: Resource, world_dir: Path | None) -> list[JobRequirement]
     """What the job orders, all of which can be judged in this world."""
     requirements = parse_requirements(job.document.get("requirements", []), "requirements")
     if world_dir is not None and rooms_of(requirements):
-        world = World.model_validate_json((world_dir / "world.json").read_bytes())
-        if problem := unknown_room(requirements, [room.name for room in world.floorplan.rooms]):
+        world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())
+        asked = [(f"requirements[{index}].room", room) for index, room in rooms_of(requirements)]
+        if problem := unknown_room(asked, [room.name for room in world.floorplan.rooms]):
             raise LaunchError(problem, "InvalidInput")
     return requirements
 

@@ -1,15 +1,18 @@
 """Simulation jobs that are judged by requirements, from the order to result.json."""
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import InvalidParameterException
+from prefect_robomaker.flows.operation import call, registry
+from prefect_robomaker.flows.preflight import check_surroundings
+from prefect_robomaker.schemas.errors import InvalidParameterException, SpecError, StorageUnavailableError
 from prefect_robomaker.schemas.simulation_run import RunResult
+from prefect_robomaker.schemas.spec_check import load_spec
 from prefect_robomaker.tasks.service import Service
 
 Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]
@@ -67,10 +70,65 @@ def test_the_launch_variable_does_the_same_and_fail_is_no_failure_of_the_job(dri
     assert hurry.first_violation_s == pytest.approx(1.05, abs=0.06)
 
 
-def test_a_room_that_the_world_has_not_fails_the_job_before_it_runs(drive: Drive) -> None:
-    job, _ = drive(requirements=[{**GOAL, "room": "cellar"}])
+@pytest.fixture
+def ordered(generate: Any) -> Callable[..., dict[str, Any]]:
+    """Makes the order for a job in a flat of two rooms."""
+    world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
+
+    def make(requirements: list[dict[str, Any]] | None = None, variable: str | None = None) -> dict[str, Any]:
+        launch = {"environmentVariables": {"ROBOMAKER_REQUIREMENTS": variable}} if variable else {}
+        config = {"application": "indoor-navigation", "launchConfig": launch, "worldConfigs": [{"world": world}]}
+        order = {"maxJobDurationInSeconds": 120, "iamRole": ROLE, "simulationApplications": [config]}
+        return order if requirements is None else {**order, "requirements": requirements}
+
+    return make
+
+
+IN_THE_CELLAR = {**GOAL, "room": "cellar"}
+THERE_IS_NONE = r"\[1\]\.room: the world has no room 'cellar'; its rooms are .*bedroom"
+NEAR = {"kind": "goal", "name": "near", "x": 1.0, "y": 1.0}
+
+
+def test_a_room_that_the_world_has_not_is_refused_with_the_rooms_it_has(
+    service: Service, ordered: Callable[..., dict[str, Any]]
+) -> None:
+    wrong = ordered([NEAR, IN_THE_CELLAR])
+    with pytest.raises(InvalidParameterException, match=rf"^requirements{THERE_IS_NONE}"):
+        call("CreateSimulationJob", wrong, service)
+    place = r"simulationApplications\[0\]\.launchConfig\.environmentVariables\.ROBOMAKER_REQUIREMENTS"
+    with pytest.raises(InvalidParameterException, match=rf"^{place}{THERE_IS_NONE}"):
+        call("CreateSimulationJob", ordered(variable=json.dumps([NEAR, IN_THE_CELLAR])), service)
+    requests = [ordered(), ordered([GOAL]), wrong]
+    with pytest.raises(
+        InvalidParameterException, match=rf"^createSimulationJobRequests\[2\]\.requirements{THERE_IS_NONE}"
+    ):
+        call("StartSimulationJobBatch", {"createSimulationJobRequests": requests}, service)
+    assert not service.catalog.list("simulation-job").resources
+    assert not service.catalog.list("simulation-job-batch").resources
+
+    drive = {"operation": "StartSimulationJobBatch", "input": {"createSimulationJobRequests": requests}}
+    spec = load_spec(json.dumps({"version": 1, "name": "check", "steps": {"drive": drive}}), "check.yaml")
+    place = r"steps\.drive\.input\.createSimulationJobRequests\[2\]\.requirements"
+    with pytest.raises(SpecError, match=place + THERE_IS_NONE):
+        check_surroundings(spec, service)
+
+
+def test_what_could_not_be_looked_up_then_fails_the_job_when_it_starts(
+    service: Service, ordered: Callable[..., dict[str, Any]], prefect_server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order, get_bytes = ordered([NEAR, IN_THE_CELLAR]), service.store.get_bytes
+
+    def refuse(*arguments: object) -> bytes:
+        raise StorageUnavailableError("503 Slow Down")
+
+    monkeypatch.setattr(service.store, "get_bytes", refuse)
+    arn = call("CreateSimulationJob", order, service)["arn"]
+    monkeypatch.setattr(service.store, "get_bytes", get_bytes)
+
+    job = registry()["CreateSimulationJob"].perform(arn, service)
+
     assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
-    assert "requirement there: the world has no room 'cellar'; its rooms are" in job["failureReason"]
+    assert re.match(rf"requirements{THERE_IS_NONE}", job["failureReason"])
 
 
 def test_a_body_that_the_model_has_not_fails_the_job_at_its_first_step(drive: Drive) -> None:

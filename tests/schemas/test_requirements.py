@@ -106,16 +106,16 @@ def test_member_and_variable_must_not_differ() -> None:
 def test_a_room_needs_a_world() -> None:
     goal = {"kind": "goal", "name": "home", "room": "Hall"}
     (problem,) = problems([goal])
-    assert "asks for the room 'Hall', but the job names no world" in problem
+    assert "requirements[0].room is 'Hall', but the job names no world" in problem
     assert problems([goal], worldConfigs=[{"world": WORLD}]) == []
 
 
 def test_a_room_that_the_world_has_not() -> None:
-    goals = parse_requirements([{"kind": "goal", "name": "home", "room": "Hal"}], "requirements")
-    assert unknown_room(goals, ["Hall", "Kitchen"]) == (
-        "requirement home: the world has no room 'Hal'; its rooms are Hall, Kitchen"
+    asked = [("requirements[2].room", "Hal")]
+    assert unknown_room(asked, ["Hall", "Kitchen"]) == (
+        "requirements[2].room: the world has no room 'Hal'; its rooms are Hall, Kitchen"
     )
-    assert unknown_room(goals, ["Hal"]) is None
+    assert unknown_room(asked, ["Hal"]) is None
 
 
 def test_models_are_as_good_as_mappings() -> None:
