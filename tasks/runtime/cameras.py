@@ -3,6 +3,8 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 import mujoco
@@ -16,6 +18,12 @@ Image = NDArray[np.uint8]
 """Height x width x 3, red, green, blue."""
 
 MAX_GEOMS = 20_000
+_SMALL_HEIGHT = 300
+_SMALL_SLICES = 20
+_LARGE_M = 0.5
+_SHINES = 0.2
+"""Specular reflection from which a light is seen as a spot."""
+_NO_MATERIAL_SPECULAR = 0.5
 
 
 class Camera(Protocol):
@@ -61,13 +69,8 @@ class GlCamera:
             self._scene.flags[flag] = False
         self._context = gl.make_context(width, height, backend)
         self._context.make_current()
-        size, quality = model.vis.global_, model.vis.quality
-        before = size.offwidth, size.offheight, quality.offsamples
-        try:
-            size.offwidth, size.offheight, quality.offsamples = width, height, 0
+        with _fast_settings(model, width, height):
             self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        finally:
-            size.offwidth, size.offheight, quality.offsamples = before
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
@@ -87,3 +90,37 @@ class GlCamera:
         self._context.make_current()
         self._renderer.free()
         self._context.free()
+
+
+@contextmanager
+def _fast_settings(model: mujoco.MjModel, width: int, height: int) -> Iterator[None]:
+    """Gives a model's visual settings values that a CPU can draw with, as long as a renderer is made from them.
+
+    No multisampling. Faces of boxes in one piece where that looks the same; MuJoCo divides them because light is worked
+    out at corners only. In small pictures rounds have as many corners as can be told apart. Together it halves the time
+    for a picture of 320 x 240.
+    """
+    size, quality = model.vis.global_, model.vis.quality
+    before = size.offwidth, size.offheight
+    rounds = quality.offsamples, quality.numslices, quality.numstacks, quality.numquads
+    try:
+        size.offwidth, size.offheight, quality.offsamples = width, height, 0
+        if _is_evenly_lit(model):
+            quality.numquads = 1
+        if height <= _SMALL_HEIGHT:
+            quality.numslices = min(quality.numslices, _SMALL_SLICES)
+            quality.numstacks = min(quality.numstacks, _SMALL_SLICES // 2)
+        yield
+    finally:
+        size.offwidth, size.offheight = before
+        quality.offsamples, quality.numslices, quality.numstacks, quality.numquads = rounds
+
+
+def _is_evenly_lit(model: mujoco.MjModel) -> bool:
+    """Whether faces are of one brightness: light comes from afar, and no large one shines."""
+    if (model.light_type != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value).any():
+        return False
+    large = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX.value) & (model.geom_size.max(axis=1) > _LARGE_M)
+    materials = model.geom_matid[large]
+    specular = np.append(model.mat_specular, _NO_MATERIAL_SPECULAR)[materials]  # -1: no material
+    return bool((specular < _SHINES).all())

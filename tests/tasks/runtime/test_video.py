@@ -132,6 +132,61 @@ def test_opengl_and_rays_agree(name: str, tmp_path: Path) -> None:
         assert (drawn.argmax(axis=2) == cast.argmax(axis=2)).mean() > 0.98
 
 
+LIT_ROOM = """<mujoco><asset><material name="dull" specular="{specular}"/></asset>
+<visual><headlight ambient=".4 .4 .4" diffuse=".3 .3 .3"/></visual><worldbody>
+<light pos="0 0 2" dir=".3 .2 -1" type="{light}" diffuse=".6 .6 .6"/>
+<geom type="box" size="3 3 .05" rgba=".7 .6 .5 1" material="dull"/>
+<geom type="box" size=".05 3 1" pos="3 0 1" rgba=".8 .8 .8 1" material="dull"/>
+<geom type="cylinder" size=".3 .4" pos="1 .8 .4" rgba=".2 .6 .3 1"/><geom type="sphere" size=".3" pos="1 -.8 .4"/>
+<camera name="eye" pos="-2 0 1.5" xyaxes="0 -1 0 .4 0 1"/></worldbody></mujoco>"""
+DRAW_TWICE = """
+import contextlib, sys, mujoco, numpy as np
+from prefect_robomaker.tasks.runtime import cameras
+from prefect_robomaker.tasks.runtime.views import choose_view
+
+model = mujoco.MjModel.from_xml_string(sys.argv[1])
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+fast, quality = cameras._fast_settings, model.vis.quality
+before = quality.numslices, quality.numstacks, quality.numquads
+
+@contextlib.contextmanager
+def plain(model, width, height):
+    size, model.vis.quality.offsamples = model.vis.global_, 0
+    size.offwidth, size.offheight = width, height
+    yield
+
+for size in ((320, 240), (640, 480)):
+    pictures = []
+    for cameras._fast_settings in (fast, plain):
+        camera = cameras.GlCamera(model, *size)
+        pictures.append(camera.picture(data, choose_view(model, "eye")).astype(int))
+        camera.close()
+        assert (quality.numslices, quality.numstacks, quality.numquads) == before
+    assert pictures[0].std() > 10
+    np.save(f"{sys.argv[2]}/{size[0]}", np.abs(pictures[0] - pictures[1]))
+"""
+
+
+@pytest.mark.parametrize(("light", "specular"), [("directional", 0.0), ("directional", 0.5), ("spot", 0.0)])
+def test_fast_settings_are_not_seen(light: str, specular: float, tmp_path: Path) -> None:
+    [egl] = [item for item in available_video_backends() if item.name == "egl"]
+    if not egl.works:
+        pytest.skip(f"egl does not work on this machine: {egl.problem}")
+    (tmp_path / "draw.py").write_text(DRAW_TWICE)
+    arguments = [
+        sys.executable,
+        str(tmp_path / "draw.py"),
+        LIT_ROOM.format(light=light, specular=specular),
+        str(tmp_path),
+    ]
+    subprocess.run(arguments, check=True, env={**os.environ, "MUJOCO_GL": "egl"})
+    small, large = (np.load(tmp_path / f"{width}.npy") for width in (320, 640))
+    assert large.max() <= 1
+    # Edges of rounds move by less than a pixel.
+    assert (small.max(axis=2) > 8).mean() < 0.005
+
+
 class TestVideoWatcher:
     def film(self, physics: Any, folder: Path, until_s: float, step_s: float = 0.02) -> dict[str, Any]:
         watcher = VideoWatcher(folder, "rays")
