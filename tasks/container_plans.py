@@ -38,7 +38,7 @@ def plan_container(
     container = _made_container(role, application, uri, config["launchConfig"], surroundings)
     # The engine is called as whoever performs the job calls it: its sockets and credentials are theirs.
     environment = engine_environment(surroundings.environ)
-    folder = surroundings.folder
+    folder = container_sandbox(surroundings.folder, role).root  # what the container writes is measured there
     program = ProgramPlan(
         name=role,
         role=role,

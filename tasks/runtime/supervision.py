@@ -101,7 +101,12 @@ class Supervision:
             self._logs = [CappedLog(folder / STDOUT_LOG), CappedLog(folder / STDERR_LOG)]
         for program in plan.programs:
             environment = self._request.program_environment(program)
-            self._programs.append(Program(program, environment, plan.output_dir, self._confine))
+            limits = plan.compute
+            if program.cleanup_argv is not None:
+                # What it starts has its limits from elsewhere, and may be about to set a higher one.
+                limits = limits.model_copy(update={"processes": None})
+            confined = partial(confine, limits, self._request.cores)
+            self._programs.append(Program(program, environment, plan.output_dir, confined))
             self._logs += self._programs[-1].logs
 
     def start(self) -> None:
