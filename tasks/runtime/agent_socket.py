@@ -115,6 +115,10 @@ class AgentSocket:
             with suppress(TimeoutError):
                 return self._socket.accept()[0]
 
+    def somebody_waits(self) -> bool:
+        """Whether another connection is there to be accepted."""
+        return bool(select.select([self._socket], [], [], 0.0)[0])
+
     def close(self) -> None:
         """Stops listening and removes the socket."""
         self._socket.close()

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any
 
 import dm_env
@@ -13,34 +12,20 @@ from ...schemas.run_variables import number_in
 from ...schemas.simulation_run import RunPlan
 from .action_log import ACTIONS_FILE, header_of
 from .action_log_writer import ActionKeeper
-from .agent_client import (
-    ACTION,
-    ACTION_HEADER,
-    END,
-    ERROR,
-    HELLO,
-    OBSERVATION_HEADER,
-    PROTOCOL,
-    VERSION,
-    ProtocolError,
-    words,
-)
+from .agent_client import ACTION, ACTION_HEADER, HELLO, OBSERVATION_HEADER, PROTOCOL, VERSION, words
+from .agent_greeting import CONNECT_TIMEOUT_VARIABLE, CRASH, Greeter
 from .agent_layout import Layout
-from .agent_protocol import MAX_WORDS_BYTES, RobotHello, read_hello, read_words
-from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Stop, Stopped
+from .agent_protocol import MAX_WORDS_BYTES
+from .agent_socket import AgentLink, AgentSocket, Clock, Stop, Stopped
 from .context import SimulationContext
 from .loop import RunStopped
 from .remote_agent import RemoteAgent
 from .results import Findings
 
-CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
 CONNECT_TIMEOUT_S = 60.0
 
 _INVALID = "InvalidInput"
-_CRASH = "RobotApplicationCrash"
 _FAILED = "the run failed; the reason is the job's failureReason"
-_UNHEALTHY = "RobotApplicationHealthCheckFailure"
-_WORDS = {HELLO: MAX_WORDS_BYTES, END: MAX_WORDS_BYTES, ERROR: MAX_WORDS_BYTES}
 
 
 class RemoteRobot:
@@ -87,13 +72,17 @@ class RemoteRobot:
         observation, action = _layouts(environment)
         timestep_s = _control_timestep_s(environment)
         greeting = words(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
+        assert self._socket is not None
+        greeter = Greeter(self._socket, self._robot, self._stop, self._clock)
         try:
-            hello = self._greet(greeting, _connect_timeout_s(context.environment))
+            self._link, hello = greeter.greet(greeting, _connect_timeout_s(context.environment))
         except Stopped:
             raise RunStopped from None
+        self._stop_listening()
         if hello.mode == "free" and not timestep_s:
-            raise self._refusal("this environment cannot run free: it has no control_timestep()")
-        assert self._link is not None
+            text = "this environment cannot run free: it has no control_timestep()"
+            self._link.refuse(text)
+            raise LaunchError(f"the program of robot application {self._robot}: {text}", CRASH)
         # Only now is it known what else the robot may say.
         self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
         self._keeper = ActionKeeper(self._plan.output_dir / ACTIONS_FILE, header_of(hello.mode, action))
@@ -140,52 +129,6 @@ class RemoteRobot:
         if self._keeper is not None and self._keeper.error is not None:
             findings.extra["agent"]["actions_not_kept"] = self._keeper.error
         return findings
-
-    def _greet(self, greeting: bytes, timeout_s: float) -> RobotHello:
-        """Greets until a robot greets back; whoever leaves without a word was none."""
-        assert self._socket is not None
-        deadline_s = self._clock() + timeout_s
-        connected = False
-        try:
-            while True:
-                connection = self._socket.accept(deadline_s, self._stop, self._clock)
-                connected = True
-                self._link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
-                try:
-                    hello = self._exchange(self._link, greeting, deadline_s)
-                except Closed:
-                    self._link.close()
-                    continue
-                self._stop_listening()
-                return hello
-        except TimeoutError:
-            did = "connected, but did not greet" if connected else "did not connect"
-            text = f"the program of robot application {self._robot} {did} within {timeout_s:g} s"
-            if self._link is not None:
-                self._link.refuse(text)
-            raise LaunchError(
-                f"{text}; it has to connect to the Unix socket that ROBOMAKER_AGENT_SOCKET names, here "
-                f"{self._socket.path}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
-                _UNHEALTHY,
-            ) from None
-
-    def _exchange(self, link: AgentLink, greeting: bytes, deadline_s: float) -> RobotHello:
-        with suppress(BrokenPipeError):  # what it said before it left is still to be read
-            link.send(greeting, deadline_s - self._clock())
-        try:
-            kind, payload = link.receive(deadline_s - self._clock())
-            if kind == ERROR:
-                raise ProtocolError(f"it said: {read_words(payload).get('error')}")
-            if kind == END:
-                raise ProtocolError("it ended the run before it greeted")
-            return read_hello(payload)
-        except ProtocolError as error:
-            raise self._refusal(str(error)) from error
-
-    def _refusal(self, text: str) -> LaunchError:
-        if self._link is not None:
-            self._link.refuse(text)
-        return LaunchError(f"the program of robot application {self._robot}: {text}", _CRASH)
 
     def _stop_listening(self) -> None:
         if self._socket is not None:

@@ -178,7 +178,13 @@ def _chunks(data: bytes) -> Iterator[_Chunk]:
         if magic != MAGIC or len(packed) < length or checksum(members, packed) != expected:
             return
         size = 8 * columns_of(nq, nmocap) * frames
-        yield _Chunk(model, nq, _restored(decompressor.decompress(packed, max_output_size=size), frames))
+        try:  # the size is looked at before it is unpacked: a damaged chunk may have the right checksum
+            if not 0 < frames <= CHUNK_FRAMES or zstandard.frame_content_size(packed) != size:
+                return
+            columns = decompressor.decompress(packed)
+        except zstandard.ZstdError:
+            return
+        yield _Chunk(model, nq, _restored(columns, frames))
         place += CHUNK.size + length
 
 

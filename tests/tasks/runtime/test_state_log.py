@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.state_log import CHUNK_FRAMES, StateLog, StateLogError
+from prefect_robomaker.tasks.runtime.state_log import CHUNK, CHUNK_FRAMES, MAGIC, StateLog, StateLogError, checksum
 from prefect_robomaker.tasks.runtime.state_log_writer import StateLogger, StateLogWriter
 
 MODEL = """
@@ -127,6 +128,17 @@ def test_of_a_damaged_log_only_what_was_noted_is_read(
     read = [row for segment in StateLog.open(folder).segments for row in segment.qpos]
     assert len(read) in (0, CHUNK_FRAMES, 2 * CHUNK_FRAMES)
     assert np.array_equal(np.reshape(read, (-1, 8)), rows[: len(read), 1:9])
+
+
+@pytest.mark.parametrize("frames", [0, CHUNK_FRAMES, CHUNK_FRAMES + 1, 2**32 - 1])
+@pytest.mark.parametrize("packed", [b"", b"no frame", zstandard.compress(bytes(64))[:-3], zstandard.compress(bytes(9))])
+def test_a_log_ends_before_what_is_no_chunk(tmp_path: Path, frames: int, packed: bytes) -> None:
+    """The checksum is right, as of a chunk that was damaged before it was written."""
+    rows = write(tmp_path, CHUNK_FRAMES)
+    members = 1, 8, 1, frames, len(packed)
+    with (tmp_path / "states.log").open("ab") as file:
+        file.write(CHUNK.pack(MAGIC, *members, checksum(members, packed)) + packed)
+    assert np.array_equal(StateLog.open(tmp_path).segments[0].qpos, rows[:, 1:9])
 
 
 def test_there_is_no_log(tmp_path: Path) -> None:
