@@ -308,7 +308,7 @@ class JobRun:
             for each in folder.parent.glob("*"):  # also what performers left that died
                 if each.name not in kept:
                     remove(each)
-        elif any(Path(folder, "output").glob("*")) or Path(folder, "uploads").is_dir():
+        elif any(Path(folder, "output").glob("*")) or any(Path(folder, name).exists() for name in NOT_STORED[1:]):
             for each in folder.iterdir():
                 if each.name not in NOT_STORED:
                     remove(each)

@@ -35,7 +35,7 @@ class RollingUploads:
     """The rolling uploads of one run; as a context, every few seconds until its end.
 
     Args:
-      uploads: the configurations; those that are not rolling are left alone.
+      uploads: the configurations; see `rolling_only`.
       folder: the run's own folder.
       store: where files go.
       bucket: where they go.
@@ -53,7 +53,7 @@ class RollingUploads:
         *,
         sweep_s: float | None = None,
     ) -> None:
-        self._uploads = [upload for upload in uploads if upload.is_rolling]
+        self._uploads = rolling_only(uploads)
         self._folder = folder
         self._store = store
         self._bucket = bucket
@@ -111,6 +111,18 @@ class RollingUploads:
         with (self._folder / _LEDGER).open("a") as ledger:
             ledger.write(json.dumps({"path": name, "size_bytes": size, "sha256": digest}) + "\n")
         path.unlink()
+
+
+def rolling_only(uploads: Iterable[Upload]) -> list[Upload]:
+    """Those of some configurations whose files are uploaded while a run goes on.
+
+    Of several with one name the first: the files of the others are named apart from its own at the end.
+    """
+    first: dict[str, Upload] = {}
+    for upload in uploads:
+        if upload.is_rolling:
+            first.setdefault(upload.name, upload)
+    return list(first.values())
 
 
 def taken_files(folder: Path) -> list[tuple[str, Path]]:

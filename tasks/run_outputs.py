@@ -1,6 +1,7 @@
 """What a run leaves: its outputs and the files that upload configurations mean, stored in one place."""
 
 import logging
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,16 +16,17 @@ from ..schemas.errors import (
     StorageUnavailableError,
 )
 from .catalog import Resource
-from .rolling_uploads import RollingUploads, rolled_files, taken_files
+from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
 from .service import Service
 from .storage import publish, read_manifest, store_unfinished
 from .storage.folders import FolderFile, regular_files
 from .storage.naming import check_key, join_key
 from .upload_configurations import Upload, uploads_of
 from .upload_files import link_or_copy, visit_matches
+from .upload_names import Found, distinct
 from .uploads import output_place, prepare_bucket
 
-NOT_STORED = ("output", "uploads", "rolled.jsonl")
+NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 """What of a run's folder stays when it could not be stored."""
 
 GIVE_UP_S = 3600.0
@@ -34,7 +36,6 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 60.0
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
 _MOST_NOTES = 200
-_IN_THE_WAY = (FileExistsError, NotADirectoryError, IsADirectoryError)
 
 _logger = logging.getLogger(__name__)
 
@@ -165,32 +166,48 @@ class RunOutputs:
     def _stage(self) -> list[FolderFile]:
         """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
 
-        They are linked into a folder of their own, so that a performer that goes on after a crash finds them too.
+        They are linked into folders of their own, one for each configuration, so that a performer that goes on after a
+        crash finds them too, and finds the same.
         """
-        staged = self._folder / "uploads"
+        staged, uploads = self._folder / "uploads", self._uploads()
         notes: list[str] = []
-        for name, path in taken_files(self._folder):
-            try:
-                (staged / name).parent.mkdir(parents=True, exist_ok=True)
-                path.replace(staged / name)
-            except _IN_THE_WAY as error:  # a folder took the place of a file that was taken before, or the reverse
-                notes.append(f"{name} is not uploaded: {error}")
-        for upload in self._uploads():
-            visit_matches(upload.sandbox.root, upload.glob, self._stager(staged / upload.name, notes))
-        if notes:
-            (staged / _NOTES).parent.mkdir(parents=True, exist_ok=True)
-            (staged / _NOTES).write_text("\n".join(notes[:_MOST_NOTES]) + "\n")
-        if not staged.is_dir():
-            return []
-        return _apart({file.name for file in regular_files(self.output_dir)}, regular_files(staged))
+        rolling = rolling_only(uploads)
+        files = [Found(name, path, replaces=True) for name, path in taken_files(self._folder)]
+        seen: set[tuple[str, int, int]] = set()
+        for index, upload in enumerate(uploads):
+            folder = staged / f"{index:02d}"
+            visit_matches(upload.sandbox.root, upload.glob, self._stager(upload, folder, seen, notes))
+            if folder.is_dir():
+                found = regular_files(folder)
+                files += [Found(f"{upload.name}/{file.name}", file.path, upload in rolling) for file in found]
+        outputs = [file.name for file in regular_files(self.output_dir)]
+        return self._named(outputs, files, staged / "notes.log", notes)
 
-    def _stager(self, folder: Path, notes: list[str]) -> Callable[[int, str, str], None]:
+    def _named(self, outputs: list[str], files: list[Found], notes_file: Path, notes: list[str]) -> list[FolderFile]:
+        stored = {file.path for file in rolled_files(self._folder, later=[])}
+        notes += [f"{name} of an upload was replaced by the run's own output" for name in sorted(stored & set(outputs))]
+        placed, renamed = distinct(outputs, stored, files)
+        if not (notes := [*notes, *renamed]):
+            return placed
+        notes_file.parent.mkdir(parents=True, exist_ok=True)
+        notes_file.write_text("\n".join(notes[:_MOST_NOTES]) + "\n")
+        told, _ = distinct([*outputs, *(file.name for file in placed)], stored, [Found(_NOTES, notes_file)])
+        return [*placed, *told]
+
+    def _stager(
+        self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], notes: list[str]
+    ) -> Callable[[int, str, str], None]:
         def visit(descriptor: int, name: str, below: str) -> None:
             try:
-                check_key(join_key(self.prefix, folder.name, below))
+                about = os.stat(name, dir_fd=descriptor, follow_symlinks=False)
+                same = (f"{upload.name}/{below}", about.st_dev, about.st_ino)
+                if same in seen:
+                    return  # another configuration means the same file by the same name
+                check_key(join_key(self.prefix, upload.name, below))
                 link_or_copy(descriptor, name, folder / below)
+                seen.add(same)
             except (StorageError, OSError) as error:
-                notes.append(f"{folder.name}/{below!r} is not uploaded: {error}")
+                notes.append(f"{upload.name}/{below!r} is not uploaded: {error}")
 
         return visit
 
@@ -200,16 +217,3 @@ def failure_code_of(error: Exception) -> str:
     if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):
         return "BadPermissionsS3Output"
     return "UploadContentMismatchError" if isinstance(error, ChecksumMismatchError) else "InternalServiceError"
-
-
-def _apart(taken: set[str], files: Sequence[FolderFile]) -> list[FolderFile]:
-    """The files with names that the run's own outputs do not have: `logs/stdout.log` may become `….log.1`."""
-    apart, names = [], set(taken)
-    for file in files:
-        name, number = file.name, 0
-        while name in names:
-            number += 1
-            name = f"{file.name}.{number}"
-        names.add(name)
-        apart.append(FolderFile(name, file.path))
-    return apart

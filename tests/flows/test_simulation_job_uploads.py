@@ -124,6 +124,61 @@ def test_an_upload_never_replaces_the_runs_own_outputs(service: Service, order: 
     assert kept["logs/stdout.log.1"] == b"stdout.log"
 
 
+SAME_NAMES = """
+from pathlib import Path
+for folder in ("robot", "simulation"):
+    (Path.home() / folder).mkdir()
+    (Path.home() / folder / "a.log").write_text(folder)
+"""
+
+
+@pytest.mark.parametrize(
+    "behaviors", [(AT_END, AT_END), (AT_END, ROLLING), (ROLLING, AT_END), (ROLLING, ROLLING)], ids=" and ".join
+)
+def test_configurations_of_one_name_never_replace_each_others_files(
+    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch, behaviors: tuple[str, str]
+) -> None:
+    """Both applications may have one of the same name, whose folders have files of the same name."""
+    monkeypatch.setattr(rolling_uploads, "SWEEP_S", 0.1)
+    request = with_uploads(
+        order({"DO": SAME_NAMES, "DURATION_S": "60"}), upload("mine", "/home/robomaker/simulation/*", behaviors[0])
+    )
+    request["robotApplications"][0]["uploadConfigurations"] = [upload("mine", "/home/robomaker/robot/*", behaviors[1])]
+
+    with performing(service, request) as arn:
+        home = wait_for(
+            lambda: next(service.settings.home.glob("jobs/*/*/root/home/robomaker/simulation"), None)
+        ).parent
+        rolls = [name for name, behavior in zip(("simulation", "robot"), behaviors, strict=True) if behavior == ROLLING]
+        wait_for(lambda: all((home / name).is_dir() for name in ("simulation", "robot")))
+        if rolls:
+            wait_for(lambda: not list((home / rolls[0]).iterdir()))
+
+    job = call("DescribeSimulationJob", {"job": arn}, service)
+    kept = uploaded(service, job, "mine")
+    assert set(kept) == {"mine/a.log", "mine/a.log.1"}
+    assert set(kept.values()) == {b"robot", b"simulation"}
+    assert kept["mine/a.log"] == (rolls or ["simulation"])[0].encode()
+    assert b"mine/a.log is stored as mine/a.log.1" in stored(service, job)["logs/uploads.log"]
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    listed = {file.path: file.sha256 for file in read_manifest(service.store, **place).files}
+    assert {path: listed[path] for path in kept} == {
+        path: hashlib.sha256(content).hexdigest() for path, content in kept.items()
+    }
+
+
+def test_a_file_that_two_configurations_of_one_name_mean_is_kept_once(
+    service: Service, order: Order, simulate: Simulate
+) -> None:
+    request = with_uploads(order({"DO": WRITE}), upload("maps", "/home/robomaker/maps/**"))
+    request["robotApplications"][0]["uploadConfigurations"] = [upload("maps", "/home/robomaker/maps/*")]
+
+    kept = stored(service, simulate(request))
+
+    assert {path for path in kept if "maps" in path} == {"maps/a.pgm", "maps/deep/b.pgm"}
+    assert "logs/uploads.log" not in kept
+
+
 def test_names_that_no_store_can_hold_are_left_out_and_noted(
     service: Service, order: Order, simulate: Simulate
 ) -> None:
@@ -221,7 +276,7 @@ def test_a_file_that_never_comes_to_rest_fails_the_job(
 
     assert (job["status"], job["failureCode"]) == ("Failed", "UploadContentMismatchError")
     assert "a.pgm changed while it was being published" in job["failureReason"]
-    assert list(service.settings.home.glob("jobs/*/*/uploads/maps/a.pgm"))
+    assert list(service.settings.home.glob("jobs/*/*/uploads/*/a.pgm"))
 
 
 @pytest.mark.parametrize(

@@ -150,7 +150,7 @@ def test_uploads_that_a_dead_performer_had_taken_are_published_too(
     assert service.store.get_bytes("robomaker", f"{place['prefix']}/bags/b.bag") == b"taken"
 
 
-def test_what_was_rolled_is_no_longer_listed_once_an_output_has_its_name(
+def test_what_was_rolled_is_no_longer_listed_once_an_output_has_its_name_and_that_is_told(
     service: Service, died_publishing: dict[str, Any]
 ) -> None:
     folder = runs_of(service, died_publishing) / RUN
@@ -159,14 +159,17 @@ def test_what_was_rolled_is_no_longer_listed_once_an_output_has_its_name(
 
     place = place_of(service, perform(service, died_publishing))
 
-    [file] = read_manifest(service.store, **place).files
+    note, file = read_manifest(service.store, **place).files
+    assert service.store.get_bytes(place["bucket"], f"{place['prefix']}/{note.path}") == (
+        b"result.json of an upload was replaced by the run's own output\n"
+    )
     assert (
         file.sha256
         == hashlib.sha256(service.store.get_bytes(place["bucket"], f"{place['prefix']}/result.json")).hexdigest()
     )
 
 
-def test_a_file_that_was_taken_where_a_folder_was_later_is_noted(
+def test_a_file_that_was_taken_where_a_folder_was_later_is_kept_apart(
     service: Service, died_publishing: dict[str, Any]
 ) -> None:
     folder = runs_of(service, died_publishing) / RUN
@@ -179,11 +182,12 @@ def test_a_file_that_was_taken_where_a_folder_was_later_is_noted(
     assert job["status"] == "Completed", job.get("failureReason")
     place = place_of(service, job)
     assert [file.path for file in read_manifest(service.store, **place).files] == [
+        "bags.1/day/a.bag",
         "bags/day",
         "logs/uploads.log",
         "result.json",
     ]
-    assert b"bags/day/a.bag is not uploaded" in service.store.get_bytes(
+    assert b"bags/day/a.bag is stored as bags.1/day/a.bag, since another file has its name" in service.store.get_bytes(
         place["bucket"], f"{place['prefix']}/logs/uploads.log"
     )
 
