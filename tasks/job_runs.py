@@ -138,7 +138,8 @@ class JobRun:
             return self._carry_out(left)
         except LaunchError as error:
             reason = self._why_stop()  # which is why something was given up, perhaps
-            self._terminate(stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error)))
+            ending = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
+            self._terminate(ending, of_run=run_id)
         except Exception as error:  # the job has to end whatever breaks
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
@@ -221,10 +222,17 @@ class JobRun:
             _logger.warning("whether %s is to be stopped is not known: %s", self._lease.job.arn, error)
             return self._lease.job.status, None
 
-    def _terminate(self, ending: Ending) -> None:
+    def _terminate(self, ending: Ending, of_run: str | None = None) -> None:
+        """Ends the job; what a run that could not be started has left is stored, without a manifest.
+
+        Such as its log, and all that the attempts before wrote, of one that was to go on from a checkpoint.
+        """
+        output = self._folder(of_run) / "output" if of_run else None
+        has_left = output is not None and output.is_dir() and any(output.iterdir())
         if self._lease.job.status != "Terminating":
-            self._lease.transition("terminate", ending=ending, **members_of(ending))
-        self._settle(ending)
+            left = {"finished": False} if has_left else {}
+            self._lease.transition("terminate", ending=ending, **left, **members_of(ending))
+        self._settle(self._published(of_run, ending) if of_run and has_left else ending)
 
     def _settle(self, ending: Ending) -> None:
         self._lease.transition(END_EVENTS[ending["status"]], **members_of(ending))

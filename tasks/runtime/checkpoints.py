@@ -32,6 +32,7 @@ from .checkpoint_files import (
 )
 from .kept_physics import KeptPhysics, copy_physics
 from .physics import raw_physics
+from .program_names import program_in_words
 
 KEPT = 2
 """Checkpoints that are kept: the last may have been cut off by a machine that died."""
@@ -131,7 +132,7 @@ class Checkpointer:
         assert plan.checkpoint_dir is not None
         self._folder = plan.checkpoint_dir
         self._rng = rng
-        self._has_programs = bool(plan.programs)
+        self._plan = plan
         self._clock = clock
         self._began = clock()
         self._number = 0
@@ -153,23 +154,11 @@ class Checkpointer:
 
     def begin(self, parts: RunParts) -> None:
         """Finds out whether everything opted in; else no checkpoints are made, and a file says why."""
-        reasons = [
-            f"the {role} ({type(part).__name__}) has no state() and restore()"
-            for role, part in (("environment", parts.environment), ("agent", parts.agent))
-            if not isinstance(part, Resumable)
+        programs = [
+            f"{program_in_words(program, self._plan)} is a program of its own, which nobody can put back"
+            for program in self._plan.programs
         ]
-        reasons += [
-            f"{type(watcher).__name__} cannot be continued"
-            for watcher in parts.watchers
-            if not isinstance(watcher, ResumableObserver)
-        ]
-        if not isinstance(parts.recorder, ResumableRecorder):
-            reasons.append(f"{type(parts.recorder).__name__} cannot be continued")
-        if not hasattr(getattr(parts.environment, "physics", None), "data"):
-            reasons.append("the environment has no physics")
-        if self._has_programs:
-            reasons.append("its programs cannot be continued")
-        if reasons:
+        if reasons := programs or _why_not_resumable(parts):
             self.give_up("; ".join(reasons))
 
     def give_up(self, reason: str) -> None:
@@ -278,3 +267,22 @@ class Checkpointer:
         self._rng.bit_generator.state = kept["rng"]
         random.setstate(kept["python_random"])
         np.random.set_state(kept["numpy_random"])  # noqa: NPY002
+
+
+def _why_not_resumable(parts: RunParts) -> list[str]:
+    """Why a run of these parts cannot be continued; empty when it can."""
+    reasons = [
+        f"the {role} ({type(part).__name__}) has no state() and restore()"
+        for role, part in (("environment", parts.environment), ("agent", parts.agent))
+        if not isinstance(part, Resumable)
+    ]
+    reasons += [
+        f"{type(watcher).__name__} cannot be continued"
+        for watcher in parts.watchers
+        if not isinstance(watcher, ResumableObserver)
+    ]
+    if not isinstance(parts.recorder, ResumableRecorder):
+        reasons.append(f"{type(parts.recorder).__name__} cannot be continued")
+    if not hasattr(getattr(parts.environment, "physics", None), "data"):
+        reasons.append("the environment has no physics")
+    return reasons

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...schemas.provenance import PROVENANCE_FILE, MachineFacts, Provenance
-from ...schemas.run_programs import ProgramPlan
 from ...schemas.simulation_run import RecordedActions, RunPlan, RunResult, VideoPolicy
 from .action_log import ACTIONS_FILE, ActionLog, ActionLogError
 from .digest import DIGEST_FILE, StateTimeline, read_timeline
+from .program_names import program_in_words
 from .results import RESULT_FILE
 
 STOPPED_FROM_OUTSIDE = ("duration limit", "canceled")
@@ -57,7 +57,9 @@ def why_not_repeatable(run: RunOutputs) -> list[str]:
     programs = without_robot(plan).programs if run.actions is not None else plan.programs
     if plan.has_robot_program:
         programs = [each for each in programs if each.kind == "tool"]
-    reasons = [f"{_named(each, plan)} is a program of its own: no seed repeats its timing" for each in programs]
+    reasons = [
+        f"{program_in_words(each, plan)} is a program of its own: no seed repeats its timing" for each in programs
+    ]
     return [*_why_no_actions(run), *reasons] if plan.has_robot_program else reasons
 
 
@@ -159,10 +161,3 @@ def _why_no_actions(run: RunOutputs) -> list[str]:
             f"{about} {ACTIONS_FILE} is not what the run wrote: {found.actions} of {kept.actions} actions are whole"
         ]
     return []
-
-
-def _named(program: ProgramPlan, plan: RunPlan) -> str:
-    """A program in words: `tool watch of simulation application arena`."""
-    application = plan.robot_application if program.role == "robot" else plan.simulation_application
-    named = f"{program.role} application {application.name}" if application else f"the {program.role} application"
-    return f"tool {program.name.removeprefix(f'{program.role}-')} of {named}" if program.kind == "tool" else named

@@ -3,6 +3,7 @@
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,11 +17,12 @@ import pytest
 from swing_fixtures import outputs_of
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.errors import LaunchError, ObjectNotFoundError
 from prefect_robomaker.schemas.provenance import Provenance
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.tasks.catalog import Catalog, Resource
 from prefect_robomaker.tasks.job_runs import perform_job
+from prefect_robomaker.tasks.replays import verify_run
 from prefect_robomaker.tasks.resuming import checkpoint_every_s, plan_to_resume
 from prefect_robomaker.tasks.runtime.checkpoint_files import CheckpointHeader, checkpoint_file
 from prefect_robomaker.tasks.service import Service
@@ -107,6 +109,65 @@ def test_the_next_performer_goes_on_and_ends_in_the_same_state(
     assert len(provenance.resumed_at_s) == 1
     assert "digest.bin" in {file.path for file in read_manifest(service.store, **document["outputs"]).files}
     assert not run.exists()
+
+
+@pytest.mark.deep
+def test_what_was_done_is_stored_when_the_rest_cannot_be_started(
+    service: Service, swing: Swing, performer: Callable[..., Any]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    ports = {"portMappings": [{"jobPort": port, "applicationPort": 4000}]}
+    push = {"packageName": "swinger", "launchFile": "make_agent", "portForwardingConfig": ports}
+    job = swing(perform=False, robot={"launchConfig": push}, **SLOW)
+    killed(service, job, performer)
+
+    with socket.create_server(("127.0.0.1", port)):
+        perform_job(job["arn"], later(service))
+
+    ended = call("DescribeSimulationJob", {"job": job["arn"]}, service)
+    assert ended["status"] == "Failed"
+    assert str(port) in ended["failureReason"]
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    recording = service.store.get_bytes(place["bucket"], f"{place['prefix']}/recording.mcap")
+    assert len(recording) > 1000
+    with pytest.raises(ObjectNotFoundError):
+        read_manifest(service.store, **place)
+
+
+@pytest.mark.deep
+def test_a_robot_that_is_a_program_begins_anew_with_its_run(
+    service: Service, swing: Swing, performer: Callable[..., Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nobody can put a program back to where it was."""
+    code = (
+        "from prefect_robomaker.tasks.runtime.agent_client import connect\n"
+        "with connect() as simulation:\n"
+        "    simulation.run(lambda step: [0.1])\n"
+    )
+    push = {"launchConfig": {"command": ["python3", "-c", code]}}
+    job = swing(perform=False, robot=push, **(SLOW | {"TIME_LIMIT_S": "2"}))
+    process = performer(job["arn"])
+    folder = service.settings.home / "jobs" / job["name"]
+    wait_for(lambda: any(path.stat().st_size > 2000 for path in folder.glob("*/output/actions.bin")))
+    [left] = folder.iterdir()
+    process.kill()
+    process.wait()
+
+    with caplog.at_level(logging.WARNING):
+        perform_job(job["arn"], later(service))
+
+    document = service.catalog.get(job["arn"]).document
+    why = "robot application pusher is a program of its own, which nobody can put back"
+    assert f"{job['arn']} is run from the start again: {why}" in caplog.text
+    assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] == "Completed"
+    assert document["runId"] != left.name
+    assert "attempts" not in document
+    provenance = Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
+    assert provenance.resumed_at_s == []
+    assert provenance.actions is not None
+    assert provenance.actions.actions == 100
+    assert verify_run(job["arn"], service).answer == "bit-identical"
 
 
 @pytest.mark.deep
