@@ -34,6 +34,9 @@ _REMOVE = 'exec "$1" rm -f "$2" >/dev/null'
 _GIVE_BACK = 'chown -hR "$(stat -c %u:%g "$0")" "$0" && chmod -R u+rwX "$0"'
 _GIVEN_BACK = "/robomaker"
 
+NO_PROGRAM = "/robomaker-no-such-program"
+"""What no image has."""
+
 
 @dataclass(frozen=True)
 class Mount:
@@ -100,6 +103,13 @@ def _gpu_options(container: Container) -> list[str]:
     if container.is_podman:
         return ["--device", f"nvidia.com/gpu={container.gpu}"]
     return ["--gpus", f"device={container.gpu}"]
+
+
+def gpu_probe_argv(container: Container) -> list[str]:
+    """Makes a container that has the GPU of another, and nothing that it could run."""
+    name, program = f"{container.name}-gpu", NO_PROGRAM
+    argv = [container.engine, "create", "--name", name, "--network", "none", *_gpu_options(container)]
+    return [*argv, "--entrypoint", program, container.image]
 
 
 def start_argv(container: Container) -> list[str]:

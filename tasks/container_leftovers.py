@@ -56,39 +56,45 @@ def remove_containers_of_job(folder: Path) -> None:
         remove_containers(run)
 
 
-def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) -> None:
+def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) -> list[str]:
     """Ends and removes the containers of a run; what they wrote belongs to this user afterwards, if that is possible.
-
-    What does not work is logged: the run is over nevertheless.
 
     Args:
       folder: the run's own folder.
       environ: environment variables that say how engines are reached; absent: those of this process.
+
+    Returns:
+      What did not work, which is logged too: the run is over nevertheless.
     """
     environment = engine_environment(os.environ if environ is None else environ)
-    notes = _notes(folder)
+    notes, problems = _notes(folder), []
     for note in notes:
         try:
             Engine(note.program, environment).call("rm", "-f", note.name, timeout_s=_REMOVE_TIMEOUT_S)
         except EngineError as error:
             if "o such container" not in str(error):
-                _logger.warning("container %s cannot be removed: %s", note.name, error)
+                problems.append(f"container {note.name} cannot be removed: {error}")
     for note in {note.role: note for note in notes}.values():
-        _give_back(container_sandbox(folder, note.role).root, note, environment)
+        problems += _give_back(container_sandbox(folder, note.role).root, note, environment)
+    for problem in problems:
+        _logger.warning("%s", problem)
     (folder / _NOTES).unlink(missing_ok=True)
+    return problems
 
 
-def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> None:
+def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> list[str]:
     """Engines that run as root let containers write files that only root may read or remove."""
     if os.geteuid() == 0 or not _has_files_of_others(root):
-        return
-    name = f"{note.name}-files"
-    argv = give_back_argv(note.program, name, note.image, root)
-    engine = Engine(note.program, environment)
+        return []
+    argv = give_back_argv(note.program, f"{note.name}-files", note.image, root)
     try:
-        engine.carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
+        Engine(note.program, environment).carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
     except EngineError as error:
-        _logger.warning("files in %s belong to others, and %s could not change that: %s", root, note.image, error)
+        return [
+            f"files of the {note.role} application's container belong to another user, and what only that user may read "
+            f"is not kept; the image {note.image} has no sh, chown and chmod to change that: {error}"
+        ]
+    return []
 
 
 def _has_files_of_others(root: Path) -> bool:

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -29,11 +29,10 @@ def settle_containers(folder: Path, output_dir: Path) -> None:
       folder: the run's own folder.
       output_dir: the run's outputs.
     """
-    remove_containers(folder)
-    keep_outputs(folder, output_dir)
+    keep_outputs(folder, output_dir, remove_containers(folder))
 
 
-def keep_outputs(folder: Path, output_dir: Path) -> None:
+def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -> None:
     """Moves what containers wrote as outputs to the run's own outputs; calling it again does no harm.
 
     Links are not followed. Nothing that is there is replaced: a second `result.json` becomes `result.json.1`.
@@ -41,8 +40,9 @@ def keep_outputs(folder: Path, output_dir: Path) -> None:
     Args:
       folder: the run's own folder.
       output_dir: the run's outputs.
+      problems: what else is to be noted in their log.
     """
-    notes: list[str] = []
+    notes = list(problems)
     for role in _ROLES:
         visit_matches(container_sandbox(folder, role).root, Glob(f"{OUTPUT}/**"), _mover(role, output_dir, notes))
     if notes:

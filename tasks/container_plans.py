@@ -9,7 +9,16 @@ from ..schemas.run_programs import ProgramPlan
 from ..schemas.simulation_run import ApplicationRole
 from .catalog import Resource
 from .compute import gpu_of
-from .container_argv import Container, Mount, create_argv, remove_argv, start_argv, tool_argv
+from .container_argv import (
+    NO_PROGRAM,
+    Container,
+    Mount,
+    create_argv,
+    gpu_probe_argv,
+    remove_argv,
+    start_argv,
+    tool_argv,
+)
 from .container_leftovers import ContainerNote, note_container
 from .containers import Engine, EngineError, copy_out, engine_environment, find_engine, get_image
 from .runtime.agent_client import SOCKET_VARIABLE
@@ -84,12 +93,34 @@ def _made_container(
         is_podman=engine.is_podman,
         gpu=gpu_of(surroundings.environ),
     )
+    if container.limits.gpu:
+        note_container(surroundings.folder, ContainerNote(engine.program, f"{name}-gpu", uri, role))
+        check_gpu(engine, container)
     note_container(surroundings.folder, ContainerNote(engine.program, name, uri, role))
     try:
         engine.carry_out(create_argv(container), "create", _CREATE_TIMEOUT_S)
     except EngineError as error:
         raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
     return container
+
+
+def check_gpu(engine: Engine, container: Container) -> None:
+    """Finds out whether an engine can give a container a GPU, before it is the application that fails.
+
+    Raises:
+      LaunchError: it cannot; says why.
+    """
+    name = f"{container.name}-gpu"
+    try:
+        engine.carry_out(gpu_probe_argv(container), "create", _CREATE_TIMEOUT_S)
+        engine.call("start", "--attach", name, timeout_s=_CREATE_TIMEOUT_S)
+    except EngineError as error:
+        if NO_PROGRAM not in str(error):  # which is the last that is looked at
+            needed = "a description by `nvidia-ctk cdi generate`" if engine.is_podman else "NVIDIA's container toolkit"
+            raise LaunchError(
+                f"{engine.program} cannot give the container GPU {container.gpu}; it needs {needed}: {error}",
+                "InvalidInput",
+            ) from error
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundings) -> Sandbox:
@@ -159,6 +190,8 @@ def _container_variables(role: ApplicationRole, surroundings: Surroundings) -> d
         "ROBOMAKER_OUTPUT_DIR": OUTPUT,
         "ROBOMAKER_SEED": str(surroundings.plan.seed),
     }
+    if not surroundings.plan.compute.gpu:  # also where an image or the engine would give it all there are
+        variables |= {"CUDA_VISIBLE_DEVICES": "", "NVIDIA_VISIBLE_DEVICES": ""}
     if role == "robot":
         variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(surroundings.plan).name}"
     if surroundings.plan.world_dir is not None:

@@ -12,7 +12,10 @@ from image_registry import ImageRegistry, image_registry
 from real_engine import RealEngine
 
 from prefect_robomaker.schemas.errors import LaunchError
+from prefect_robomaker.schemas.run_programs import ComputeLimits
+from prefect_robomaker.tasks.container_argv import Container
 from prefect_robomaker.tasks.container_leftovers import ContainerNote, note_container, remove_containers
+from prefect_robomaker.tasks.container_plans import check_gpu
 from prefect_robomaker.tasks.containers import Engine, copy_out, engine_environment, find_engine, get_image
 from prefect_robomaker.tasks.sandbox import remove
 from prefect_robomaker.tasks.surroundings import container_sandbox
@@ -112,6 +115,21 @@ def test_folders_are_copied_out_with_their_owners(real_engine: RealEngine, engin
     else:
         assert (home / "secret.txt").stat().st_mode & 0o777 == 0o666, "whoever is USER may write to it"
     assert real_engine.containers("robomaker-tests-folders") == []
+
+
+def test_a_gpu_that_the_engine_cannot_give_is_no_fault_of_the_application(
+    real_engine: RealEngine, engine: Engine
+) -> None:
+    """A real engine, but no driver has a GPU of this number."""
+    image = real_engine.add_image("robomaker-tests/gpu:1")
+    gpu = ComputeLimits(gpu=True)
+    container = Container(engine.program, "robomaker-tests", image, limits=gpu, is_podman=engine.is_podman, gpu="4321")
+    try:
+        with pytest.raises(LaunchError, match="cannot give the container GPU 4321; it needs") as caught:
+            check_gpu(engine, container)
+    finally:
+        engine.call("rm", "-f", "robomaker-tests-gpu")
+    assert caught.value.failure_code == "InvalidInput"
 
 
 def test_containers_that_were_noted_are_removed_whether_they_run_or_not(
