@@ -16,6 +16,7 @@ from .bundles import application_bundle
 from .catalog import Resource
 from .container_plans import plan_container
 from .launching import Code, Factory, Program, check_pair, resolve_launch
+from .ros_launching import node_variables, own_master
 from .sandbox import HOME
 from .surroundings import Surroundings, tool_plan
 
@@ -46,15 +47,33 @@ def plan_applications(request: Mapping[str, Any], surroundings: Surroundings) ->
     launches: dict[ApplicationRole, tuple[str, Factory | Program]] = {}
     for role in _ROLES:
         if configs := request.get(f"{role}Applications"):
-            launches[role] = _plan(role, configs[0], surroundings, planned)
+            has_master = any(_is_ros_1(launch) for _, launch in launches.values())
+            launches[role] = _plan(role, configs[0], surroundings, planned, has_master)
     check_pair(launches.get("simulation"), launches.get("robot"))
+    if any(_is_ros_1(launch) for _, launch in launches.values()):
+        master = own_master()
+        planned.programs = [
+            program.model_copy(update={"environment": {**master, **program.environment}})
+            for program in planned.programs
+        ]
     return planned
 
 
+def _is_ros_1(launch: Factory | Program) -> bool:
+    return isinstance(launch, Program) and launch.ros == 1
+
+
 def _plan(
-    role: ApplicationRole, config: Mapping[str, Any], surroundings: Surroundings, planned: Applications
+    role: ApplicationRole,
+    config: Mapping[str, Any],
+    surroundings: Surroundings,
+    planned: Applications,
+    has_master: bool,
 ) -> tuple[str, Factory | Program]:
-    """Adds an application to what is planned; returns its name and what starts it."""
+    """Adds an application to what is planned; returns its name and what starts it.
+
+    With `has_master` another application brings the job's ROS master.
+    """
     launch_config = config["launchConfig"]
     try:
         found = find_application(config["application"], role, config.get("applicationVersion"), surroundings.service)
@@ -67,7 +86,7 @@ def _plan(
         planned.programs += programs
         return found.name, Program(tuple(programs[0].argv))
     code = _code(role, found, surroundings)
-    launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
+    launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
     planned.plans[role] = ApplicationPlan(
         role=role,
         name=found.name,
@@ -78,7 +97,7 @@ def _plan(
     if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
         # A factory is imported from the bundle that all jobs share: two roles may have the same one.
         code = replace(code, folder=_own_copy(code.folder, surroundings.folder / f"{role}-application"))
-        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable)
+        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
     planned.programs += _programs(code, launch, config, surroundings)
     return found.name, launch
 
@@ -127,6 +146,8 @@ def _programs(
     if inherited := variables.get("PYTHONPATH") or surroundings.environ.get("PYTHONPATH"):
         import_path.append(inherited)
     environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
+    if isinstance(launch, Program) and launch.launcher is not None:
+        environment |= node_variables(code.folder, launch.launcher, sys.executable, variables, surroundings.environ)
     folder = code.folder or surroundings.sandbox.place(HOME)
     programs = []
     if isinstance(launch, Program):

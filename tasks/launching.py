@@ -13,10 +13,10 @@ from typing import Any
 
 from ..schemas.errors import LaunchError
 from ..schemas.simulation_run import ApplicationRole
+from .ros_launching import Ros, is_launch_file, readers_of
 
 DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
-_LAUNCH_FILES = (".launch", ".launch.xml", ".launch.py")
-_ONLY_ROS_2 = (".launch.xml", ".launch.py")
+_LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
 # Where launch files and scripts are in a package, in sources and as ROS installs them.
 _INNER_FOLDERS = ("", "launch", "scripts")
 _SETUPS = ("setup.bash", "install/setup.bash", "local_setup.bash")
@@ -57,9 +57,15 @@ class Program:
     """A process of its own."""
 
     argv: tuple[str, ...]
+    launcher: Path | None = None
+    """`roslaunch` or `ros2`, where it is that."""
+    ros: Ros | None = None
+    """Which ROS launches it, if any."""
 
 
-def resolve_launch(code: Code, launch: Mapping[str, Any], which: Which, python: str) -> Factory | Program:
+def resolve_launch(
+    code: Code, launch: Mapping[str, Any], which: Which, python: str, *, has_master: bool = False
+) -> Factory | Program:
     """Decides what is started.
 
     Args:
@@ -67,6 +73,7 @@ def resolve_launch(code: Code, launch: Mapping[str, Any], which: Which, python: 
       launch: its launch configuration.
       which: finds programs that are not in the bundle.
       python: the interpreter for scripts.
+      has_master: another application of the job brings the ROS 1 master.
 
     Raises:
       LaunchError: it is not there, or cannot be started on this machine.
@@ -74,11 +81,12 @@ def resolve_launch(code: Code, launch: Mapping[str, Any], which: Which, python: 
     if command := launch.get("command"):
         return Program((_find_program(code, command[0], which), *command[1:]))
     package, file = launch.get("packageName"), launch.get("launchFile")
-    if file and file.endswith(_LAUNCH_FILES):
-        return _ros_launch(code, package or "", file, which)
+    path = _find_file(code.folder, package or "", file) if file and code.folder is not None else None
+    if file and is_launch_file(file, path):
+        return _ros_launch(code, package or "", file, path, which, has_master)
     if file and file.endswith(".py"):
-        return _script(code, package or "", file, python)
-    if file and code.folder is not None and (path := _find_file(code.folder, package or "", file)) is not None:
+        return _script(code, package or "", file, path, python)
+    if path is not None:
         return Program((str(_runnable(code, path)),))
     parts = [code.module, package, file or DEFAULT_FACTORIES[code.role]]
     return Factory(".".join(part for part in parts if part))
@@ -125,14 +133,14 @@ def _find_program(code: Code, name: str, which: Which) -> str:
     )
 
 
-def _ros_launch(code: Code, package: str, file: str, which: Which) -> Program:
-    programs = ["ros2"] if file.endswith(_ONLY_ROS_2) else ["roslaunch", "ros2"]
-    for name in programs:
-        if (program := which(name)) is not None:
-            path = _find_file(code.folder, package, file) if code.folder else None
-            what = [str(path)] if path else [part for part in (package, file) if part]
-            return _with_setups(code, program, ["launch", *what] if name == "ros2" else what)
-    needed = " or ".join("`ros2 launch`" if name == "ros2" else "`roslaunch`" for name in programs)
+def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: Which, has_master: bool) -> Program:
+    readers = readers_of(file, path)
+    what = [str(path)] if path else [part for part in (package, file) if part]
+    for ros in readers:
+        if (program := which(_LAUNCHERS[ros])) is not None:
+            options = ["launch"] if ros == 2 else ["--wait"] if has_master else []
+            return Program(_with_setups(code, program, [*options, *what]), Path(program), ros)
+    needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
     raise LaunchError(
         f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
         "install ROS here, put the application into a container image, or start it with launchConfig.command",
@@ -140,23 +148,22 @@ def _ros_launch(code: Code, package: str, file: str, which: Which) -> Program:
     )
 
 
-def _with_setups(code: Code, program: str, arguments: list[str]) -> Program:
+def _with_setups(code: Code, program: str, arguments: list[str]) -> tuple[str, ...]:
     """A program of ROS in the environments of its installation and of the bundle's workspace."""
     setups = [Path(program).parent.parent / "setup.bash"]
     if code.folder is not None:
         setups += [code.folder / setup for setup in _SETUPS]
     there = [str(setup) for setup in setups if setup.is_file()]
     if not there:
-        return Program((program, *arguments))
-    return Program(("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, program, *arguments))
+        return (program, *arguments)
+    return ("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, program, *arguments)
 
 
-def _script(code: Code, package: str, file: str, python: str) -> Program:
+def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:
     """A script: as a module where its folder is a package, else as a file."""
     stem = file.removesuffix(".py")
     if code.folder is None:
         return Program((python, "-m", ".".join(part for part in (code.module, package, stem) if part)))
-    path = _find_file(code.folder, package, file)
     if path is None:
         places = " or ".join(_places(package, file))
         raise LaunchError(

@@ -100,7 +100,31 @@ def test_ros_one_is_asked_first_for_files_that_either_could_read(bundle: Path) -
 
     assert isinstance(both, Program)
     assert both.argv[-2:] == ("/usr/bin/roslaunch", path)
-    assert resolve(None, ("roslaunch",), **launch) == Program(("/usr/bin/roslaunch", "ros_pkg", "sim.launch"))
+    assert both.ros == 1
+    installed = resolve(None, ("roslaunch",), **launch)
+    assert installed == Program(("/usr/bin/roslaunch", "ros_pkg", "sim.launch"), Path("/usr/bin/roslaunch"), 1)
+
+
+def test_what_a_launch_file_says_goes_before_its_name(bundle: Path) -> None:
+    (bundle / "ros_pkg/launch/sim.launch").write_text('<launch><node pkg="a" exec="b"/></launch>')
+    (bundle / "ros_pkg/launch/sim_launch.py").write_text("def generate_launch_description(): ...\n")
+
+    for file in ("sim.launch", "sim_launch.py"):
+        program = resolve(bundle, ("ros2", "roslaunch"), packageName="ros_pkg", launchFile=file)
+        assert isinstance(program, Program)
+        assert program.argv[-3:] == ("/usr/bin/ros2", "launch", str(bundle / "ros_pkg/launch" / file))
+        with pytest.raises(LaunchError, match="is started by `ros2 launch`, which this machine does not have"):
+            resolve(bundle, ("roslaunch",), packageName="ros_pkg", launchFile=file)
+
+
+def test_the_second_application_waits_for_the_firsts_master(bundle: Path) -> None:
+    code = Code("robot", "mine", folder=bundle)
+    launch = {"packageName": "ros_pkg", "launchFile": "sim.launch"}
+
+    program = resolve_launch(code, launch, lambda name: f"/usr/bin/{name}", PYTHON, has_master=True)
+
+    assert isinstance(program, Program)
+    assert program.argv[-3:-1] == ("/usr/bin/roslaunch", "--wait")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,163 @@
+"""Jobs whose applications are packages of ROS 1, started by the real roslaunch with a real master.
+
+Debian has them as python3-roslaunch, python3-rosmaster and rosout; where they are missing, these tests say so.
+"""
+
+import shutil
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from processes import wait_for, working_below
+from run_processes import processes_with
+from small_flat import ROLE
+
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.job_runs import perform_job
+from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.storage import pack_tar_gz
+
+pytestmark = [
+    pytest.mark.deep,
+    pytest.mark.skipif(
+        not (shutil.which("roslaunch") and shutil.which("rosmaster") and Path("/usr/lib/rosout/rosout").exists()),
+        reason="roslaunch, rosmaster or rosout is not installed (Debian's python3-roslaunch)",
+    ),
+]
+
+MANIFEST = """<package format="2"><name>my_robot</name><version>0.1.0</version><description>.</description>
+<maintainer email="a@example.com">a</maintainer><license>MIT</license></package>"""
+NODE = """#!/usr/bin/env python3
+import os, sys, time, xmlrpc.client
+import rosgraph  # is there in ROS's own Python only
+uri = os.environ["ROS_MASTER_URI"]
+master = xmlrpc.client.ServerProxy(uri)
+names = [name for name in master.getParamNames("/node")[2] if name in ("/shared", "/node/speed")]
+print("PARAMETERS", sorted((name, master.getParam("/node", name)[2]) for name in names))
+print("VARIABLES", uri, os.environ["ROS_HOSTNAME"], os.environ.get("GREETING"), os.environ["HOME"])
+print("ARGUMENTS", sys.argv[1:2], flush=True)
+master.setParam("/node", "/visited_by_" + os.environ["ROLE"], True)
+while "AWAITS" in os.environ and not master.hasParam("/node", "/visited_by_" + os.environ["AWAITS"])[2]:
+    time.sleep(0.1)
+"""
+LAUNCH = """<launch>
+  <arg name="speed" default="0.5"/>
+  <param name="shared" value="of the $(env ROLE)"/>
+  <node pkg="my_robot" type="node.py" name="node" output="screen" required="true" args="$(find my_robot)/map.yaml">
+    <param name="speed" value="$(arg speed)"/>
+  </node>
+</launch>"""
+
+Ending = dict[str, Any]
+
+
+@pytest.fixture
+def launch_config(service: Service, tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Makes an application's entry in a request; both applications have the same bundle, a workspace with a package."""
+    package = tmp_path / "bundle" / "src" / "my_robot"
+    files = {
+        "package.xml": MANIFEST, "scripts/node.py": NODE, "launch/drive.launch": LAUNCH,
+    }  # fmt: skip
+    for name, text in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_text(text)
+    (package / "scripts" / "node.py").chmod(0o755)
+    pack_tar_gz(tmp_path / "bundle", tmp_path / "bundle.tar.gz")
+    for bucket in ("applications", "results"):
+        service.store.ensure_bucket(bucket)
+    service.store.put_file("applications", "ros.tar.gz", tmp_path / "bundle.tar.gz")
+    source = {"sources": [{"s3Bucket": "applications", "s3Key": "ros.tar.gz"}]}
+    suite = {"name": "ROS", "version": "Melodic"}
+    call("CreateRobotApplication", {"name": "robot", "robotSoftwareSuite": suite, **source}, service)
+    simulation = {"simulationSoftwareSuite": {"name": "Gazebo", "version": "9"}, "robotSoftwareSuite": suite}
+    call("CreateSimulationApplication", {"name": "simulation", **simulation, **source}, service)
+
+    def make(role: str, file: str = "drive.launch", **variables: str) -> dict[str, Any]:
+        launch = {"packageName": "my_robot", "launchFile": file, "environmentVariables": {"ROLE": role, **variables}}
+        return {"application": role, "launchConfig": launch}
+
+    return make
+
+
+def ordered(service: Service, **roles: dict[str, Any]) -> str:
+    request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "outputLocation": {"s3Bucket": "results"}}
+    applications = {f"{role}Applications": [config] for role, config in roles.items()}
+    return call("CreateSimulationJob", {**request, **applications}, service)["arn"]
+
+
+def ended(service: Service, arn: str) -> Ending:
+    perform_job(arn, service)
+    return call("DescribeSimulationJob", {"job": arn}, service)
+
+
+def launched(arn: str) -> list[str]:
+    """The programs of a job that roslaunch has started."""
+    lines = [Path(f"/proc/{pid}/cmdline").read_bytes().decode() for pid in processes_with(arn)]
+    return [line for line in lines if "__name:=" in line or "rosmaster" in line]
+
+
+def said(service: Service, arn: str, role: str) -> dict[str, str]:
+    """What the node of an application printed, by its first word."""
+    place = service.catalog.get(arn).document["outputs"]
+    text = service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/{role}.stdout.log").decode()
+    return dict(line.split(" ", 1) for line in text.splitlines() if line.split(" ")[0].isupper() and " " in line)
+
+
+def test_nodes_find_their_package_parameters_and_variables(
+    service: Service, launch_config: Callable[..., dict[str, Any]]
+) -> None:
+    arn = ordered(service, robot=launch_config("robot", GREETING="hello"))
+
+    job = ended(service, arn)
+
+    assert job["status"] == "Completed", job
+    told = said(service, arn, "robot")
+    assert "('/node/speed', 0.5)" in told["PARAMETERS"]
+    assert "('/shared', 'of the robot')" in told["PARAMETERS"]
+    uri, host, greeting, home = told["VARIABLES"].split()
+    assert (uri.rpartition(":")[0], host, greeting) == ("http://localhost", "localhost", "hello")
+    assert home.endswith("/home/robomaker")
+    assert told["ARGUMENTS"].endswith("/src/my_robot/map.yaml']")
+
+
+def test_both_applications_share_a_master_and_two_jobs_do_not(
+    service: Service, launch_config: Callable[..., dict[str, Any]]
+) -> None:
+    two = [
+        ordered(service, simulation=launch_config("simulation", AWAITS="robot"), robot=launch_config("robot")),
+        ordered(service, robot=launch_config("robot")),
+    ]
+
+    with ThreadPoolExecutor() as pool:
+        assert [job["status"] for job in pool.map(lambda arn: ended(service, arn), two)] == ["Completed"] * 2
+
+    programs = [(two[0], "simulation"), (two[0], "robot"), (two[1], "robot")]
+    simulation, robot, alone = (said(service, arn, role)["VARIABLES"].split()[0] for arn, role in programs)
+    assert simulation == robot != alone
+
+
+def test_a_launch_file_that_cannot_be_launched_fails_the_job(
+    service: Service, launch_config: Callable[..., dict[str, Any]]
+) -> None:
+    job = ended(service, ordered(service, robot=launch_config("robot", "missing.launch")))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "RobotApplicationCrash")
+    assert "missing.launch" in job["failureReason"]
+
+
+def test_a_cancelled_launch_leaves_no_master(service: Service, launch_config: Callable[..., dict[str, Any]]) -> None:
+    arn = ordered(service, robot=launch_config("robot", AWAITS="nobody"))
+    with ThreadPoolExecutor() as pool:
+        performing = pool.submit(perform_job, arn, service)
+        wait_for(lambda: len(launched(arn)) == 3, "the master, rosout and the node", 30)
+        asked = time.monotonic()
+        call("CancelSimulationJob", {"job": arn}, service)
+        performing.result()
+        assert time.monotonic() - asked < 8
+
+    assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Canceled"
+    assert not launched(arn)
+    assert not working_below(service.settings.home)
