@@ -91,8 +91,8 @@ def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) 
         Engine(note.program, environment).carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
     except EngineError as error:
         return [
-            f"files of the {note.role} application's container belong to another user, and what only that user may read "
-            f"is not kept; the image {note.image} has no sh, chown and chmod to change that: {error}"
+            f"files of the {note.role} application's container belong to another user, and what only that user may "
+            f"read is not kept; the image {note.image} has no sh, chown and chmod to change that: {error}"
         ]
     return []
 

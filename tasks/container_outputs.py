@@ -17,6 +17,7 @@ NOTES = "logs/outputs.log"
 """Which files could not be kept, and why."""
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
+_KEPT = f"{OUTPUT}.kept"
 _MOST_NOTES = 200
 
 _logger = logging.getLogger(__name__)
@@ -44,7 +45,10 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
     """
     notes = list(problems)
     for role in _ROLES:
-        visit_matches(container_sandbox(folder, role).root, Glob(f"{OUTPUT}/**"), _mover(role, output_dir, notes))
+        sandbox = container_sandbox(folder, role)
+        visit_matches(sandbox.root, Glob(f"{OUTPUT}/**"), _mover(role, output_dir, notes))
+        with suppress(FileNotFoundError):  # what cannot be taken away is not to be found a second time
+            sandbox.place(OUTPUT).rename(sandbox.place(_KEPT))
     if notes:
         try:
             (output_dir / NOTES).parent.mkdir(exist_ok=True)
