@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import gl
+from .view_culling import without_unseen
 from .views import View
 
 Image = NDArray[np.uint8]
@@ -76,8 +77,10 @@ class GlCamera:
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
         """See `Camera`."""
         width, height = size or self._size
-        every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, data, self._option, None, view(data), every, self._scene)
+        model, scene, camera = self._model, self._scene, view(data)
+        mujoco.mjv_updateCamera(model, data, camera, scene)
+        with without_unseen(model, data, scene, width / height):
+            mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
         self._context.make_current()
         window = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(window, self._scene, self._renderer)

@@ -21,6 +21,7 @@ from .drawing import awake, work_out_places
 from .filming import RAYS, Filming
 from .physics import raw_physics
 from .video_settings import VideoSettings
+from .view_culling import MODEL_BORROWED
 
 INTERVAL_S = 0.2
 """Wall-clock time between two pictures, at least."""
@@ -150,7 +151,8 @@ class _Easel:
 
     def __init__(self, state: _State, settings: VideoSettings, backend: str) -> None:
         self.model = state.model
-        self._model = awake(copy.copy(state.model))
+        with MODEL_BORROWED:
+            self._model = awake(copy.copy(state.model))
         self._data = mujoco.MjData(self._model)
         self._camera = settings.camera
         self._filming = Filming(self._model, settings, backend, state.camera)
