@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import tempfile
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -143,7 +144,7 @@ def in_words(ending: dict[str, Any]) -> str:
 
 
 def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, folder: Path) -> Path:
-    """Writes a folder from which a run can be repeated anywhere.
+    """Writes a folder from which a run can be repeated anywhere; all of it, or nothing.
 
     Args:
         plan: The run, with folders of this machine.
@@ -155,17 +156,30 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
         The test that repeats it.
 
     Raises:
-        FileExistsError: The folder is one already.
+        FileExistsError: The folder is one already, or has something of a name that is needed.
         OSError: Something cannot be copied.
     """
     if (folder / PLAN_FILE).exists():
         raise FileExistsError(f"{folder}: holds a reproduction already; name another folder")
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.copytree(first, folder / FIRST_OUTPUTS)
-    moved = _copied(plan, folder)
-    (folder / PLAN_FILE).write_text(moved.model_dump_json(indent=1) + "\n")
-    outputs = read_outputs(folder / FIRST_OUTPUTS)
-    return _write_test(outputs, failure_code, folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as scratch:
+        unfinished = Path(scratch)
+        shutil.copytree(first, unfinished / FIRST_OUTPUTS)
+        moved = _copied(plan, unfinished)
+        test = _write_test(read_outputs(unfinished / FIRST_OUTPUTS), failure_code, unfinished)
+        (unfinished / PLAN_FILE).write_text(moved.model_dump_json(indent=1) + "\n")
+        _move_all(unfinished, folder)
+    return folder / test.name
+
+
+def _move_all(source: Path, folder: Path) -> None:
+    """Moves what is in a folder into another one, the plan last: with it a reproduction is whole."""
+    folder.mkdir(exist_ok=True)
+    names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
+    if taken := [name for name in names if (folder / name).exists()]:
+        raise FileExistsError(f"{folder}: has {', '.join(taken)} already; name another folder")
+    for name in names:
+        (source / name).rename(folder / name)
 
 
 def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> Path:

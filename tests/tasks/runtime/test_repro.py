@@ -4,19 +4,49 @@ import ast
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from prefect_robomaker.schemas.provenance import PROVENANCE_FILE, Provenance
 from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.tasks.runtime.provenance import machine_facts
 from prefect_robomaker.tasks.runtime.repro import write_reproduction
 
 
+def first_of(plan: RunPlan, folder: Path) -> Path:
+    folder.mkdir()
+    (folder / PROVENANCE_FILE).write_text(Provenance(plan=plan, machine=machine_facts()).model_dump_json())
+    return folder
+
+
+def test_a_folder_is_whole_or_not_there(make_plan: Callable[..., RunPlan], tmp_path: Path) -> None:
+    plan = make_plan(simulation_application=None, robot_application=None, world_dir=tmp_path / "world")
+    first, folder = first_of(plan, tmp_path / "outputs"), tmp_path / "made" / "repro"
+    with pytest.raises(FileNotFoundError):  # the world cannot be copied
+        write_reproduction(plan, first, None, folder)
+    assert list(folder.parent.iterdir()) == []
+
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "world.xml").touch()
+    assert write_reproduction(plan, first, None, folder).exists()
+    assert sorted(path.name for path in folder.iterdir()) == ["first", "plan.json", "test_repro_sim_7.py", "world"]
+    assert list(folder.parent.iterdir()) == [folder]
+
+
+def test_what_is_in_a_folder_stays(make_plan: Callable[..., RunPlan], tmp_path: Path) -> None:
+    plan = make_plan(simulation_application=None, robot_application=None)
+    first, folder = first_of(plan, tmp_path / "outputs"), tmp_path / "repro"
+    folder.mkdir()
+    (folder / "first").write_text("mine")
+    with pytest.raises(FileExistsError, match="has first already; name another folder"):
+        write_reproduction(plan, first, None, folder)
+    assert [(path.name, path.read_text()) for path in folder.iterdir()] == [("first", "mine")]
+
+
 def test_what_a_run_says_of_itself_is_no_code(make_plan: Callable[..., RunPlan], tmp_path: Path) -> None:
     """Outputs may come from anybody."""
     names = {"job_id": 'sim-1/../../x"""\nimport evil\n"""', "run_id": 'r\\"""; import evil; """'}
     plan = make_plan(simulation_application=None, robot_application=None, **names)
-    first = tmp_path / "first"
-    first.mkdir()
-    (first / PROVENANCE_FILE).write_text(Provenance(plan=plan, machine=machine_facts()).model_dump_json())
+    first = first_of(plan, tmp_path / "first")
 
     test = write_reproduction(plan, first, 'X"""\nimport evil', tmp_path / "repro")
 
