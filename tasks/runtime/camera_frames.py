@@ -38,8 +38,18 @@ class Mount(NamedTuple):
 
 
 def frames_of(environment: Any) -> Mapping[str, str]:
-    """Returns which bodies of an environment have a frame that `/tf` tells of; one of them is the world."""
-    return {WORLD: WORLD, **getattr(environment, "frames", {})}
+    """Returns which bodies of an environment have a frame that `/tf` tells of; one of them is the world.
+
+    Raises:
+        TypeError: Its `tf_frames` is no mapping.
+    """
+    named = getattr(environment, "tf_frames", {})
+    if not isinstance(named, Mapping):
+        raise TypeError(
+            f"the environment's tf_frames is a {type(named).__name__}; it has to name frames by bodies, such as "
+            '{"world": "map", "chassis": "base_link"}'
+        )
+    return {WORLD: WORLD, **named}
 
 
 def find_mount(

@@ -71,6 +71,7 @@ class CameraRecorder:
             filming, data = self._aimed(environment)
             picture = _jpeg(filming.picture(data))
             view = filming.look(data, self._scene)
+            mount = find_mount(filming.model, view, self._scene, frames_of(environment))
         except Exception:
             self.next_time_s = math.inf
             self._error = traceback.format_exc(limit=0).strip().splitlines()[-1]
@@ -78,7 +79,6 @@ class CameraRecorder:
             traceback.print_exc()
             return
         header = ros.Header(ros.Time.from_seconds(time_s), OPTICAL_FRAME)
-        mount = find_mount(filming.model, view, self._scene, frames_of(environment))
         self._publish_frames(mount, header.stamp, time_s)
         self._recorder.write(TOPIC, CompressedImage(header, "jpeg", picture), time_s)
         info = camera_info(header, self._scene, _SIZE)

@@ -26,8 +26,8 @@ Panel = tuple[str, dict[str, Any]]
 def layout(topics: Mapping[str, str]) -> dict[str, Any]:
     """Returns a layout, which Foxglove opens with "Import from file".
 
-    It has a 3D panel if there are transforms, the pictures of cameras, plots of speeds and joints, and
-    the messages as they are.
+    It has a 3D panel if there is something to draw and where that is, the pictures of cameras, plots of speeds and
+    joints, and the messages as they are.
 
     Args:
         topics: Types by topic.
@@ -46,9 +46,9 @@ def layout(topics: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _scene(topics: Mapping[str, str]) -> list[Panel]:
-    if _TRANSFORMS not in topics.values():
-        return []
     drawn = {topic: {"visible": True, **_DRAWN[kind]} for topic, kind in topics.items() if kind in _DRAWN}
+    if not drawn or _TRANSFORMS not in topics.values():
+        return []
     config = {
         "followMode": "follow-position",
         "followTf": "base_link",

@@ -37,7 +37,7 @@ class IndoorNavigation(ResumableEnvironment):
         self._navigation = task
         self.robot = robot
         """The robot in the world; agents that plan ask it for its limits."""
-        self.frames = {"world": MAP_FRAME, moving_body(robot): BASE_FRAME}
+        self.tf_frames = {"world": MAP_FRAME, moving_body(robot): BASE_FRAME}
         """Frames of bodies; `/tf` tells where they are."""
         if robot.video_camera is not None:
             self.video_camera = f"{robot.prefix}{robot.video_camera}"

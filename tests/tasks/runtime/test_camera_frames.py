@@ -46,7 +46,7 @@ def recorded(folder: Path, camera: str, backend: str | None = None) -> tuple[dic
     model = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(model)
     physics = SimpleNamespace(model=model, data=data)
-    environment = SimpleNamespace(physics=physics, frames={"world": "map", "bot": "base_link"})
+    environment = SimpleNamespace(physics=physics, tf_frames={"world": "map", "bot": "base_link"})
     with McapRecorder(folder / "recording.mcap") as recorder:
         watcher = CameraRecorder(recorder, CameraRecording(5.0, camera), backend)
         for time_s, place, turn in ((0.0, 0.0, 0.0), (0.2, 0.08, -0.1)):

@@ -69,7 +69,9 @@ def test_pictures_are_jpeg_at_the_rate_asked_for(environment: Any, tmp_path: Pat
     picture = np.asarray(Image.open(io.BytesIO(messages[0].data.tobytes())))
     assert picture.shape == (240, 320, 3)
     assert picture[125, 160, 0] > 2 * picture[125, 160, 1]  # the red box ahead
+    # A camera without a robot around it: its frames are no scene.
     layout = json.loads((tmp_path / "foxglove-layout.json").read_text())
+    assert {name.split("!")[0] for name in layout["configById"]} == {"Image", "RawMessages"}
     assert layout["configById"]["Image!camera0"]["imageMode"] == {"imageTopic": TOPIC, "calibrationTopic": INFO_TOPIC}
 
 
@@ -85,6 +87,13 @@ def test_a_camera_that_is_not_there_is_a_remark(environment: Any, tmp_path: Path
     messages, findings = run(environment, tmp_path, CameraRecording(1.0, "elsewhere"))
     assert messages == read(tmp_path, "/tf_static") == []
     assert "'elsewhere'" in findings.extra["camera_error"]
+
+
+def test_frames_that_are_none_are_a_remark(environment: Any, tmp_path: Path) -> None:
+    environment.tf_frames = ["base_link"]
+    messages, findings = run(environment, tmp_path, CameraRecording(1.0))
+    assert messages == []
+    assert "tf_frames is a list; it has to name frames by bodies" in findings.extra["camera_error"]
 
 
 def planned(make_plan: Callable[..., RunPlan], **variables: str) -> RunPlan:
