@@ -18,6 +18,7 @@ from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.job_runs import perform_job
+from prefect_robomaker.tasks.replays import verify_run
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
@@ -168,6 +169,10 @@ def test_a_robot_in_a_container_drives_the_simulation(service: Service, applicat
     files = outputs(service, job)
     assert '"verdict":"PASS"' in files["result.json"].replace(" ", "")
     assert "balancing in run 20" in files["logs/robot.stdout.log"]
+    again = verify_run(job["arn"], service)
+    assert (again.answer, again.recorded_actions) == ("bit-identical", True), (
+        "what it did is enough, no container is run"
+    )
 
 
 def test_two_containers_reach_each_other_on_localhost(
