@@ -21,7 +21,7 @@ _OOM_SCORE = 500
 _MANY = 64
 _PATIENCE_S = 0.03
 _MAX_PATIENCE_S = 1.0
-"""What could not be weighed for so long counts as what it weighs at most."""
+"""After that long what was not weighed yet is estimated."""
 _OTHER_FORKS = 512
 """Processes of the same user, outside the run, that may be added while it runs."""
 
@@ -145,25 +145,50 @@ class _Scales:
     def __init__(self) -> None:
         self._thread: threading.Thread | None = None
         self._began_s = 0.0
-        self._weighed: Weighed | None = None
+        self._states: list[ProcessState] = []
+        """What is weighed, the largest first."""
+        self._exact: list[int] = []
+        """What the first of them weigh."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
         """Returns what processes weigh, perhaps of a moment ago; None while that is not known."""
         if self._thread is None:
             self._began_s = time.monotonic()
-            self._weighed = None
-            self._thread = threading.Thread(target=self._weigh, args=[states], daemon=True)
+            self._states = sorted(states, key=lambda state: state.resident_bytes, reverse=True)
+            self._exact = []
+            self._thread = threading.Thread(target=self._weigh, args=[self._states, self._exact], daemon=True)
             self._thread.start()
         self._thread.join(_PATIENCE_S)
         if not self._thread.is_alive():
             self._thread = None
-            return self._weighed
-        if time.monotonic() - self._began_s < _MAX_PATIENCE_S:
+        elif time.monotonic() - self._began_s < _MAX_PATIENCE_S:
             return None
-        return states, {state.pid: state.resident_bytes for state in states}
+        elif {state.pid for state in states} - {state.pid for state in self._states}:
+            # It goes on forking: there is no time to find out that all of them are small.
+            return states, {state.pid: state.resident_bytes for state in states}
+        return self._states, estimated_bytes(self._states, list(self._exact))
 
-    def _weigh(self, states: list[ProcessState]) -> None:
-        self._weighed = states, {state.pid: _exact_bytes(state) for state in states}
+    @staticmethod
+    def _weigh(states: list[ProcessState], exact: list[int]) -> None:
+        for state in states:
+            exact.append(_exact_bytes(state))  # noqa: PERF401 - it is read meanwhile
+
+
+def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
+    """What processes weigh of which only the first are weighed.
+
+    The one that is being weighed may never be, and counts as what it weighs at most. The others are taken to share as
+    much as those before them: of hundreds of forks of one process each has its resident memory, and all have it once.
+
+    Args:
+        states: The processes.
+        exact: What the first of them weigh.
+    """
+    resident = sum(state.resident_bytes for state in states[: len(exact)])
+    share = sum(exact) / resident if resident else 1.0
+    rest = states[len(exact) :]
+    guesses = [state.resident_bytes if state is rest[0] else round(share * state.resident_bytes) for state in rest]
+    return {state.pid: size for state, size in zip(states, [*exact, *guesses], strict=True)}
 
 
 def _exact_bytes(state: ProcessState) -> int:

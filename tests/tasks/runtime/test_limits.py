@@ -16,6 +16,8 @@ from prefect_robomaker.schemas.run_programs import ComputeLimits, ProgramPlan
 from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan
 from prefect_robomaker.tasks.runtime.cores import Cores
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.limits import estimated_bytes
+from prefect_robomaker.tasks.runtime.processes import ProcessState
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
@@ -77,6 +79,14 @@ class TestMemory:
         )
         reason = reason_of(launcher.run(plan, never), "SimulationApplicationCrash")
         assert reason.startswith("Tool view of simulation application arena used too much")
+
+
+def test_what_is_not_weighed_yet_is_estimated() -> None:
+    """Four forks of one process of 90 bytes; the second one cannot be weighed."""
+    states = [ProcessState(pid, "R", 1, pid, pid, 1, 90) for pid in (2, 3, 4, 5)]
+    assert estimated_bytes(states, []) == {2: 90, 3: 90, 4: 90, 5: 90}
+    assert estimated_bytes(states, [30]) == {2: 30, 3: 90, 4: 30, 5: 30}
+    assert estimated_bytes(states, [30, 20, 30, 20]) == {2: 30, 3: 20, 4: 30, 5: 20}
 
 
 class TestProcesses:
