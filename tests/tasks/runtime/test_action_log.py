@@ -95,6 +95,26 @@ def test_the_beginning_says_what_actions_are(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_the_form_is_the_one_that_is_documented(tmp_path: Path) -> None:
+    """Read as docs/replay.md says, by nothing of ours."""
+    path, actions = tmp_path / "actions.bin", some_actions(CHUNK_ACTIONS + 3, 5)
+    write(path, actions, ActionLogHeader(mode="lockstep", size=5, arrays=[]), close=False)
+    rest, read, kinds = path.read_bytes().split(b"\n", 2)[2], [], []
+    while rest:
+        kind, count, length, first, checksum = struct.unpack("<4sIIQI", rest[:24])
+        content, rest = rest[24 : 24 + length], rest[24 + length :]
+        assert first == len(read)
+        assert zlib.crc32(struct.pack("<IQ", count, first) + content) == checksum
+        columns = zstandard.decompress(content) if kind == b"RMAZ" else content
+        before = [0] * 5
+        for row in range(count):
+            before = [byte ^ columns[column * count + row] for column, byte in enumerate(before)]
+            read.append(bytes(before))
+        kinds.append(kind)
+    assert read == actions
+    assert kinds == [b"RMAZ", b"RMAP", b"RMAP", b"RMAP"]
+
+
 KILLED = """
 import os, signal, sys
 sys.path.insert(0, os.environ["TESTS"])
