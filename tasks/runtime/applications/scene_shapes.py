@@ -4,7 +4,7 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import mujoco
 import numpy as np
@@ -94,19 +94,26 @@ def _markers(
     model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_], frame: Pose, pattern: Marker
 ) -> list[Marker]:
     """Markers of geoms, seen from a frame; `ns` is what a geom's name begins with, so that kinds can be hidden."""
-    colours = geom_colours(model)
-    markers = []
-    for geom in np.flatnonzero(chosen).tolist():
-        kind = _SHAPES.get(int(model.geom_type[geom]), MarkerType.CUBE)
-        (x, y, z), turn = _seen_from(frame, data, geom, model.geom_aabb[geom, :3])
-        red, green, blue = colours[geom].tolist()
-        colour = ColorRGBA(red, green, blue, float(model.geom_rgba[geom, 3]))
-        name = re.split(r"[^A-Za-z]", model.geom(geom).name.rpartition("/")[2], maxsplit=1)[0]
-        pose = ros.Pose(ros.Vector3(x, y, z), turn)
-        # A box around a geom is as large as the geom; along a capsule it reaches as far as its round ends.
-        size = ros.Vector3(*(2 * model.geom_aabb[geom, 3:]).tolist())
-        markers.append(pattern._replace(ns=name or "parts", id=geom, type=kind, pose=pose, scale=size, color=colour))
-    return markers
+    geoms = np.flatnonzero(chosen)
+    kinds = [_SHAPES.get(kind, MarkerType.CUBE) for kind in model.geom_type[geoms].tolist()]
+    # A box around a geom is as large as the geom; along a capsule it reaches as far as its round ends.
+    sizes = (2 * model.geom_aabb[geoms, 3:]).tolist()
+    colours = np.column_stack((geom_colours(model, geoms), model.geom_rgba[geoms, 3])).tolist()
+    header, locked = pattern.header, pattern.frame_locked
+    return [
+        Marker(
+            header, _kind_of_name(model, geom), geom, kind, pose, ros.Vector3(*size), ColorRGBA(*colour),
+            frame_locked=locked,
+        )
+        for geom, kind, pose, size, colour in zip(
+            geoms.tolist(), kinds, _poses(model, data, geoms, frame), sizes, colours, strict=True
+        )
+    ]  # fmt: skip
+
+
+def _kind_of_name(model: mujoco.MjModel, geom: int) -> str:
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or ""
+    return re.split(r"[^A-Za-z]", name.rpartition("/")[2], maxsplit=1)[0] or "parts"
 
 
 def _unobtrusive(shape: Marker) -> Marker:
@@ -119,15 +126,15 @@ def _unobtrusive(shape: Marker) -> Marker:
     return shape
 
 
-def _seen_from(
-    frame: Pose, data: mujoco.MjData, geom: int, middle: NDArray[np.float64]
-) -> tuple[list[float], ros.Quaternion]:
-    """Where the middle of a geom's box is, and how it is turned."""
-    axes = data.geom_xmat[geom]
-    place, turn = data.geom_xpos[geom] + axes.reshape(3, 3) @ middle, np.zeros(4)
-    mujoco.mju_mat2Quat(turn, axes)
-    back, back_turn, seen, seen_turn = np.zeros(3), np.zeros(4), np.zeros(3), np.zeros(4)
-    mujoco.mju_negPose(back, back_turn, frame[0], frame[1])
-    mujoco.mju_mulPose(seen, seen_turn, back, back_turn, place, turn)
-    w, x, y, z = seen_turn.tolist()
-    return seen.tolist(), ros.Quaternion(x, y, z, w)
+def _poses(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], frame: Pose) -> Iterator[ros.Pose]:
+    """Where the middles of geoms' boxes are, and how they are turned, seen from a frame."""
+    own = np.zeros(9)
+    mujoco.mju_quat2Mat(own, frame[1])
+    axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
+    places = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", axes, model.geom_aabb[geoms, :3])
+    turn = own.reshape(3, 3).T
+    quaternion = np.zeros(4)
+    for place, turned in zip(((places - frame[0]) @ turn.T).tolist(), (turn @ axes).reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, turned)
+        w, x, y, z = quaternion.tolist()
+        yield ros.Pose(ros.Vector3(*place), ros.Quaternion(x, y, z, w))
