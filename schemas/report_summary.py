@@ -8,6 +8,7 @@ from pydantic import Field
 
 from .base import Model
 from .report import RunState
+from .run_programs import ToolEnds
 from .simulation_run import Requirement
 
 CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
@@ -44,6 +45,7 @@ class JobCase(Model):
     world: str | None = Field(default=None, description="World it drove in.")
     output: str | None = Field(default=None, description="Where its outputs are.")
     requirements: list[Requirement] = Field(default=[], description="What it was judged by.")
+    tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
 
 

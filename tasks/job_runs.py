@@ -286,7 +286,10 @@ class JobRun:
         if run_id is None or run_id in _kept_runs(job.document) or job.status not in _RUNS:
             return
         output = self._folder(run_id) / "output"
-        if not output.is_dir() or not any(output.iterdir()):
+        if not output.is_dir():
+            return
+        settle_containers(output.parent, output)  # they do not die with a performer
+        if not any(output.iterdir()):
             return
         add_note(output, _DIED)
         about = failed("InternalServiceError", _DIED) | {"restarted": job.status == "Restarting"}

@@ -71,5 +71,6 @@ def _case(job: ReportedJob, labels: dict[str, str]) -> JobCase:
         world=labels.get(job.world_arn, job.world_arn) if job.world_arn else None,
         output=folder_of(job) or None,
         requirements=result.requirements if result else [],
+        tools=result.tools if result else [],
         metrics=result.metrics if result else {},
     )

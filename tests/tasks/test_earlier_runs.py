@@ -15,8 +15,10 @@ from processes import wait_for, working_below
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.errors import ObjectNotFoundError
 from prefect_robomaker.tasks import job_runs
+from prefect_robomaker.tasks.container_outputs import OUTPUT
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
+from prefect_robomaker.tasks.surroundings import container_sandbox
 
 Swing = Callable[..., dict[str, Any]]
 Killed = Callable[..., str]
@@ -100,6 +102,23 @@ def test_what_a_killed_performers_run_left_is_stored_without_a_manifest(
     )
     assert DIED in service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/stderr.log").decode()
     assert not list((service.settings.home / "jobs").iterdir())
+
+
+def test_what_containers_of_a_dead_run_wrote_is_stored_too(service: Service, order: Callable[..., Any]) -> None:
+    arn, run_id = call("CreateSimulationJob", order(), service)["arn"], "2026-01-02T03-04-05-000000Z"
+    service.catalog.transition(arn, "prepare", document_changes={"runId": run_id})
+    service.catalog.transition(arn, "start", document_changes={"lastStartedAt": "2026-01-02T03:04:05+00:00"})
+    folder = service.settings.home / "jobs" / arn.rpartition("/")[2] / run_id
+    (folder / "output").mkdir(parents=True)
+    written = container_sandbox(folder, "robot").place(OUTPUT)
+    written.mkdir(parents=True)
+    (written / "map.pgm").write_text("a map")
+
+    job_runs.perform_job(arn, service)
+
+    [earlier] = service.catalog.get(arn).document["earlierRuns"]
+    place = earlier["outputs"]
+    assert service.store.get_bytes(place["bucket"], f"{place['prefix']}/map.pgm") == b"a map"
 
 
 @pytest.mark.deep

@@ -12,7 +12,7 @@ from PIL import Image
 from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedStep
 from prefect_robomaker.schemas.run_programs import ToolEnds
 from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.reporting import render_report, write_report
+from prefect_robomaker.tasks.reporting import render_report, summarize, write_report
 
 ATTACK = "</pre></title><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"
 _VOID = {"meta", "link", "img", "br", "hr", "input"}
@@ -222,6 +222,8 @@ def test_tools_that_kept_dying_are_told(make_report: Any, make_job: Any, make_re
     result = make_result("PASS", 5).model_copy(update={"tools": [tool]})
     page = Document(render_report(make_report([], [make_job("sim-1", None, result=result)])))
     assert "rviz<b> of the robot application ended 14 times, and last exited with code 1" in page.text
+    [suite] = summarize(make_report([], [make_job("sim-1", None, result=result, step="drive")])).steps
+    assert suite.jobs[0].tools == [tool]
 
 
 @pytest.mark.parametrize(
