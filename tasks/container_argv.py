@@ -18,10 +18,12 @@ set +m
 while wait $!; code=$?; kill -0 $! 2>/dev/null; do :; done
 form='{{.State.Status}} {{.State.OOMKilled}} {{.State.ExitCode}}'
 read -r status is_out_of_memory ended_with <<<"$("$1" inspect --format "$form" "$2" 2>/dev/null)"
+case "$status:$ended_with" in exited:*|created:[1-9]*) code=$ended_with ;; esac
 if [ "$is_out_of_memory" = true ]; then
   echo "the container used more memory than the $3 MiB that are allowed, and was killed" >&2
+elif [ "$code" = 137 ]; then
+  echo "the container was killed; perhaps it used more memory than the $3 MiB that are allowed" >&2
 fi
-case "$status:$ended_with" in exited:*|created:[1-9]*) code=$ended_with ;; esac
 exit $code
 """
 # A tool is started at the same moment as its container, which takes a while to be there.

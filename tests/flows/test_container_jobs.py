@@ -235,7 +235,7 @@ def test_a_container_gets_no_more_memory_than_its_job_has(service: Service, appl
 
     assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
     assert "exited with code 137" in job["failureReason"]
-    assert "more memory than the 2048 MiB that are allowed" in job["failureReason"]
+    assert "used more memory than the 2048 MiB that are allowed" in job["failureReason"]
 
 
 def test_a_container_gets_no_more_processes_than_its_job_has(service: Service, application: Config) -> None:

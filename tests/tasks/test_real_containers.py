@@ -175,10 +175,12 @@ def as_user(real_engine: RealEngine) -> AsUser:
 
 
 def test_files_that_root_of_a_container_wrote_are_given_back(
-    real_engine: RealEngine, engine: Engine, as_user: AsUser, tmp_path_factory: pytest.TempPathFactory
+    real_engine: RealEngine, engine: Engine, as_user: AsUser
 ) -> None:
     image = real_engine.add_image("robomaker-tests/given:1")
-    run = tmp_path_factory.mktemp("run")
+    run = real_engine.roots / "run"
+    run.mkdir()
+    os.chown(run, 4321, 4321)
 
     def work() -> None:
         sandbox = container_sandbox(run, "robot").create()
@@ -195,10 +197,6 @@ def test_files_that_root_of_a_container_wrote_are_given_back(
         remove(sandbox.root)
         assert not sandbox.root.exists()
 
-    for folder in (run, *run.parents):
-        if folder.stat().st_uid == os.getuid() and folder.is_relative_to(tmp_path_factory.getbasetemp().parent):
-            folder.chmod(0o755)
-    os.chown(run, 4321, 4321)
     as_user(work)
 
     assert real_engine.containers("robomaker-tests-given") == []
