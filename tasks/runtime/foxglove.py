@@ -4,9 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 LAYOUT_FILE = "foxglove-layout.json"
+WORLD_TOPIC = "/world"
+"""Where markers of floors, walls and furniture are."""
+
 _COLOURS = ("#4e98e2", "#f5774d", "#f7df71", "#5cd6a9")
 _POSES, _SCANS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
 _JOINTS, _PICTURES = "sensor_msgs/msg/JointState", "sensor_msgs/msg/CompressedImage"
+_CAMERAS = "sensor_msgs/msg/CameraInfo"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _DRAWN: Mapping[str, dict[str, Any]] = {
     # Without a field Foxglove colours scans by their intensities, whatever mode is asked for.
@@ -49,6 +53,8 @@ def _scene(topics: Mapping[str, str]) -> list[Panel]:
     drawn = {topic: {"visible": True, **_DRAWN[kind]} for topic, kind in topics.items() if kind in _DRAWN}
     if not drawn or _TRANSFORMS not in topics.values():
         return []
+    cameras = [topic for topic, kind in topics.items() if kind == _CAMERAS]
+    drawn |= {topic: {"visible": True, "distance": 0.3, "planarProjectionFactor": 1} for topic in cameras}
     config = {
         "followMode": "follow-position",
         "followTf": "base_link",
@@ -67,10 +73,9 @@ def _scene(topics: Mapping[str, str]) -> list[Panel]:
         "layers": {
             "grid": {
                 "layerId": "foxglove.Grid",
-                "visible": True,
+                "visible": WORLD_TOPIC not in topics,  # which has floors
                 "size": 20,
                 "divisions": 20,
-                "position": [0, 0, -0.02],
             }
         },
         # Axes without names and lines between them, which would hide the robot.

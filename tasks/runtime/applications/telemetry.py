@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ....schemas.world import Room
 from .. import messages as ros
 from ..context import Recorder
+from ..foxglove import WORLD_TOPIC
 from ..resumable import KeepsAttributes
 from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
@@ -135,7 +136,7 @@ class Telemetry(KeepsAttributes):
         robot, stamp = self._robot, ros.Time.from_seconds(data.time)
         if self._map is not None:
             self._recorder.write("/map", occupancy_grid(self._map, ros.Header(stamp, MAP_FRAME)), data.time)
-        self._recorder.write("/world", world_markers(model, data, MAP_FRAME, stamp), data.time)
+        self._recorder.write(WORLD_TOPIC, world_markers(model, data, MAP_FRAME, stamp), data.time)
         joints = robot.joints if robot.is_differential else ()
         wheels = [int(model.joint(f"{robot.prefix}{name}").bodyid[0]) for name in joints]
         looks = robot_markers(model, data, model.body(moving_body(robot)).id, wheels, BASE_FRAME, stamp)

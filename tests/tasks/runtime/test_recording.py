@@ -20,6 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from prefect_robomaker.tasks.runtime import messages as ros
+from prefect_robomaker.tasks.runtime.foxglove import layout
 from prefect_robomaker.tasks.runtime.recording import McapRecorder, NullRecorder, RecordingError
 
 
@@ -146,6 +147,24 @@ def test_scans_have_the_colour_that_the_layout_asks_for(recording: Path) -> None
     # Without a field Foxglove puts its own mode in place of the one asked for.
     shown = json.loads((recording.parent / "foxglove-layout.json").read_text())["configById"]["3D!scene"]
     assert shown["topics"]["/scan"].items() >= {"colorMode": "flat", "colorField": "range"}.items()
+
+
+def test_the_scene_shows_cameras_and_a_grid_where_there_is_no_floor() -> None:
+    topics = {
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/odom": "nav_msgs/msg/Odometry",
+        "/camera/image_raw/compressed": "sensor_msgs/msg/CompressedImage",
+        "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
+    }
+    bare = layout(topics)["configById"]
+    furnished = layout(topics | {"/world": "visualization_msgs/msg/MarkerArray"})["configById"]
+
+    assert set(bare["3D!scene"]["topics"]) == {"/odom", "/camera/camera_info"}
+    assert bare["Image!camera0"]["imageMode"] == {
+        "imageTopic": "/camera/image_raw/compressed",
+        "calibrationTopic": "/camera/camera_info",
+    }
+    assert [each["3D!scene"]["layers"]["grid"]["visible"] for each in (bare, furnished)] == [True, False]
 
 
 def leaves(node: Any) -> list[str]:
