@@ -47,11 +47,14 @@ class Engine:
     Args:
       program: its path.
       environment: what it is called with.
+      is_podman: whether it is podman, whatever it is called.
+      instead_of: why it is not another engine, in words.
     """
 
     program: str
     environment: Mapping[str, str]
     is_podman: bool = False
+    instead_of: str = ""
 
     def call(
         self, *arguments: str, timeout_s: float = _ANSWER_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
@@ -100,6 +103,9 @@ class Image:
     digests: tuple[str, ...]
     """`sha256:…` of its manifest, one for each registry it came from."""
 
+    is_built_here: bool
+    """Whether no registry has given or got it."""
+
     volumes: tuple[str, ...]
     ports: tuple[str, ...]
 
@@ -133,7 +139,8 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
         try:
             engine.call("version")
             # Some systems have podman under the name of docker.
-            return replace(engine, is_podman="podman" in engine.call("--version").lower())
+            is_podman = "podman" in engine.call("--version").lower()
+            return replace(engine, is_podman=is_podman, instead_of="; ".join(said))
         except EngineError as error:
             said.append(f"{name} does not answer ({error})")
     raise LaunchError(
@@ -154,8 +161,8 @@ def get_image(
 ) -> Image:
     """Pulls an image and checks that a job may run it.
 
-    An image that no registry gives, but that is on this machine, is one that was built here. One that is named by
-    its digest and is here already is not asked for again.
+    An image that was built here is not asked for: in a registry its name may mean somebody else's. Nor is one that is
+    named by its digest and is here already. One that is here is used where the registry does not give it.
 
     Args:
       engine: where it is to be.
@@ -172,13 +179,14 @@ def get_image(
         raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0", "InvalidInput")
     code = role.capitalize()
     image = _inspect(engine, uri)
-    if image is None or "@" not in uri:
+    if image is None or not ("@" in uri or (image.is_built_here and digest is None)):
         try:
             engine.call("pull", uri, timeout_s=pull_timeout_s, stopped=stopped)
         except EngineError as error:
             if image is None:
+                why = f" ({engine.program} was asked because {engine.instead_of})" if engine.instead_of else ""
                 raise LaunchError(
-                    f"the image {uri} cannot be pulled: {error}", f"BadPermissions{code}Application"
+                    f"the image {uri} cannot be pulled: {error}{why}", f"BadPermissions{code}Application"
                 ) from error
         image = _inspect(engine, uri)
     if image is None:
@@ -247,8 +255,13 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
     except (EngineError, ValueError, LookupError):
         return None
     config = found.get("Config") or {}
-    names = [each.rpartition("@")[2].lower() for each in found.get("RepoDigests") or []]
-    return Image(tuple(names), tuple(config.get("Volumes") or ()), tuple(config.get("ExposedPorts") or ()))
+    names: list[str] = found.get("RepoDigests") or []
+    return Image(
+        digests=tuple(name.rpartition("@")[2].lower() for name in names),
+        is_built_here=all(name.startswith("localhost/") for name in names),  # as podman calls them
+        volumes=tuple(config.get("Volumes") or ()),
+        ports=tuple(config.get("ExposedPorts") or ()),
+    )
 
 
 def _finish(process: "subprocess.Popen[str]", what: str, timeout_s: float, stopped: Callable[[], bool]) -> str:

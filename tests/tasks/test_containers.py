@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -101,10 +102,25 @@ def test_an_image_is_pulled(fake: FakeEngine, engine: Engine) -> None:
     assert ["pull", "my/robot:1.0"] in fake.calls()
 
 
-def test_an_image_that_no_registry_has_but_is_here_is_used(fake: FakeEngine, engine: Engine) -> None:
+def test_an_image_that_was_built_here_is_not_asked_for(fake: FakeEngine, engine: Engine) -> None:
     fake.add_image("built-here", command=["true"])
 
-    assert get_image(engine, "built-here", "robot", digest=None).digests == ()
+    assert get_image(engine, "built-here", "robot", digest=None).is_built_here
+    assert not any(call[0] == "pull" for call in fake.calls())
+
+
+def test_an_image_that_was_pulled_once_is_used_while_no_registry_gives_it(fake: FakeEngine, engine: Engine) -> None:
+    fake.add_image("pulled", command=["true"], digests=(DIGEST,))
+
+    assert get_image(engine, "pulled", "robot", digest=DIGEST).digests == (DIGEST,)
+    assert ["pull", "pulled"] in fake.calls()
+
+
+def test_who_was_not_asked_for_an_image_is_named(engine: Engine) -> None:
+    second = replace(engine, instead_of="docker does not answer (no daemon)")
+
+    with pytest.raises(LaunchError, match="was asked because docker does not answer"):
+        get_image(second, "my/robot", "robot", digest=None)
 
 
 def test_an_image_named_by_its_digest_is_not_asked_for_again(fake: FakeEngine, engine: Engine) -> None:
