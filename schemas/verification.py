@@ -9,6 +9,13 @@ from .base import Model
 
 Answer = Literal["bit-identical", "diverged", "not comparable"]
 
+RobotRepeat = Literal["factory", "recorded actions", "program"]
+_HOW: dict[RobotRepeat, str] = {
+    "factory": "",
+    "recorded actions": "; with the recorded actions, the robot's program was not run",
+    "program": "; the robot's program was run again",
+}
+
 EXIT_CODES: dict[Answer, int] = {"bit-identical": 0, "diverged": 1, "not comparable": 3}
 """What the command line ends with."""
 
@@ -41,15 +48,16 @@ class Verification(Model):
     until_s: float | None = Field(default=None, description="Simulated time of the last of them.")
     digest: str | None = Field(default=None, description="Digest of the run's states.")
     digest_again: str | None = Field(default=None, description="Digest of the rerun's states.")
-    recorded_actions: bool = Field(
-        default=False,
-        description="Whether the rerun did what was recorded of the robot application, a program, in its place.",
+    robot: RobotRepeat = Field(
+        default="factory",
+        description="What the robot was in the rerun: its factory; where it is a program, what was recorded of it, or "
+        "the program itself.",
     )
 
     def __str__(self) -> str:
         if self.answer == "not comparable":
             return f"not comparable: {'; '.join(self.reasons)}"
-        how = "; with the recorded actions, the robot's program was not run" if self.recorded_actions else ""
+        how = _HOW[self.robot]
         if self.divergence is not None:
             return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}{how}"
         return f"bit-identical: {self.looks} states over {self.until_s or 0.0:.3f} s{how}"

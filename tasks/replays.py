@@ -4,9 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..schemas.errors import ConfigurationError, LaunchError, ResourceNotFoundException
-from ..schemas.simulation_run import RunPlan, VideoPolicy
-from ..schemas.verification import ReproductionFolder, Verification
+from ..schemas.simulation_run import RunOutcome, RunPlan, VideoPolicy
+from ..schemas.verification import ReproductionFolder, RobotRepeat, Verification
 from .catalog import Resource
+from .container_leftovers import remove_containers
 from .found_runs import FoundRun, found_run, scratch_folder
 from .job_runs import launcher
 from .run_plans import run_plan
@@ -25,7 +26,7 @@ from .runtime.run_comparison import first_difference
 from .service import Service
 
 
-def verify_run(reference: str, service: Service) -> Verification:
+def verify_run(reference: str, service: Service, *, run_program: bool = False) -> Verification:
     """Runs a run again on this machine and compares all states; neither job nor outputs are touched.
 
     The program of a robot application is not run again: what it did was recorded, and is done again.
@@ -33,6 +34,7 @@ def verify_run(reference: str, service: Service) -> Verification:
     Args:
       reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
       service: where it is stored.
+      run_program: whether the robot's program, if it is one, is run again nevertheless.
 
     Raises:
       ConfigurationError: that names no run.
@@ -42,21 +44,40 @@ def verify_run(reference: str, service: Service) -> Verification:
     with found_run(reference, service) as run, scratch_folder(service) as scratch:
         first = run.outputs
         reasons = [
-            *why_not_repeatable(first),
+            *why_not_repeatable(first, run_program=run_program),
             *_without_physics(first),
             *why_not_comparable(first.provenance.machine, machine_facts()),
         ]
         if reasons:
             return _verification(reference, first, reasons)
+        if run_program:
+            first = replace(first, actions=None)
         try:
-            plan = rerun_plan(_plan_here(run, scratch / "inputs", service), first, scratch / "rerun")
-            outcome = launcher().run(plan, lambda: None)
-            again = read_outputs(plan.output_dir)
+            outcome, again = _run_again(replace(run, outputs=first), scratch, service)
         except (LaunchError, FileNotFoundError) as error:
             return _verification(reference, first, [f"it cannot be run here: {error}"])
         if again.timeline is None:
             return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
         return _compared(reference, first, again)
+
+
+def _run_again(run: FoundRun, scratch: Path, service: Service) -> tuple[RunOutcome, RunOutputs]:
+    """Runs a run again, with the program of its robot unless there are actions.
+
+    Raises:
+      FileNotFoundError: it did not begin.
+      LaunchError: it cannot be run here.
+    """
+    inputs = scratch / "inputs"
+    try:
+        plan = _plan_here(run, inputs, service)
+        # Where a program is run it finds the folders that it was planned with; a container has them mounted.
+        folders = {"work_dir": plan.work_dir, "output_dir": plan.output_dir} if plan.programs else {}
+        plan = rerun_plan(plan, run.outputs, scratch / "rerun").model_copy(update=folders)
+        outcome = launcher().run(plan, lambda: None)
+    finally:
+        remove_containers(inputs)
+    return outcome, read_outputs(plan.output_dir)
 
 
 def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPolicy = "always") -> ReproductionFolder:
@@ -121,8 +142,14 @@ def _verification(reference: str, first: RunOutputs, reasons: list[str]) -> Veri
         looks=len(timeline.links) if timeline else 0,
         until_s=float(timeline.times_s[-1]) if timeline and timeline.links else None,
         digest=provenance.digest.value if provenance.digest else None,
-        recorded_actions=len(reasons) == 0 and first.actions is not None,
+        robot=_robot_in_rerun(first),
     )
+
+
+def _robot_in_rerun(first: RunOutputs) -> RobotRepeat:
+    if not first.provenance.plan.has_robot_program:
+        return "factory"
+    return "program" if first.actions is None else "recorded actions"
 
 
 def _without_physics(first: RunOutputs) -> list[str]:
@@ -145,6 +172,11 @@ def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
             return _plan_of_job(run.job, plan, folder, service)
         except ResourceNotFoundException as error:
             raise LaunchError(str(error), "ResourceNotFound") from error
+    if plan.programs:
+        raise LaunchError(
+            f"the catalog does not know its job {plan.job_arn} any more, which says how its programs are started",
+            "ResourceNotFound",
+        )
     applications = [each for each in (plan.simulation_application, plan.robot_application) if each is not None]
     wanted = [plan.world_dir, plan.data_dir, *(each.path for each in applications)]
     if missing := [str(path) for path in wanted if path is not None and not path.is_dir()]:
@@ -157,7 +189,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
 
 def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service) -> RunPlan:
     """The plan as the job orders it; of a robot whose actions are repeated neither bundle nor image is fetched."""
-    if not plan.has_robot_program:
+    if not plan.has_robot_program or plan.programs:
         return run_plan(job, plan.run_id, folder, service)
     request = {name: value for name, value in job.document["request"].items() if name != "robotApplications"}
     planned = run_plan(replace(job, document={**job.document, "request": request}), plan.run_id, folder, service)

@@ -240,6 +240,11 @@ def _add_replay(commands: "_Commands[Parser]", shared: Parser) -> None:
         "Neither the job nor its outputs are touched.",
     )
     verify.add_argument("run", metavar="JOB", help=run)
+    verify.add_argument(
+        "--run-program",
+        action="store_true",
+        help="run a robot application that is a program again too, instead of what was recorded of it",
+    )
     _add_output(verify, ("text", "json"))
 
     repro = _command(

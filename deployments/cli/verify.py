@@ -13,7 +13,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from ...tasks.replays import verify_run
     from ...tasks.service import Service
 
-    verification = verify_run(arguments.run, Service.open(Settings.from_environment(os.environ)))
+    service = Service.open(Settings.from_environment(os.environ))
+    verification = verify_run(arguments.run, service, run_program=arguments.run_program)
     text = verification.model_dump_json(indent=2) if arguments.output == "json" else str(verification)
     sys.stdout.write(f"{text}\n")
     return EXIT_CODES[verification.answer]

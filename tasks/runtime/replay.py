@@ -48,19 +48,25 @@ def read_outputs(folder: Path) -> RunOutputs:
     )
 
 
-def why_not_repeatable(run: RunOutputs) -> list[str]:
+def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[str]:
     """Why no rerun of a run need have the same states, by the names of what is in the way; empty when it has to.
 
     Actions that were recorded repeat a robot's program, and whatever its tools had to do with it.
+
+    Args:
+        run: The run.
+        run_program: Whether the robot's program is run again, instead of what was recorded of it.
     """
     plan = run.provenance.plan
-    programs = without_robot(plan).programs if run.actions is not None else plan.programs
+    programs = without_robot(plan).programs if run.actions is not None and not run_program else plan.programs
     if plan.has_robot_program:
         programs = [each for each in programs if each.kind == "tool"]
     reasons = [
         f"{program_in_words(each, plan)} is a program of its own: no seed repeats its timing" for each in programs
     ]
-    return [*_why_no_actions(run), *reasons] if plan.has_robot_program else reasons
+    if plan.has_robot_program:
+        reasons = [*(_why_not_in_lockstep(run) if run_program else _why_no_actions(run)), *reasons]
+    return reasons
 
 
 def without_robot(plan: RunPlan) -> RunPlan:
@@ -146,9 +152,7 @@ def _recorded_actions(of: RunOutputs) -> RecordedActions | None:
 
 def _why_no_actions(run: RunOutputs) -> list[str]:
     """Why the actions of a robot's program cannot be repeated; empty when they can."""
-    robot = run.provenance.plan.robot_application
-    assert robot is not None
-    about = f"robot application {robot.name} is a program of its own, and"
+    about = _about_robot(run)
     if run.actions is None:
         return [f"{about} none of its actions were kept"]
     try:
@@ -161,3 +165,21 @@ def _why_no_actions(run: RunOutputs) -> list[str]:
             f"{about} {ACTIONS_FILE} is not what the run wrote: {found.actions} of {kept.actions} actions are whole"
         ]
     return []
+
+
+def _why_not_in_lockstep(run: RunOutputs) -> list[str]:
+    """Why a robot's program that decides the same when it is run again need not do the same; empty when it has to."""
+    about = _about_robot(run)
+    if run.actions is None:
+        return [f"{about} whether the simulation waited for it is not known"]
+    try:
+        mode = ActionLog(run.actions).header.mode
+    except ActionLogError as error:
+        return [f"{about} whether the simulation waited for it is not known: {error}"]
+    return [] if mode == "lockstep" else [f"{about} it ran free: what it did when depends on the clock of the wall"]
+
+
+def _about_robot(run: RunOutputs) -> str:
+    robot = run.provenance.plan.robot_application
+    assert robot is not None
+    return f"robot application {robot.name} is a program of its own, and"

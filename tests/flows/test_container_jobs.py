@@ -1,5 +1,6 @@
 """Jobs whose applications are containers of a real engine."""
 
+import os
 import socket
 import threading
 import time
@@ -100,6 +101,7 @@ def assert_nothing_is_left(engine: RealEngine, service: Service, arn: str) -> No
     job = call("DescribeSimulationJob", {"job": arn}, service)
     assert engine.containers(f"robomaker-{job['name']}") == []
     assert not (service.settings.home / "jobs" / job["name"]).exists()
+    assert not list(Path("/dev/shm").glob(f"robomaker-{os.getuid()}-*/shm/greeting"))
 
 
 def log_says(service: Service, words: str) -> bool:
@@ -149,7 +151,9 @@ def test_a_container_is_what_its_image_and_its_job_say(
     assert_nothing_is_left(engine, service, job["arn"])
 
 
-def test_a_robot_in_a_container_drives_the_simulation(service: Service, application: Config, tmp_path: Path) -> None:
+def test_a_robot_in_a_container_drives_the_simulation(
+    service: Service, engine: RealEngine, application: Config, tmp_path: Path
+) -> None:
     pack_tar_gz(EXAMPLES / "cartpole_bundle", tmp_path / "cartpole.tar.gz")
     service.store.put_file("applications", "cartpole.tar.gz", tmp_path / "cartpole.tar.gz")
     sources = [{"s3Bucket": "applications", "s3Key": "cartpole.tar.gz"}]
@@ -169,21 +173,22 @@ def test_a_robot_in_a_container_drives_the_simulation(service: Service, applicat
     files = outputs(service, job)
     assert '"verdict":"PASS"' in files["result.json"].replace(" ", "")
     assert "balancing in run 20" in files["logs/robot.stdout.log"]
-    again = verify_run(job["arn"], service)
-    assert (again.answer, again.recorded_actions) == ("bit-identical", True), (
-        "what it did is enough, no container is run"
-    )
+    for run_program, robot_again in ((False, "recorded actions"), (True, "program")):
+        again = verify_run(job["arn"], service, run_program=run_program)
+        assert (again.answer, again.robot) == ("bit-identical", robot_again), str(again)
+    assert_nothing_is_left(engine, service, job["arn"])
 
 
-def test_two_containers_reach_each_other_on_localhost(
+def test_two_containers_reach_each_other_on_localhost_and_through_memory(
     service: Service, engine: RealEngine, application: Config
 ) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     robot = application(
-        f"until exec 3<>/dev/tcp/127.0.0.1/{port}; do sleep 0.1; done 2>/dev/null; read -r said <&3; echo $said; "
-        'echo "$said" > $ROBOMAKER_OUTPUT_DIR/said.txt',
+        f"until exec 3<>/dev/tcp/127.0.0.1/{port}; do sleep 0.1; done 2>/dev/null; read -r said <&3; "
+        "cat /dev/shm/greeting > $ROBOMAKER_OUTPUT_DIR/said.txt; echo $said >> $ROBOMAKER_OUTPUT_DIR/said.txt",
+        "USER robo",
         role="robot",
     )
     serve = (
@@ -194,7 +199,7 @@ def test_two_containers_reach_each_other_on_localhost(
     job = performed(service, order({**robot, **simulation}))
 
     assert job["status"] == "Completed", job
-    assert outputs(service, job)["said.txt"] == "hello\n"
+    assert outputs(service, job)["said.txt"] == "by memory\nhello\n"
     assert_nothing_is_left(engine, service, job["arn"])
 
 

@@ -1,4 +1,4 @@
-"""A robot that no seed repeats: it pushes by chance, and can be made to break."""
+"""A robot that no seed repeats: it pushes by chance, unless it is told how, and can be made to break."""
 
 import os
 import sys
@@ -12,6 +12,7 @@ with connect(mode=mode or "lockstep", real_time_factor=float(factor or 1)) as si
         if step.step >= int(break_at or 1e9):
             print("a wheel came off", file=sys.stderr)
             os._exit(3)
-        simulation.act([os.urandom(1)[0] / 128 - 1])
+        push = os.environ.get("PUSH")
+        simulation.act([float(push) if push else os.urandom(1)[0] / 128 - 1])
         if mode == "free":
             time.sleep(0.005)  # now and then an action is held, or one is never taken

@@ -55,7 +55,7 @@ def test_what_a_program_did_by_chance_is_repeated_to_the_bit_without_it(
     answer = verify_run(job["arn"], service)
 
     assert answer.answer == "bit-identical", str(answer)
-    assert answer.recorded_actions
+    assert answer.robot == "recorded actions"
     assert str(answer) == f"bit-identical: 5 states over 4.000 s{NOT_RUN}"
     assert answer.digest == answer.digest_again
     assert answer.digest != verify_run(other["arn"], service).digest
@@ -151,6 +151,34 @@ def test_a_run_that_its_duration_limit_ended_is_repeated_up_to_there(service: Se
 def test_tools_of_a_robot_that_is_repeated_are_not_in_the_way(service: Service, push: Simulate) -> None:
     answer = verify_run(push(of_robot={"tools": [WATCH]})["arn"], service)
     assert answer.answer == "bit-identical", str(answer)
+
+
+def test_a_program_that_decides_the_same_can_be_run_again(service: Service, push: Simulate) -> None:
+    same, other = push({"PUSH": "0.3"}), push()
+
+    answer = verify_run(same["arn"], service, run_program=True)
+    assert (answer.answer, answer.robot) == ("bit-identical", "program"), str(answer)
+    assert str(answer) == "bit-identical: 5 states over 4.000 s; the robot's program was run again"
+    assert answer.digest == answer.digest_again
+    by_chance = verify_run(other["arn"], service, run_program=True)
+    assert str(by_chance).startswith("diverged at t=1.000 s in joint ")
+    assert str(by_chance).endswith("; the robot's program was run again")
+    assert list(service.folder("scratch").iterdir()) == []
+
+
+def test_a_program_that_cannot_be_run_again_to_the_bit_is_named(service: Service, push: Simulate) -> None:
+    free, tool, gone = push({"MODE": "free", "FACTOR": "20"}), push(of_robot={"tools": [WATCH]}), push()
+    about = "robot application chance is a program of its own, and"
+
+    assert verify_run(free["arn"], service, run_program=True).reasons == [
+        f"{about} it ran free: what it did when depends on the clock of the wall"
+    ]
+    assert verify_run(tool["arn"], service, run_program=True).reasons == [
+        "tool watch of robot application chance is a program of its own: no seed repeats its timing"
+    ]
+    service.store.delete("applications", "robot.tar.gz")
+    [reason] = verify_run(gone["arn"], service, run_program=True).reasons
+    assert reason.startswith("it cannot be run here: ")
 
 
 def test_other_tools_and_programs_cannot_be_compared_and_are_named(

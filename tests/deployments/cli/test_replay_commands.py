@@ -21,6 +21,19 @@ def test_verify_says_bit_identical(robomaker: Any, swing: Any) -> None:
     assert (shown.code, shown.out, shown.err) == (0, "bit-identical: 5 states over 4.000 s\n", "")
 
 
+def test_verify_runs_a_robot_program_again_if_it_is_told_to(robomaker: Any, swing: Any) -> None:
+    code = (
+        "from prefect_robomaker.tasks.runtime.agent_client import connect\n"
+        "with connect() as simulation:\n"
+        "    simulation.run(lambda step: [0.1])\n"
+    )
+    job = swing(robot={"launchConfig": {"command": ["python3", "-c", code]}})
+    said = "bit-identical: 5 states over 4.000 s; "
+    assert robomaker("verify", job["arn"]).out == said + "with the recorded actions, the robot's program was not run\n"
+    shown = robomaker("verify", job["arn"], "--run-program")
+    assert (shown.code, shown.out) == (0, said + "the robot's program was run again\n")
+
+
 def test_verify_says_when_and_where_it_diverged(robomaker: Any, swing: Any) -> None:
     shown = robomaker("verify", swing(DRIFT_AT="60")["arn"], "-o", "json")
     answer = json.loads(shown.out)
