@@ -183,5 +183,6 @@ def test_a_job_that_writes_without_end_fails_before_it_hurts_others(
     ended = registry()["CreateSimulationJob"].perform(job["arn"], limited)
 
     assert (ended["status"], ended["failureCode"]) == ("Failed", "SimulationApplicationCrash")
-    assert "1 GB" in ended["failureReason"]
+    assert "used too much: 1 GB of disk are allowed" in ended["failureReason"]
+    assert "the biggest files are /tmp/endless.bin (1 GB)" in ended["failureReason"]
     assert not list((service.settings.home / "jobs").iterdir())

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import given
@@ -107,6 +108,17 @@ class TestMeter:
             assert count < 1000
         assert count > 3
         assert longest < 0.005
+
+    @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="there is no disk that nobody else writes to")
+    def test_it_is_looked_at_once_when_the_disk_loses_space_quickly(self) -> None:
+        with TemporaryDirectory(dir="/dev/shm") as folder:
+            now = [0.0]
+            meter = DiskMeter({Path(folder): "output"}, 20 * MB, clock=lambda: now[0])
+            assert not looks(meter, now, 1.1)
+            assert not meter.look()  # it was walked; the next time would be in a second
+            write(Path(folder, "much.bin"), 30 * MB)
+            now[0] += 0.1
+            assert meter.look()
 
     @given(st.lists(st.integers(0, 100_000), max_size=8), st.integers(1, 400_000))
     def test_there_is_too_much_exactly_if_the_sum_is(
