@@ -80,7 +80,7 @@ def node_variables(
 def own_master() -> dict[str, str]:
     """What lets the programs of one job, and of no other, find each other: a ROS master at a port of its own.
 
-    Only programs of this machine reach them.
+    It listens on this machine only, like nodes in Python; those in C++ take their data from anywhere.
     """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
