@@ -10,11 +10,12 @@ from .base import Model
 Answer = Literal["bit-identical", "diverged", "not comparable"]
 
 RobotRepeat = Literal["factory", "recorded actions", "program"]
-_HOW: dict[RobotRepeat, str] = {
+ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
     "factory": "",
     "recorded actions": "; with the recorded actions, the robot's program was not run",
     "program": "; the robot's program was run again",
 }
+"""What the robot was in a rerun, at the end of a sentence."""
 
 EXIT_CODES: dict[Answer, int] = {"bit-identical": 0, "diverged": 1, "not comparable": 3}
 """What the command line ends with."""
@@ -57,7 +58,7 @@ class Verification(Model):
     def __str__(self) -> str:
         if self.answer == "not comparable":
             return f"not comparable: {'; '.join(self.reasons)}"
-        how = _HOW[self.robot]
+        how = ROBOT_IN_WORDS[self.robot]
         if self.divergence is not None:
             return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}{how}"
         return f"bit-identical: {self.looks} states over {self.until_s or 0.0:.3f} s{how}"
@@ -71,3 +72,4 @@ class ReproductionFolder(Model):
     video: Path | None = Field(default=None, description="Film of the rerun.")
     ending: str = Field(description="How the rerun ended, in words.")
     same_ending: bool = Field(description="Whether that is how the run ended.")
+    robot: RobotRepeat = Field(default="factory", description="What the robot was in the rerun; see `Verification`.")

@@ -113,6 +113,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         video=film if film.exists() else None,
         ending=in_words(rerun.ending),
         same_ending=rerun.ending == rerun_ending(reproduction.first, failure_code),
+        robot=_robot_in_rerun(reproduction.first),
     )
 
 

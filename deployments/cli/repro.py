@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from ...schemas.settings import Settings
+from ...schemas.verification import ROBOT_IN_WORDS
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -20,7 +21,7 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.write(made.model_dump_json(indent=2) + "\n")
         return 0
     as_before = "as the run did" if made.same_ending else "which is not how the run ended"
-    sys.stdout.write(f"The rerun {made.ending}, {as_before}.\n")
+    sys.stdout.write(f"The rerun {made.ending}, {as_before}{ROBOT_IN_WORDS[made.robot]}.\n")
     if made.video is not None:
         sys.stdout.write(f"Video: {made.video}\n")
     sys.stdout.write(f"Run it again: python -m pytest {made.test}\n")

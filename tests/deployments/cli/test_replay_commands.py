@@ -21,16 +21,29 @@ def test_verify_says_bit_identical(robomaker: Any, swing: Any) -> None:
     assert (shown.code, shown.out, shown.err) == (0, "bit-identical: 5 states over 4.000 s\n", "")
 
 
-def test_verify_runs_a_robot_program_again_if_it_is_told_to(robomaker: Any, swing: Any) -> None:
+@pytest.fixture
+def driven(swing: Any) -> dict[str, Any]:
+    """A job whose robot is a program."""
     code = (
         "from prefect_robomaker.tasks.runtime.agent_client import connect\n"
         "with connect() as simulation:\n"
         "    simulation.run(lambda step: [0.1])\n"
     )
-    job = swing(robot={"launchConfig": {"command": ["python3", "-c", code]}})
+    return swing(robot={"launchConfig": {"command": ["python3", "-c", code]}})
+
+
+def test_repro_says_that_a_robot_program_is_not_run(robomaker: Any, driven: dict[str, Any], tmp_path: Path) -> None:
+    shown = robomaker("repro", driven["arn"], "--no-video", "--to", tmp_path / "repro")
+    said = "The rerun ended with verdict PASS, as the run did"
+    assert shown.out.startswith(f"{said}; with the recorded actions, the robot's program was not run.\n")
+
+
+def test_verify_runs_a_robot_program_again_if_it_is_told_to(robomaker: Any, driven: dict[str, Any]) -> None:
     said = "bit-identical: 5 states over 4.000 s; "
-    assert robomaker("verify", job["arn"]).out == said + "with the recorded actions, the robot's program was not run\n"
-    shown = robomaker("verify", job["arn"], "--run-program")
+    assert (
+        robomaker("verify", driven["arn"]).out == said + "with the recorded actions, the robot's program was not run\n"
+    )
+    shown = robomaker("verify", driven["arn"], "--run-program")
     assert (shown.code, shown.out) == (0, said + "the robot's program was run again\n")
 
 
