@@ -13,6 +13,7 @@ from pathlib import Path
 from ..schemas.simulation_run import ApplicationRole
 from .container_argv import give_back_argv
 from .containers import Engine, EngineError, engine_environment
+from .shared_memory import remove_shared_memory
 from .surroundings import container_sandbox
 
 _NOTES = "containers.jsonl"
@@ -76,6 +77,8 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
                 problems.append(f"container {note.name} cannot be removed: {error}")
     for note in {note.role: note for note in notes}.values():
         problems += _give_back(container_sandbox(folder, note.role).root, note, environment)
+    if notes:
+        remove_shared_memory(folder)
     for problem in problems:
         _logger.warning("%s", problem)
     (folder / _NOTES).unlink(missing_ok=True)

@@ -24,6 +24,7 @@ from .containers import Engine, EngineError, copy_out, engine_environment, find_
 from .runtime.agent_client import SOCKET_VARIABLE
 from .runtime.agent_socket import agent_socket_path
 from .sandbox import AGENT, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
+from .shared_memory import SHARED_MEMORY, make_shared_memory
 from .surroundings import Surroundings, container_sandbox, tool_plan
 
 _CREATE_TIMEOUT_S = 120.0
@@ -146,6 +147,7 @@ def _mounts(role: ApplicationRole, sandbox: Sandbox, surroundings: Surroundings)
     mounts.append(Mount(shared.place(DATA_SOURCES), DATA_SOURCES, read_only=True))
     mounts += [Mount(shared.place(path), path, read_only=True) for path in surroundings.destinations]
     mounts.append(Mount(sandbox.place(OUTPUT), OUTPUT))
+    mounts.append(Mount(make_shared_memory(surroundings.folder), SHARED_MEMORY))
     if surroundings.plan.world_dir is not None:
         mounts.append(Mount(surroundings.plan.world_dir, WORLD, read_only=True))
     if role == "robot":

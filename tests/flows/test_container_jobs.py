@@ -1,6 +1,7 @@
 """Jobs whose applications are containers of a real engine."""
 
 import os
+import signal
 import socket
 import threading
 import time
@@ -13,7 +14,7 @@ import pytest
 from application_calls import Applications
 from image_registry import image_registry
 from performer_process import AwaitStatus, PerformElsewhere
-from processes import wait_for
+from processes import descendants, wait_for
 from real_engine import RealEngine
 from small_flat import ROLE
 
@@ -78,14 +79,23 @@ def performed(service: Service, request: Request) -> Job:
 
 @contextmanager
 def performing(service: Service, request: Request) -> Iterator[str]:
-    """A job that is performed meanwhile, and waited for; its ARN."""
+    """A job that is performed meanwhile, then cancelled and waited for; its ARN."""
     arn = call("CreateSimulationJob", request, service)["arn"]
+    with performed_meanwhile(service, arn):
+        try:
+            yield arn
+        finally:
+            call("CancelSimulationJob", {"job": arn}, service)
+
+
+@contextmanager
+def performed_meanwhile(service: Service, arn: str) -> Iterator[None]:
+    """A job is performed meanwhile, and waited for."""
     performer = threading.Thread(target=perform_job, args=(arn, service))
     performer.start()
     try:
-        yield arn
+        yield
     finally:
-        call("CancelSimulationJob", {"job": arn}, service)
         performer.join()
 
 
@@ -192,7 +202,8 @@ def test_two_containers_reach_each_other_on_localhost_and_through_memory(
         role="robot",
     )
     serve = (
-        f"import socket; s = socket.create_server(('127.0.0.1', {port})); s.accept()[0].send(b'hello\\n'); s.accept()"
+        "import socket; open('/dev/shm/greeting', 'w').write('by memory\\n'); "
+        f"s = socket.create_server(('127.0.0.1', {port})); s.accept()[0].send(b'hello\\n'); s.accept()"
     )
     simulation = application("", python=True, launch={"command": ["python3", "-c", serve]})
 
@@ -304,6 +315,30 @@ def test_nothing_is_left_of_a_performer_that_was_killed(
         wait_for(lambda: log_says(service, "ready"), "the container")
         performer.kill()
         wait_for(lambda: not engine.containers(f"robomaker-{name}"), "its end", 15)
+
+
+def test_whoever_takes_over_ends_a_container_that_nobody_was_left_to_end(
+    service: Service,
+    engine: RealEngine,
+    application: Config,
+    perform_elsewhere: PerformElsewhere,
+    await_status: AwaitStatus,
+) -> None:
+    arn = call("CreateSimulationJob", order(application(STUBBORN), maxJobDurationInSeconds=2), service)["arn"]
+    name = f"robomaker-{call('DescribeSimulationJob', {'job': arn}, service)['name']}"
+    with perform_elsewhere(arn) as performer:
+        await_status(arn, "Running")
+        wait_for(lambda: log_says(service, "ready"), "the container")
+        for pid in (performer.pid, *descendants(performer.pid)):
+            os.kill(pid, signal.SIGKILL)
+    [left] = engine.containers(name)
+
+    with performed_meanwhile(service, arn):
+        await_status(arn, "Running")
+        wait_for(lambda: left not in engine.containers(name), "the end of what was left")
+
+    assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Completed"
+    assert_nothing_is_left(engine, service, arn)
 
 
 def test_a_job_that_is_cancelled_while_its_image_is_pulled_is_cancelled(
