@@ -13,7 +13,8 @@ DEFAULT_COMPUTE: Mapping[str, Any] = {"simulationUnitLimit": 15, "computeType": 
 """What a job has that says nothing."""
 
 _BYTES_PER_UNIT = 2 << 30
-_SHARE_OF_DISK = 0.9
+_SHARE_OF_DISK = 0.4
+"""What a run writes is written again when it is stored, often to the same disk."""
 _LEAST_DISK_BYTES = 64 * 10**6
 """A disk that has less left is full soon anyway, and says so itself."""
 _GPU = Path("/dev/nvidia0")
@@ -59,7 +60,7 @@ def compute_limits(
 
 
 def disk_limit(folder: Path, most_bytes: int) -> int:
-    """What a job may write below a folder: no job alone can fill the disk.
+    """What a job may write below a folder: no job alone can fill the disk, also not with copies of its files.
 
     Args:
       folder: where.
