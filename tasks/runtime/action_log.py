@@ -26,6 +26,7 @@ from ...schemas.base import Model
 from ...schemas.provenance import ActionsSummary
 from .agent_client import ACTION_HEADER
 from .agent_layout import Layout
+from .left_files import open_left
 
 ACTIONS_FILE = "actions.bin"
 CHUNK_ACTIONS = 1024
@@ -86,7 +87,7 @@ class ActionLog:
         """
         self._path = path
         try:
-            with path.open("rb") as file:
+            with open_left(path) as file:
                 if file.read(len(MAGIC)) != MAGIC:
                     raise ActionLogError(f"{path} is no log of actions")
                 self.header = ActionLogHeader.model_validate_json(file.readline(_MOST_HEADER_BYTES))
@@ -98,7 +99,7 @@ class ActionLog:
 
     def __iter__(self) -> Iterator[bytes]:
         """Yields the actions in order, up to the last whole chunk."""
-        with self._path.open("rb") as file:
+        with open_left(self._path) as file:
             file.seek(self._begin)
             number = 0
             while (chunk := _read_chunk(file, self.header.size, number)) is not None:
@@ -111,14 +112,10 @@ class ActionLog:
         Raises:
             OSError: It cannot be read.
         """
-        with self._path.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        return ActionsSummary(
-            mode=self.header.mode,
-            actions=sum(1 for _ in self),
-            size_bytes=self._path.stat().st_size,
-            sha256=sha256,
-        )
+        with open_left(self._path) as file:
+            sha256, size_bytes = hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
+        actions = sum(1 for _ in self)
+        return ActionsSummary(mode=self.header.mode, actions=actions, size_bytes=size_bytes, sha256=sha256)
 
 
 def actions_summary(output_dir: Path) -> ActionsSummary | None:

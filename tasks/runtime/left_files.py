@@ -3,6 +3,7 @@
 import errno
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
 
 _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
@@ -18,10 +19,20 @@ def read_left(path: Path, most_bytes: int) -> bytes:
     Raises:
         OSError: It is not there, is no regular file, is too long, or cannot be read.
     """
-    with os.fdopen(os.open(path, _FLAGS), "rb") as file:
-        about = os.fstat(file.fileno())
-        if not stat.S_ISREG(about.st_mode):
-            raise OSError(errno.EINVAL, "no regular file", str(path))
-        if about.st_size > most_bytes:
+    with open_left(path) as file:
+        if os.fstat(file.fileno()).st_size > most_bytes:
             raise OSError(errno.EFBIG, f"longer than {most_bytes} bytes", str(path))
         return file.read(most_bytes)
+
+
+def open_left(path: Path) -> BufferedReader:
+    """Opens a regular file for reading; links are not followed, FIFOs not waited for.
+
+    Raises:
+        OSError: It is not there, is no regular file, or cannot be opened.
+    """
+    file = os.fdopen(os.open(path, _FLAGS), "rb")
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "no regular file", str(path))
+    return file

@@ -206,6 +206,17 @@ def test_what_is_no_log_is_said(tmp_path: Path, content: bytes) -> None:
     assert actions_summary(tmp_path) is None
 
 
+def test_what_stands_in_its_place_is_not_waited_for(tmp_path: Path) -> None:
+    """Applications may write to the folder."""
+    os.mkfifo(tmp_path / "actions.bin")
+    assert actions_summary(tmp_path) is None
+    (tmp_path / "actions.bin").unlink()
+    (tmp_path / "actions.bin").symlink_to("/dev/zero")
+    assert actions_summary(tmp_path) is None
+    write(tmp_path / "actions.bin", some_actions(3, 16))
+    assert not (tmp_path / "actions.bin").is_symlink()
+
+
 def test_an_hour_is_small(tmp_path: Path) -> None:
     """20 actions a second, of which one in five is another."""
     rng, path = np.random.default_rng(0), tmp_path / "actions.bin"
