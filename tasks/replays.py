@@ -154,7 +154,7 @@ def _robot_in_rerun(first: RunOutputs) -> RobotRepeat:
 
 
 def _without_physics(first: RunOutputs) -> list[str]:
-    if first.timeline is not None and first.timeline.links:
+    if (first.timeline is not None and first.timeline.links) or not first.provenance.plan.has_episode:
         return []
     return ["it kept no states: its environment has no physics, or it ended before the first"]
 

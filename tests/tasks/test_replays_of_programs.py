@@ -182,16 +182,21 @@ def test_a_program_that_cannot_be_run_again_to_the_bit_is_named(service: Service
 
 
 def test_other_tools_and_programs_cannot_be_compared_and_are_named(
-    service: Service, push: Simulate, swing: Simulate
+    service: Service, push: Simulate, swing: Simulate, tmp_path: Path
 ) -> None:
     why = "is a program of its own: no seed repeats its timing"
 
     beside_program = verify_run(push(simulation={"tools": [WATCH]})["arn"], service)
-    beside_factory = verify_run(swing(robot={"tools": [WATCH]})["arn"], service)
+    beside_factories = swing(robot={"tools": [WATCH]})
+    beside_factory = verify_run(beside_factories["arn"], service)
 
     assert beside_program.reasons == [f"tool watch of simulation application swing {why}"]
     assert str(beside_program) == f"not comparable: tool watch of simulation application swing {why}"
     assert beside_factory.reasons == [f"tool watch of robot application pusher {why}"]
+    with pytest.raises(
+        ConfigurationError, match="cannot be repeated: tool watch of robot application pusher is a program"
+    ):
+        reproduce_run(beside_factories["arn"], tmp_path / "repro", service)
 
 
 def test_a_job_of_two_programs_cannot_be_compared_and_both_are_named(
@@ -202,6 +207,6 @@ def test_a_job_of_two_programs_cannot_be_compared_and_both_are_named(
 
     answer = verify_run(job["arn"], service)
 
-    assert set(answer.reasons) >= {f"simulation application swing {why}", f"robot application chance {why}"}
+    assert set(answer.reasons) == {f"simulation application swing {why}", f"robot application chance {why}"}
     with pytest.raises(ConfigurationError, match=r"cannot be repeated: .*simulation application swing is a program"):
         reproduce_run(job["arn"], tmp_path / "repro", service)
