@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, R
 from prefect_robomaker.tasks.runtime import agent_client
 from prefect_robomaker.tasks.runtime.child import BUILT_IN_ENVIRONMENT
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.replay import read_outputs, rerun_plan
 
 PROGRAM = """
 import pathlib, types
@@ -29,6 +30,16 @@ with connect() as simulation:
     simulation.run(make_agent(context, simulation))
 """
 
+WANDERING = """
+import os
+from prefect_robomaker.tasks.runtime.agent_client import connect
+
+with connect(mode="free", real_time_factor=20) as simulation:
+    for step in simulation:
+        if step.time_s > 8.0:
+            break
+        simulation.act([os.urandom(1)[0] / 400, os.urandom(1)[0] / 64 - 2])
+"""
 
 PAGE = Path(__file__).parents[4] / "docs" / "agents.md"
 
@@ -75,6 +86,37 @@ def test_the_same_seed_gives_the_same_run_in_one_process_and_in_two(
     assert topics >= {"/clock", "/odom", "/scan", "/joint_states", "/tf"}
     assert len(second) > 1000
     assert sorted(message for message in first if message[0] in topics) == sorted(second)
+
+
+def test_what_a_robot_did_by_chance_and_in_its_own_time_is_repeated_to_the_bit(
+    launcher: Launcher, make_context, tmp_path: Path
+) -> None:
+    argv = [sys.executable, "-c", WANDERING]
+    given = make_context(seed=5, loose=[("Toy_1", 0.45, 1.3, 0.05)]).plan
+    plan = given.model_copy(
+        update={
+            "work_dir": tmp_path / "work",
+            "output_dir": tmp_path / "out",
+            "simulation_application": BUILT_IN_ENVIRONMENT,
+            "robot_application": ApplicationPlan(role="robot", name="wanderer"),
+            "programs": [ProgramPlan(name="robot", role="robot", kind="application", argv=argv, folder=tmp_path)],
+        }
+    )
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    first = read_outputs(plan.output_dir)
+
+    again = rerun_plan(plan, first, tmp_path / "again")
+    outcome = launcher.run(again, lambda: None)
+
+    assert outcome.status == "Completed", outcome.failure_reason
+    second = read_outputs(again.output_dir)
+    assert again.programs == []
+    assert first.result is not None
+    assert second.result is not None
+    assert first.result.state_digest == second.result.state_digest is not None
+    for name in ("ended_by", "verdict", "metrics", "path", "collisions", "rooms", "sim_time_s"):
+        assert getattr(first.result, name) == getattr(second.result, name)
+    assert sorted(recorded(plan)) == sorted(recorded(again))
 
 
 def test_the_robot_in_the_documentation_drives(launcher: Launcher, make_context, tmp_path: Path) -> None:
