@@ -316,6 +316,10 @@ def test_nothing_is_left_of_a_performer_that_was_killed(
         performer.kill()
         wait_for(lambda: not engine.containers(f"robomaker-{name}"), "its end", 15)
 
+    call("CancelSimulationJob", {"job": arn}, service)
+    perform_job(arn, service)
+    assert_nothing_is_left(engine, service, arn)
+
 
 def test_whoever_takes_over_ends_a_container_that_nobody_was_left_to_end(
     service: Service,
