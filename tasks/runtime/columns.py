@@ -20,6 +20,7 @@ _DOUBLE, _FLOAT = 8, 4
 _DOUBLES, _FLOATS = "<f8", "<f4"
 _COVARIANCE = 36 * _DOUBLE
 _ZERO = ros.Time(0, 0)
+_AFTER_ENCAPSULATION = (4,)
 
 Numbers = NDArray[np.float64]
 AnyNumbers = NDArray[np.floating[Any]]
@@ -34,8 +35,8 @@ class Columns(NamedTuple):
     template: bytes
     """Such a message, encoded."""
 
-    stamp: int
-    """Where in it the stamp is."""
+    stamps: tuple[int, ...]
+    """Where in it the stamp is; transforms have one each."""
 
     numbers: Mapping[str, tuple[int, int, str]]
     """By name, where in it a row of numbers begins, how many there are, and their type."""
@@ -43,17 +44,22 @@ class Columns(NamedTuple):
 
 def clock() -> Columns:
     """Returns the columns of `rosgraph_msgs/Clock`: nothing but the time."""
-    return Columns(ros.Clock, encode(ros.Clock(_ZERO)), 4, {})
+    return Columns(ros.Clock, encode(ros.Clock(_ZERO)), _AFTER_ENCAPSULATION, {})
 
 
-def transform(frame_id: str, child_frame_id: str) -> Columns:
-    """Returns the columns of a `tf2_msgs/TFMessage` with one transform.
+def transforms(frames: Sequence[tuple[str, str]]) -> Columns:
+    """Returns the columns of a `tf2_msgs/TFMessage`.
 
-    Its numbers are `pose`: translation x, y, z and rotation x, y, z, w.
+    Its numbers are the transforms' translations x, y, z and rotations x, y, z, w, each named by its child frame.
+
+    Args:
+        frames: Of each transform the frame, and the child's frame.
     """
-    transform = ros.TransformStamped(ros.Header(_ZERO, frame_id), child_frame_id, ros.Transform())
-    template = encode(ros.TFMessage((transform,)))
-    return Columns(ros.TFMessage, template, 8, {"pose": (len(template) - 7 * _DOUBLE, 7, _DOUBLES)})
+    items = [ros.TransformStamped(ros.Header(_ZERO, frame), child, ros.Transform()) for frame, child in frames]
+    # A message with one transform less ends where the next one begins; each ends with its numbers.
+    ends = [len(encode(ros.TFMessage(items[:count]))) for count in range(len(items) + 1)]
+    numbers = {item.child_frame_id: (end - 7 * _DOUBLE, 7, _DOUBLES) for item, end in zip(items, ends[1:], strict=True)}
+    return Columns(ros.TFMessage, encode(ros.TFMessage(items)), tuple(ends[:-1]), numbers)
 
 
 def odometry(frame_id: str, child_frame_id: str) -> Columns:
@@ -64,7 +70,8 @@ def odometry(frame_id: str, child_frame_id: str) -> Columns:
     template = encode(ros.Odometry(ros.Header(_ZERO, frame_id), child_frame_id, ros.Pose(), ros.Twist()))
     twist = len(template) - _COVARIANCE - 6 * _DOUBLE
     pose = twist - _COVARIANCE - 7 * _DOUBLE
-    return Columns(ros.Odometry, template, 4, {"pose": (pose, 7, _DOUBLES), "twist": (twist, 6, _DOUBLES)})
+    numbers = {"pose": (pose, 7, _DOUBLES), "twist": (twist, 6, _DOUBLES)}
+    return Columns(ros.Odometry, template, _AFTER_ENCAPSULATION, numbers)
 
 
 def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
@@ -85,7 +92,7 @@ def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
     position = velocity - _DOUBLE - values
     places = {"position": position, "velocity": velocity, "effort": effort}
     numbers = {name: (place, len(names), _DOUBLES) for name, place in places.items()}
-    return Columns(ros.JointState, template, 4, numbers)
+    return Columns(ros.JointState, template, _AFTER_ENCAPSULATION, numbers)
 
 
 def laser_scan(scan: ros.LaserScan) -> Columns:
@@ -100,7 +107,7 @@ def laser_scan(scan: ros.LaserScan) -> Columns:
     count = len(scan.ranges)
     # After the ranges there is only the length of the intensities.
     place = len(template) - _FLOAT - count * _FLOAT
-    return Columns(ros.LaserScan, template, 4, {"ranges": (place, count, _FLOATS)})
+    return Columns(ros.LaserScan, template, _AFTER_ENCAPSULATION, {"ranges": (place, count, _FLOATS)})
 
 
 class Series(Protocol):
@@ -137,7 +144,7 @@ class RowEncoder:
             self._template += message_record(channel, 0, item.template)
             for first in (start + TIMES_OFFSET, start + TIMES_OFFSET + _DOUBLE):
                 self._times.append(slice(first, first + _DOUBLE))
-            self._stamps.append(slice(data + item.stamp, data + item.stamp + _DOUBLE))
+            self._stamps += [slice(data + stamp, data + stamp + _DOUBLE) for stamp in item.stamps]
             places = []
             for place, count, kind in item.numbers.values():
                 width = count * np.dtype(kind).itemsize

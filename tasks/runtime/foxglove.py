@@ -79,7 +79,7 @@ def _scene(topics: Mapping[str, str]) -> list[Panel]:
             }
         },
         # Axes without names and lines between them, which would hide the robot.
-        "scene": {"transforms": {"showLabel": False, "axisScale": 0.3, "lineWidth": 0}},
+        "scene": {"transforms": {"showLabel": False, "axisScale": 0.1, "lineWidth": 0}},
         "topics": drawn,
     }
     return [("3D!scene", config)]

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import Columns, Numbers, clock, joint_states, odometry, transform
+from .columns import Columns, Numbers, clock, joint_states, odometry, transforms
 from .context import Recorder
+from .links import Links
 
 STATE_RATE_HZ = 50.0
 """How often states are recorded, if the environment steps as often."""
@@ -31,7 +32,7 @@ class StateSeries:
     | topic | what |
     | --- | --- |
     | `/clock` | simulated time |
-    | `/tf` | `odom` to `base_link`, when there is a base |
+    | `/tf` | `odom` to `base_link`, when there is a base, and its links |
     | `/odom` | the same, with velocities as the base sees them |
     | `/joint_states` | hinges and slides, if any: positions, velocities, and the forces of their actuators |
 
@@ -47,6 +48,7 @@ class StateSeries:
         base: Sequence[int] = (),
         joint_names: Sequence[str] | None = None,
         joint_frame: str = "",
+        links: Links | None = None,
     ) -> None:
         """Prepares a series; `Recorder.add_series` takes it.
 
@@ -58,23 +60,27 @@ class StateSeries:
                 that do; without it there is neither `/tf` nor `/odom`.
             joint_names: What the joints are called in messages; else their names in the model.
             joint_frame: Frame that the joint states name, usually the robot's base.
+            links: Moving parts that `/tf` tells of too, where there is a base.
         """
         joints = list(joints)
         names = joint_names or [model.joint(joint).name or f"joint_{joint}" for joint in joints]
         self.topics: list[tuple[str, Columns]] = [("/clock", clock())]
         if base:
-            self.topics.append(("/tf", transform(ODOMETRY_FRAME, BASE_FRAME)))
+            self.topics.append(("/tf", transforms([(ODOMETRY_FRAME, BASE_FRAME), *(links.frames if links else [])])))
             self.topics.append(("/odom", odometry(ODOMETRY_FRAME, BASE_FRAME)))
         if joints:
             self.topics.append(("/joint_states", joint_states(joint_frame, names)))
         self._data = data
+        self._links = links
         positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        of_links = model.jnt_qposadr[links.joints if links else []]
         base_positions, base_velocities = _addresses(model, base)
         # Whole stretches of the state are copied, and what is published is picked from them later.
-        place, rate = _span(positions, base_positions), _span(velocities, base_velocities)
+        place, rate = _span(positions, base_positions, of_links), _span(velocities, base_velocities)
         self._qpos, self._qvel, self._force = data.qpos[place], data.qvel[rate], data.qfrc_actuator[rate]
         self._joint_positions, self._joint_velocities = positions - place.start, velocities - rate.start
         self._base_positions, self._base_velocities = base_positions - place.start, base_velocities - rate.start
+        self._link_positions = of_links - place.start
         self._motion = {0: None, 1: _free_motion, 3: _planar_motion}[len(base)]
         row_bytes = sum(len(columns.template) for _, columns in self.topics)
         self._capacity = max(1, min(_MAX_SAMPLES, _MAX_BYTES // row_bytes))
@@ -118,7 +124,8 @@ class StateSeries:
             pose, twist = self._motion(
                 positions.take(self._base_positions, axis=1), velocities.take(self._base_velocities, axis=1)
             )
-            values += [[pose], [pose, twist]]
+            links = self._links.poses(positions.take(self._link_positions, axis=1)) if self._links else []
+            values += [[pose, *links], [pose, twist]]
         if self._joint_positions.size:
             values.append(
                 [

@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+from functools import cached_property
 from pathlib import Path
 
 from ....schemas.errors import LaunchError
@@ -11,14 +12,13 @@ from ....schemas.world import World
 from ..context import SimulationContext
 from ..results import EnvironmentReport
 from ..resumable import ResumableEnvironment
-from ..state_series import BASE_FRAME
 from .navigation_task import NavigationTask
 from .occupancy_map import OccupancyMap, read_map
 from .robot_scout import SCOUT
 from .robots.lookup import find_robot
 from .robots.robot import CONTROL_TIMESTEP_S, Robot
 from .scene import ScenePhysics, assemble
-from .telemetry import MAP_FRAME, moving_body
+from .telemetry import frames_of_bodies
 
 TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 
@@ -37,10 +37,13 @@ class IndoorNavigation(ResumableEnvironment):
         self._navigation = task
         self.robot = robot
         """The robot in the world; agents that plan ask it for its limits."""
-        self.tf_frames = {"world": MAP_FRAME, moving_body(robot): BASE_FRAME}
-        """Frames of bodies; `/tf` tells where they are."""
         if robot.video_camera is not None:
             self.video_camera = f"{robot.prefix}{robot.video_camera}"
+
+    @cached_property
+    def tf_frames(self) -> dict[str, str]:
+        """Frames of bodies; a recording's `/tf` tells where they are."""
+        return frames_of_bodies(self.robot, self.physics.model.ptr)
 
     def run_result(self) -> EnvironmentReport:
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.

@@ -4,7 +4,7 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import mujoco
 import numpy as np
@@ -64,24 +64,25 @@ def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, sta
 
 
 def robot_markers(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, wheels: Iterable[int], frame_id: str, stamp: ros.Time
+    model: mujoco.MjModel, data: mujoco.MjData, frames: Mapping[int, str], wheels: Iterable[int], stamp: ros.Time
 ) -> MarkerArray:
-    """Returns what is rigidly part of a robot's body, and its wheels, which look the same however they are turned.
-
-    They move with their frame.
+    """Returns what a robot looks like; its parts move with their frames.
 
     Args:
       model: the compiled world with the robot.
       data: its state, after `mj_forward`.
-      body: the body that the frame belongs to.
-      wheels: bodies that turn.
-      frame_id: the frame.
+      frames: frames by body, the base's first; what is rigidly fixed to a body is seen from its frame.
+      wheels: bodies without frames that are drawn in the base's, since they look the same however they are turned.
       stamp: simulated time.
     """
-    parts = [int(model.body_weldid[part]) for part in (body, *wheels)]
-    own = _shown(model) & np.isin(model.body_weldid[model.geom_bodyid], parts)
-    pattern = Marker(ros.Header(stamp, frame_id), "", 0, MarkerType.CUBE, frame_locked=True)
-    return MarkerArray(_markers(model, data, own, (data.xpos[body], data.xquat[body]), pattern))
+    shown, group = _shown(model), model.body_weldid[model.geom_bodyid]
+    markers = []
+    for number, (body, frame) in enumerate(frames.items()):
+        parts = [int(model.body_weldid[body]), *(wheels if number == 0 else ())]
+        pattern = Marker(ros.Header(stamp, frame), "", 0, MarkerType.CUBE, frame_locked=True)
+        pose = data.xpos[body], data.xquat[body]
+        markers += _markers(model, data, shown & np.isin(group, parts), pose, pattern)
+    return MarkerArray(markers)
 
 
 def _shown(model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from ....schemas.world import Room
 from .. import messages as ros
 from ..context import Recorder
 from ..foxglove import WORLD_TOPIC
+from ..links import Links
 from ..resumable import KeepsAttributes
 from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
@@ -45,6 +46,23 @@ class RobotState(NamedTuple):
 def moving_body(robot: Robot) -> str:
     """Returns the body whose frame is `base_link`."""
     return f"{robot.prefix}{robot.footprint if robot.planar_joints and robot.footprint else robot.base}"
+
+
+def links_of(robot: Robot, model: mujoco.MjModel) -> Links:
+    """Returns the moving parts of a robot that have frames of their own: all but the wheels of those like Scout."""
+    return Links(model, model.body(moving_body(robot)).id, BASE_FRAME, _wheels(robot, model))
+
+
+def frames_of_bodies(robot: Robot, model: mujoco.MjModel) -> dict[str, str]:
+    """Returns the frames that `/tf` tells of, by names of bodies in a compiled world with the robot."""
+    links = {model.body(body).name: frame for body, frame in links_of(robot, model).frame_of.items()}
+    return {"world": MAP_FRAME, moving_body(robot): BASE_FRAME, **links}
+
+
+def _wheels(robot: Robot, model: mujoco.MjModel) -> list[int]:
+    """Bodies that turn without being seen to."""
+    joints = robot.joints if robot.is_differential else ()
+    return [int(model.joint(f"{robot.prefix}{name}").bodyid[0]) for name in joints]
 
 
 class Telemetry(KeepsAttributes):
@@ -113,6 +131,7 @@ class Telemetry(KeepsAttributes):
             base=[model.joint(f"{robot.prefix}{name}").id for name in base],
             joint_names=names,
             joint_frame=BASE_FRAME,
+            links=links_of(robot, model) if base else None,
         )
 
     def _publish_static(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -137,9 +156,8 @@ class Telemetry(KeepsAttributes):
         if self._map is not None:
             self._recorder.write("/map", occupancy_grid(self._map, ros.Header(stamp, MAP_FRAME)), data.time)
         self._recorder.write(WORLD_TOPIC, world_markers(model, data, MAP_FRAME, stamp), data.time)
-        joints = robot.joints if robot.is_differential else ()
-        wheels = [int(model.joint(f"{robot.prefix}{name}").bodyid[0]) for name in joints]
-        looks = robot_markers(model, data, model.body(moving_body(robot)).id, wheels, BASE_FRAME, stamp)
+        frames = {model.body(moving_body(robot)).id: BASE_FRAME, **links_of(robot, model).frame_of}
+        looks = robot_markers(model, data, frames, _wheels(robot, model), stamp)
         self._recorder.write("/robot", looks, data.time)
 
     def publish_goals(self, rooms: Sequence[Room], visited: Sequence[bool]) -> None:

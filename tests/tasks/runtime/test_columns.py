@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_typestore
 
 from prefect_robomaker.tasks.runtime import messages as ros
 from prefect_robomaker.tasks.runtime.cdr import encode
-from prefect_robomaker.tasks.runtime.columns import RowEncoder, clock, joint_states, odometry, transform
+from prefect_robomaker.tasks.runtime.columns import RowEncoder, clock, joint_states, odometry, transforms
 from prefect_robomaker.tasks.runtime.mcap_messages import message_record
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -53,7 +53,7 @@ def message_by_message(time_s, parent, child, joints, pose, twist, *triple) -> l
 @given(states())
 def test_rows_are_the_messages_one_by_one(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state
-    columns = [clock(), transform(parent, child), odometry(parent, child), joint_states(child, joints)]
+    columns = [clock(), transforms([(parent, child)]), odometry(parent, child), joint_states(child, joints)]
     encoder = RowEncoder([(channel + 3, item) for channel, item in enumerate(columns)])
     rows = encoder.encode(times_s, [[], [pose], [pose, twist], triple])
     expected = b""
@@ -67,10 +67,29 @@ def test_rows_are_the_messages_one_by_one(state) -> None:
     assert rows.records == expected
 
 
+@given(states(), names)
+def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, other: str) -> None:
+    times_s, parent, child, _, pose, *_ = state
+    assume(other != child)
+    encoder = RowEncoder([(3, transforms([(parent, child), (child, other)]))])
+    rows = encoder.encode(times_s, [[pose, -pose]])
+    expected = b""
+    for row, time_s in enumerate(times_s):
+        stamp = ros.Time.from_seconds(float(time_s))
+        items = [
+            ros.TransformStamped(
+                ros.Header(stamp, frame), of, ros.Transform(ros.Vector3(*item[:3]), ros.Quaternion(*item[3:]))
+            )
+            for frame, of, item in ((parent, child, pose[row].tolist()), (child, other, (-pose[row]).tolist()))
+        ]
+        expected += message_record(3, round(float(time_s) * 10**9), encode(ros.TFMessage(items)))
+    assert rows.records == expected
+
+
 @given(states())
 def test_rosbags_reads_the_numbers_and_writes_the_same_bytes(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state
-    columns = [transform(parent, child), odometry(parent, child), joint_states(child, joints)]
+    columns = [transforms([(parent, child)]), odometry(parent, child), joint_states(child, joints)]
     rows = RowEncoder([*enumerate(columns)]).encode(times_s, [[pose], [pose, twist], triple])
     size = len(rows.records) // len(times_s)
     last = rows.records[-size:]

@@ -89,3 +89,33 @@ def test_scans_are_seen_where_the_walls_are(make_context: Any, tmp_path: Path, k
 
     assert hits.sum() > 100
     assert np.percentile(away_from_walls(points[:3].T, environment), 95) < 0.03
+
+
+def test_limbs_have_frames_that_cameras_can_be_fixed_to(make_context: Any, tmp_path: Path) -> None:
+    walker = ApplicationPlan(
+        role="robot", name="walker", attribute="prefect_robomaker.tasks.runtime.applications.walker.make_agent"
+    )
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        context = make_context(recorder=recorder)
+        environment = make_environment(
+            replace(context, plan=context.plan.model_copy(update={"robot_application": walker}))
+        )
+        environment.reset()
+        for _ in range(4):  # until a time at which states are recorded
+            environment.step((0.3, 0.2))
+    model, data = environment.physics.model.ptr, environment.physics.data.ptr
+
+    with (tmp_path / "r.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        last = [item.decoded_message for item in reader.iter_decoded_messages(topics=["/tf"])][-1].transforms
+    places = {"odom": np.eye(4)}
+    for each in last:
+        places[each.child_frame_id] = places[each.header.frame_id] @ matrix(each.transform)
+
+    assert len(last) > 8
+    assert set(environment.tf_frames.values()) == {"map", *(each.child_frame_id for each in last)}
+    mujoco.mj_kinematics(model, data)
+    for body, frame in environment.tf_frames.items():
+        if body != "world":
+            assert places[frame][:3, 3] == pytest.approx(data.body(body).xpos, abs=1e-9)
+            assert places[frame][:3, :3] == pytest.approx(data.body(body).xmat.reshape(3, 3), abs=1e-9)

@@ -82,13 +82,18 @@ def test_the_robot_is_drawn_in_its_own_frame(scene: tuple[Any, Any]) -> None:
     model, data = scene
     body = model.body("bot").id
 
-    markers = robot_markers(model, data, body, [model.body("wheel").id], "base_link", NOW).markers
+    arm = model.body("arm").id
 
-    assert {model.geom(marker.id).name for marker in markers} == {"bot/hull", "bot/mast", "bot/tyre"}
+    markers = robot_markers(model, data, {body: "base_link", arm: "arm"}, [model.body("wheel").id], NOW).markers
+
+    assert {(marker.header.frame_id, model.geom(marker.id).name) for marker in markers} == {
+        *(("base_link", f"bot/{name}") for name in ("hull", "mast", "tyre")),
+        ("arm", "bot/arm"),
+    }
     for marker in markers:
         assert marker.frame_locked
-        assert marker.header.frame_id == "base_link"
-        place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ marker.pose.position
+        frame = arm if marker.header.frame_id == "arm" else body
+        place = data.xpos[frame] + data.xmat[frame].reshape(3, 3) @ marker.pose.position
         assert place == pytest.approx(data.geom_xpos[marker.id])
 
 
@@ -96,7 +101,7 @@ def visible(environment: IndoorNavigation) -> set[str]:
     environment.reset()
     robot, model = environment.robot, environment.physics.model.ptr
     body = environment.physics.model.ptr.body(f"{robot.prefix}{robot.base}").id
-    shown = robot_markers(model, environment.physics.data.ptr, body, [], "base_link", NOW).markers
+    shown = robot_markers(model, environment.physics.data.ptr, {body: "base_link"}, [], NOW).markers
     return {model.geom(marker.id).name for marker in shown}
 
 
