@@ -26,11 +26,22 @@ elif [ "$code" = 137 ]; then
 fi
 exit $code
 """
-# A tool is started at the same moment as its container, which takes a while to be there.
-_WAIT_AND_EXECUTE = (
-    'until [ "$("$1" inspect --format "{{.State.Running}}" "$2" 2>/dev/null)" = true ]; do sleep 0.1; done; '
-    'exec "$1" exec "$2" /bin/bash -c "$3"'
-)
+# A tool is started at the same moment as its container, which takes a while to be there. When the container ends, it is
+# killed, and that is noticed first; what it means is for the container's own end to say.
+_RUN_TOOL = """
+state() { "$1" inspect --format '{{.State.Status}}' "$2" 2>/dev/null; }
+until now=$(state "$1" "$2"); [ "$now" = running ]; do
+  case "$now" in exited|dead) exit 1 ;; esac
+  sleep 0.1
+done
+"$1" exec "$2" /bin/bash -c "$3"
+code=$?
+if [ $code = 137 ]; then
+  sleep 0.5
+  [ "$(state "$1" "$2")" = running ] || sleep 10
+fi
+exit $code
+"""
 _REMOVE = 'exec "$1" rm -f "$2" >/dev/null'
 # Whoever owns the folder is not the same number inside and outside of rootless engines.
 _GIVE_BACK = 'chown -hR "$(stat -c %u:%g "$0")" "$0" && chmod -R u+rwX "$0"'
@@ -122,7 +133,7 @@ def start_argv(container: Container) -> list[str]:
 
 def tool_argv(container: Container, command: str) -> list[str]:
     """Runs a command line beside what a container runs, as soon as it does."""
-    return ["/bin/bash", "-c", _WAIT_AND_EXECUTE, "tool", container.engine, container.name, command]
+    return ["/bin/bash", "-c", _RUN_TOOL, "tool", container.engine, container.name, command]
 
 
 def remove_argv(container: Container) -> list[str]:

@@ -113,10 +113,9 @@ match arguments:
         remove(name)
     case ["inspect", "--format", form, name]:
         about = known(name)
-        if "Running" in form:
-            print("true" if about["pid"] is not None else "false")
-        else:
-            print("exited false", about["code"])
+        status = "running" if about["pid"] is not None else "exited" if "code" in about else "created"
+        said = form.replace("{{.State.Status}}", status).replace("{{.State.OOMKilled}}", "false")
+        print(said.replace("{{.State.ExitCode}}", str(about.get("code", 0))))
     case ["exec", name, *words]:
         os.execvpe(words[0], words, known(name)["environment"])
     case ["kill", "--signal", "TERM", name]:

@@ -228,6 +228,15 @@ def test_tools_run_in_the_container(service: Service, application: Config) -> No
     assert outputs(service, job)["logs/simulation-look.stdout.log"].startswith("in the image\n2\nin the image\n2\n")
 
 
+def test_tools_that_end_with_their_container_fail_nothing(service: Service, application: Config) -> None:
+    tools = [{"name": "guard", "command": "touch seen; sleep 60", "exitBehavior": "FAIL"}]
+    config = application("until [ -e seen ]; do sleep 0.1; done", "WORKDIR /home/robomaker", tools=tools)
+
+    job = performed(service, order(config))
+
+    assert job["status"] == "Completed", job["failureReason"]
+
+
 @pytest.mark.parametrize(
     ("launch", "words"),
     [
