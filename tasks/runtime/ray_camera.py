@@ -4,7 +4,7 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,6 +24,15 @@ _SAME_SURFACE = 0.995
 
 _Vectors = NDArray[np.float64]
 _Pixels = NDArray[np.intp]
+
+
+class _Window(NamedTuple):
+    """Edges of what is seen a metre ahead of an eye: metres to the right and up."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
 
 
 class RayCamera:
@@ -64,8 +73,8 @@ class RayCamera:
         if shape not in self._buffers:
             self._buffers[shape] = _Buffers(shape)
         buffers = self._buffers[shape]
-        eye, forward, up, slope = self._eye()
-        rays = buffers.directions(slope) @ np.array((forward, up, np.cross(forward, up)))
+        eye, forward, up, window = self._eye(shape)
+        rays = buffers.directions(window) @ np.array((forward, up, np.cross(forward, up)))
         housing = self._body_around(data, eye, forward)
         self._hit(data, eye, rays, buffers, buffers.grid, housing)
         self._hit(data, eye, rays, buffers, buffers.between(), housing)
@@ -86,12 +95,18 @@ class RayCamera:
         )  # fmt: skip
         buffers.geoms[pixels], buffers.normals[pixels] = geoms, normals
 
-    def _eye(self) -> tuple[_Vectors, _Vectors, _Vectors, float]:
-        """The eye's position, the ways forward and up, and the slope of the view's upper edge."""
+    def _eye(self, shape: tuple[int, int]) -> tuple[_Vectors, _Vectors, _Vectors, _Window]:
+        """The eye's position, the ways forward and up, and what is seen a metre ahead."""
         left, right = self._scene.camera[0], self._scene.camera[1]
         eye = (np.asarray(left.pos, dtype=float) + right.pos) / 2
         forward, up = np.asarray(left.forward, dtype=float), np.asarray(left.up, dtype=float)
-        return eye, forward, up, left.frustum_top / left.frustum_near
+        top, bottom, middle, half = (
+            float(each) / left.frustum_near
+            for each in (left.frustum_top, left.frustum_bottom, left.frustum_center, left.frustum_width)
+        )
+        # Like `mjr_render`: without a width of its own the view is as wide as the picture.
+        half = half or (top - bottom) / 2 * shape[1] / shape[0]
+        return eye, forward, up, _Window(middle - half, middle + half, bottom, top)
 
     def _body_around(self, data: mujoco.MjData, eye: _Vectors, forward: _Vectors) -> int:
         """The body whose geom the eye is in, as cameras are in their housings, or -1.
@@ -113,7 +128,7 @@ class _Buffers:
         self.geoms = np.zeros(count, dtype=np.int32)
         self.normals = np.zeros((count, 3))
         self._shape = shape
-        self._slope, self._directions = math.nan, np.zeros((count, 3))
+        self._window, self._directions = _Window(0, 0, 0, 0), np.zeros((count, 3))
         rows, columns = (_grid_lines(length) for length in shape)
         self.grid: _Pixels = (rows[:, None] * shape[1] + columns).ravel()
         """The pixels that are cast first; the last row and column are among them."""
@@ -122,14 +137,15 @@ class _Buffers:
         self._in_grid = np.zeros(count, dtype=bool)
         self._in_grid[self.grid] = True
 
-    def directions(self, slope: float) -> _Vectors:
+    def directions(self, window: _Window) -> _Vectors:
         """Unit vectors through the pixels as (forward, up, right), row by row from the top."""
-        if slope != self._slope:
+        if window != self._window:
             height, width = self._shape
             rays = np.ones((height, width, 3))
-            rays[..., 1] = (np.linspace(slope, -slope, height, endpoint=False) - slope / height)[:, None]
-            rays[..., 2] = (np.arange(width) + 0.5 - width / 2) * (2 * slope / height)
-            self._slope = slope
+            left, right, bottom, top = window
+            rays[..., 1] = (top - (np.arange(height) + 0.5) * ((top - bottom) / height))[:, None]
+            rays[..., 2] = left + (np.arange(width) + 0.5) * ((right - left) / width)
+            self._window = window
             self._directions = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).reshape(-1, 3)
         return self._directions
 

@@ -111,9 +111,6 @@ def middle_of_red(picture: Any) -> tuple[float, float]:
 def test_a_ball_is_where_the_messages_say(
     tmp_path: Path, camera: str, parent: str, is_static: bool, backend: str | None
 ) -> None:
-    if camera == "odd" and backend is None:
-        pytest.skip("rays know no focal lengths")
-
     messages, data = recorded(tmp_path, camera, backend)
 
     base = np.eye(4)
