@@ -28,7 +28,7 @@ from typing import NamedTuple
 from .processes import adopt_orphans, kill_children
 
 READY = b"ready"
-_FORK_AHEAD_AFTER_S = 0.25
+_FORK_AHEAD_AFTER_S = 0.1
 """By then the run that was begun last has made its world."""
 _MODULES = (
     "PIL.PpmImagePlugin",  # maps
