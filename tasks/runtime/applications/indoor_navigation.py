@@ -13,7 +13,7 @@ from ..context import SimulationContext
 from ..results import EnvironmentReport
 from ..resumable import ResumableEnvironment
 from .navigation_task import NavigationTask
-from .occupancy_map import OccupancyMap, read_map
+from .occupancy_map import OccupancyMap, read_world_map
 from .robot_scout import SCOUT
 from .robots.lookup import find_robot
 from .robots.robot import CONTROL_TIMESTEP_S, Robot
@@ -91,9 +91,8 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
 
 def _known_map(world_dir: Path) -> OccupancyMap | None:
     """The world's map, if it has one that can be read."""
-    path = world_dir / "map.yaml"
     try:
-        return read_map(path) if path.is_file() else None
+        return read_world_map(world_dir) if (world_dir / "map.yaml").is_file() else None
     except (OSError, ValueError) as cause:
         _logger.warning("there is no map in the recording: %s", cause)
         return None

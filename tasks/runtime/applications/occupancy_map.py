@@ -1,6 +1,7 @@
 """Reads the map of a world: the pair of files that Nav2's map server reads."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 _WHITE = 255.0
 
@@ -46,9 +48,12 @@ def read_map(path: Path) -> OccupancyMap:
       path: the YAML file.
 
     Raises:
-      ValueError: the map is turned against the world, or a member is missing or wrong.
+      ValueError: it is no YAML, the map is turned against the world, or a member is missing or wrong.
     """
-    description = YAML(typ="safe").load(path.read_text())
+    try:
+        description = YAML(typ="safe").load(path.read_text())
+    except YAMLError as error:
+        raise ValueError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
     resolution_m = float(_member(path, description, "resolution"))
     x, y, yaw = (float(value) for value in _member(path, description, "origin"))
     if yaw:
@@ -63,6 +68,16 @@ def read_map(path: Path) -> OccupancyMap:
     free = northwards < float(_member(path, description, "free_thresh"))
     occupied = northwards > float(_member(path, description, "occupied_thresh"))
     return OccupancyMap(free, resolution_m, (x, y), occupied)
+
+
+@lru_cache(maxsize=1)
+def read_world_map(world_dir: Path) -> OccupancyMap:
+    """Reads the map of a world, which does not change, once for all who ask.
+
+    Raises:
+      ValueError: see `read_map`.
+    """
+    return read_map(world_dir / "map.yaml")
 
 
 def _member(path: Path, description: Any, name: str) -> Any:

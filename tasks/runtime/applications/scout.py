@@ -21,7 +21,7 @@ from ..context import SimulationContext
 from ..resumable import KeepsAttributes
 from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path, ray_directions
-from .occupancy_map import OccupancyMap, read_map
+from .occupancy_map import OccupancyMap, read_world_map
 from .plan_telemetry import PlanTelemetry
 from .planner import GridPlanner, WayKind
 from .robot_scout import LIDAR, LIMITS
@@ -264,7 +264,7 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
             "InvalidInput",
         )
     try:
-        known = read_map(context.world_dir / "map.yaml")
+        known = read_world_map(context.world_dir)
     except (OSError, ValueError) as cause:
         raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
     robot = robot_of(environment)

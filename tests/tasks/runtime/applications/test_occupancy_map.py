@@ -47,6 +47,7 @@ def test_points_and_cells_belong_together(tmp_path: Path) -> None:
         ("origin: [-1.0, 2.0, 0.0]", "origin: [-1.0, 2.0, 0.5]", "origin: a turned map"),
         ("resolution: 0.1", "resolution: 0", "resolution: 0.0 is not a length"),
         ("free_thresh: 0.196", "", "free_thresh is missing"),
+        ("origin: [", "origin: [[", "is no YAML: .*line"),
     ],
 )
 def test_a_wrong_description_is_named(tmp_path: Path, wrong: str, right: str, message: str) -> None:
