@@ -25,7 +25,7 @@ def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
       folder: the run's own folder.
       machines: where the machine has a file system in memory.
     """
-    for private in _places(folder, machines):
+    for private in shared_memory_places(folder, machines):
         try:
             with suppress(FileExistsError):
                 private.mkdir(0o700)
@@ -48,12 +48,18 @@ def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> None:
       folder: the run's own folder.
       machines: where the machine has a file system in memory.
     """
-    for private in _places(folder, machines):
+    for private in shared_memory_places(folder, machines):
         with suppress(OSError):
             if private.lstat().st_uid == os.geteuid():
                 remove(private)
 
 
-def _places(folder: Path, machines: Path) -> tuple[Path, Path]:
+def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path, Path]:
+    """Where a run's shared memory is: in memory if that can be, or else on the disk.
+
+    Args:
+      folder: the run's own folder.
+      machines: where the machine has a file system in memory.
+    """
     digest = hashlib.sha256(os.fsencode(folder.absolute())).hexdigest()[:20]
     return machines / f"robomaker-{os.geteuid()}-{digest}", folder / "shared-memory"

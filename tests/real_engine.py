@@ -6,7 +6,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -36,7 +36,13 @@ class RealEngine:
     environ: Mapping[str, str]
     roots: Path
     _archives: dict[bool, Path] = field(default_factory=dict)
+    _made: dict[tuple[tuple[str, ...], bool], str] = field(default_factory=dict)
     _images: set[str] = field(default_factory=set)
+
+    @property
+    def prefix(self) -> str:
+        """What the names of images and containers begin with: other tests may use the same engine."""
+        return f"robomaker-tests-{os.getpid()}"
 
     @property
     def is_podman(self) -> bool:
@@ -59,17 +65,19 @@ class RealEngine:
             )
         return done.stdout
 
-    def add_image(self, name: str, *instructions: str, python: bool = False) -> str:
+    def add_image(self, *instructions: str, python: bool = False) -> str:
         """Makes an image; returns its name.
 
         Args:
-            name: the image's name.
             instructions: of a Dockerfile, such as `USER robo`.
             python: whether Python is in it.
         """
-        changes = [word for instruction in instructions for word in ("--change", instruction)]
-        self.call("import", *changes, str(self.root(python=python)), name)
-        return self.note_image(name)
+        if (instructions, python) not in self._made:
+            image = self.note_image(f"{self.prefix}/image-{len(self._made)}:1")
+            changes = [word for instruction in instructions for word in ("--change", instruction)]
+            self.call("import", *changes, str(self.root(python=python)), image)
+            self._made[instructions, python] = image
+        return self._made[instructions, python]
 
     def root(self, *, python: bool = False) -> Path:
         """The archive of a root file system."""
@@ -84,9 +92,10 @@ class RealEngine:
         return name
 
     def remove_images(self) -> None:
-        """Removes the images that it has been given."""
-        if self._images:
-            self.call("rmi", "-f", *sorted(self._images))
+        """Removes the images that it has been given, and that are there."""
+        for image in sorted(self._images):
+            with suppress(NoEngineError):
+                self.call("rmi", "-f", image)
 
     def containers(self, beginning: str) -> list[str]:
         """Names of all containers, running or not, that begin so."""
@@ -99,8 +108,7 @@ class RealEngine:
         Raises:
             NoEngineError: that does not work.
         """
-        self.add_image("robomaker-tests/check:1")
-        self.call("run", "--rm", "--network", "host", "robomaker-tests/check:1", "id")
+        self.call("run", "--rm", "--network", "host", self.add_image(), "id")
 
 
 @pytest.fixture(scope="session")

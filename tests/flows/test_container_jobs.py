@@ -22,12 +22,12 @@ from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.job_runs import perform_job
 from prefect_robomaker.tasks.replays import verify_run
 from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.shared_memory import shared_memory_places
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 pytestmark = pytest.mark.deep
 
 EXAMPLES = Path(__file__).parents[2] / "deployments" / "specs" / "examples"
-IMAGE, PYTHON = "robomaker-tests/sim:1", "robomaker-tests/python:1"
 POLITE = "trap 'echo asked to end; exit 0' TERM; echo ready; while :; do sleep 0.1; done"
 STUBBORN = "trap '' TERM; echo ready; while :; do sleep 0.1; done"
 
@@ -54,7 +54,7 @@ def application(engine: RealEngine, service: Service) -> Config:
     def make(
         script: str, *instructions: str, role: str = "simulation", python: bool = False, **members: Any
     ) -> Request:
-        image = engine.add_image(f"robomaker-tests/{role}:1", *instructions, python=python)
+        image = engine.add_image(*instructions, python=python)
         suites = Applications.of("Robot" if role == "robot" else "Simulation", service)
         suites.create(f"{role}-image", environment={"uri": image})
         variables = {"SCRIPT": script or "true", **members.pop("variables", {})}
@@ -110,8 +110,10 @@ def outputs(service: Service, job: Job) -> dict[str, str]:
 def assert_nothing_is_left(engine: RealEngine, service: Service, arn: str) -> None:
     job = call("DescribeSimulationJob", {"job": arn}, service)
     assert engine.containers(f"robomaker-{job['name']}") == []
-    assert not (service.settings.home / "jobs" / job["name"]).exists()
-    assert not list(Path("/dev/shm").glob(f"robomaker-{os.getuid()}-*/shm/greeting"))
+    folder = service.settings.home / "jobs" / job["name"]
+    assert not folder.exists()
+    run = folder / service.catalog.get(arn).document["runId"]
+    assert not any(place.exists() for place in shared_memory_places(run))
 
 
 def log_says(service: Service, words: str) -> bool:

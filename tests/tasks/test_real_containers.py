@@ -59,6 +59,8 @@ def test_an_image_is_pulled_and_is_the_one_that_was_meant(
 
     assert get_image(with_settings(engine), uri, "robot", digest=first).digests == (first,)
     second = registry.add_image("robot:1", root, Cmd=["ls"])
+    for digest in (first, second):
+        real_engine.note_image(f"{registry.address}/robot@{digest}")
     with pytest.raises(LaunchError, match=f"{first}, then {second}") as caught:
         get_image(with_settings(engine), uri, "robot", digest=first)
     assert caught.value.failure_code == "RobotApplicationVersionMismatchedEtag"
@@ -68,11 +70,13 @@ def test_what_jobs_do_not_allow_is_found_in_a_pulled_image(
     real_engine: RealEngine, engine: Engine, registry: ImageRegistry, root: bytes
 ) -> None:
     uri = real_engine.note_image(f"{registry.address}/robot:2")
-    registry.add_image("robot:2", root, Volumes={"/data": {}})
+    with_volume = registry.add_image("robot:2", root, Volumes={"/data": {}})
 
     with pytest.raises(LaunchError, match="VOLUME /data"):
         get_image(with_settings(engine), uri, "robot", digest=None)
-    registry.add_image("robot:2", root, ExposedPorts={"80/tcp": {}})
+    with_port = registry.add_image("robot:2", root, ExposedPorts={"80/tcp": {}})
+    for digest in (with_volume, with_port):
+        real_engine.note_image(f"{registry.address}/robot@{digest}")
     with pytest.raises(LaunchError, match="EXPOSE 80/tcp"):
         get_image(with_settings(engine), uri, "robot", digest=None)
 
@@ -101,11 +105,11 @@ def test_pulling_is_given_up_within_a_second(engine: Engine, registry: ImageRegi
 
 
 def test_folders_are_copied_out_with_their_owners(real_engine: RealEngine, engine: Engine, tmp_path: Path) -> None:
-    image = real_engine.add_image("robomaker-tests/folders:1")
+    image = real_engine.add_image()
     home = tmp_path / "home"
     home.mkdir()
 
-    copy_out(engine, image, "robomaker-tests-folders", {"/home/robomaker": home, "/nowhere": tmp_path / "none"})
+    copy_out(engine, image, f"{real_engine.prefix}-folders", {"/home/robomaker": home, "/nowhere": tmp_path / "none"})
 
     assert (home / "workspace/built.txt").read_text() == "in the image\n"
     assert (home / "secret.txt").read_text() == "of root\n"
@@ -114,36 +118,36 @@ def test_folders_are_copied_out_with_their_owners(real_engine: RealEngine, engin
         assert (home / "secret.txt").stat().st_mode & 0o777 == 0o600
     else:
         assert (home / "secret.txt").stat().st_mode & 0o777 == 0o666, "whoever is USER may write to it"
-    assert real_engine.containers("robomaker-tests-folders") == []
+    assert real_engine.containers(f"{real_engine.prefix}-folders") == []
 
 
 def test_a_gpu_that_the_engine_cannot_give_is_no_fault_of_the_application(
     real_engine: RealEngine, engine: Engine
 ) -> None:
     """A real engine, but no driver has a GPU of this number."""
-    image = real_engine.add_image("robomaker-tests/gpu:1")
+    image = real_engine.add_image()
     gpu = ComputeLimits(gpu=True)
-    container = Container(engine.program, "robomaker-tests", image, limits=gpu, is_podman=engine.is_podman, gpu="4321")
+    container = Container(engine.program, real_engine.prefix, image, limits=gpu, is_podman=engine.is_podman, gpu="4321")
     try:
         with pytest.raises(LaunchError, match="cannot give the container GPU 4321; it needs") as caught:
             check_gpu(engine, container)
     finally:
-        engine.call("rm", "-f", "robomaker-tests-gpu")
+        engine.call("rm", "-f", f"{real_engine.prefix}-gpu")
     assert caught.value.failure_code == "InvalidInput"
 
 
 def test_containers_that_were_noted_are_removed_whether_they_run_or_not(
     real_engine: RealEngine, engine: Engine, tmp_path: Path
 ) -> None:
-    image = real_engine.add_image("robomaker-tests/left:1")
-    for name in ("robomaker-tests-left-1", "robomaker-tests-left-2", "robomaker-tests-left-3"):
+    image = real_engine.add_image()
+    for name in (f"{real_engine.prefix}-left-1", f"{real_engine.prefix}-left-2", f"{real_engine.prefix}-left-3"):
         note_container(tmp_path, ContainerNote(engine.program, name, image, "robot"))
-    engine.call("create", "--name", "robomaker-tests-left-1", "--network", "host", image, "id")
-    engine.call("run", "-d", "--name", "robomaker-tests-left-2", "--network", "host", image, "sleep", "60")
+    engine.call("create", "--name", f"{real_engine.prefix}-left-1", "--network", "host", image, "id")
+    engine.call("run", "-d", "--name", f"{real_engine.prefix}-left-2", "--network", "host", image, "sleep", "60")
 
     remove_containers(tmp_path, engine.environment)
 
-    assert real_engine.containers("robomaker-tests-left") == []
+    assert real_engine.containers(f"{real_engine.prefix}-left") == []
     assert list(tmp_path.iterdir()) == []
 
 
@@ -177,7 +181,7 @@ def as_user(real_engine: RealEngine) -> AsUser:
 def test_files_that_root_of_a_container_wrote_are_given_back(
     real_engine: RealEngine, engine: Engine, as_user: AsUser
 ) -> None:
-    image = real_engine.add_image("robomaker-tests/given:1")
+    image = real_engine.add_image()
     run = real_engine.roots / "run"
     run.mkdir()
     os.chown(run, 4321, 4321)
@@ -186,11 +190,11 @@ def test_files_that_root_of_a_container_wrote_are_given_back(
         sandbox = container_sandbox(run, "robot").create()
         sandbox.root.chmod(0o700)
         home = sandbox.place("/home/robomaker")
-        copy_out(engine, image, "robomaker-tests-seed", {"/home/robomaker": home})
+        copy_out(engine, image, f"{real_engine.prefix}-seed", {"/home/robomaker": home})
         assert (home / "secret.txt").read_text() == "of root\n"
-        note_container(run, ContainerNote(engine.program, "robomaker-tests-given", image, "robot"))
+        note_container(run, ContainerNote(engine.program, f"{real_engine.prefix}-given", image, "robot"))
         script = "umask 77; mkdir /h/mine; echo 1 > /h/mine/file; ln -s /etc/passwd /h/link"
-        words = ["run", "--name", "robomaker-tests-given", "--network", "host", "-v", f"{home}:/h", image]
+        words = ["run", "--name", f"{real_engine.prefix}-given", "--network", "host", "-v", f"{home}:/h", image]
         engine.call(*words, "bash", "-c", script)
         remove_containers(run, engine.environment)
         assert (home / "mine/file").read_text() == "1\n"
@@ -199,5 +203,5 @@ def test_files_that_root_of_a_container_wrote_are_given_back(
 
     as_user(work)
 
-    assert real_engine.containers("robomaker-tests-given") == []
+    assert real_engine.containers(f"{real_engine.prefix}-given") == []
     assert Path("/etc/passwd").stat().st_uid == 0
