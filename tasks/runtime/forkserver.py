@@ -66,6 +66,7 @@ class _StandBy(NamedTuple):
     """A supervisor that waits for a run."""
 
     pid: int
+    pidfd: int
     control: socket.socket
     """Takes the run's connection to its launcher."""
 
@@ -90,17 +91,20 @@ class _Supervisors:
             idle_s = None if self._standing_by else _FORK_AHEAD_AFTER_S
             ready = wait([self._control, *self._alive], idle_s)
             if not ready:
-                self._standing_by = self._fork()
+                with suppress(OSError):  # no more processes for now; the next run tries again
+                    self._standing_by = self._fork()
             for pidfd in self._alive.keys() & set(ready):
                 self._bury(pidfd)
             if self._control in ready:
                 message, descriptors, _, _ = socket.recv_fds(self._control, 1, 1)
                 if not message:
                     break
-                self._supervise(descriptors[0])
+                try:
+                    self._supervise(descriptors[0])
+                except OSError:
+                    os.close(descriptors[0])  # which tells the launcher that the run did not begin
         if self._standing_by:
-            self._standing_by.control.close()
-            os.waitpid(self._standing_by.pid, 0)
+            self._dismiss(self._standing_by)
 
     def _supervise(self, descriptor: int) -> None:
         """Gives a run to the supervisor that waits for one, or to a new one."""
@@ -111,23 +115,38 @@ class _Supervisors:
                 with supervisor.control as control:
                     socket.send_fds(control, [b"r"], [descriptor])
             except OSError:  # somebody has killed it
-                os.waitpid(supervisor.pid, 0)
+                self._dismiss(supervisor)
                 supervisor = None
             else:
                 break
-        self._alive[os.pidfd_open(supervisor.pid)] = supervisor.pid, descriptor
+        self._alive[supervisor.pidfd] = supervisor.pid, descriptor
+
+    def _dismiss(self, supervisor: "_StandBy") -> None:
+        """Ends a supervisor that has no run."""
+        supervisor.control.close()
+        os.waitpid(supervisor.pid, 0)
+        os.close(supervisor.pidfd)
 
     def _fork(self) -> "_StandBy":
+        """Forks a supervisor that waits.
+
+        Raises:
+            OSError: There is no room for another process.
+        """
         ours, theirs = socket.socketpair()
-        pid = os.fork()
-        if pid == 0:
-            try:
-                ours.close()
-                self._become_supervisor(theirs)
-            finally:
-                os._exit(0)
-        theirs.close()
-        return _StandBy(pid, ours)
+        try:
+            with theirs:
+                pid = os.fork()
+                if pid == 0:
+                    try:
+                        ours.close()
+                        self._become_supervisor(theirs)
+                    finally:
+                        os._exit(0)
+            return _StandBy(pid, os.pidfd_open(pid), ours)
+        except OSError:
+            ours.close()  # a supervisor that nobody can watch ends with it
+            raise
 
     def _become_supervisor(self, control: socket.socket) -> None:
         from .child import run_child

@@ -38,7 +38,7 @@ _PREVIEW_FILE = "preview.png"
 class ProvenanceKeeper:
     """Observes a run, writes `provenance.json` and `digest.bin`.
 
-    The first is there from the second look on, so that a run that is killed has one too; no run waits for it to begin.
+    The first is there from the first look on, so that a run that is killed has one too.
     """
 
     def __init__(self, plan: RunPlan, applications: Sequence[ApplicationPlan] = ()) -> None:
@@ -55,7 +55,6 @@ class ProvenanceKeeper:
         self._model: mujoco.MjModel | None = None
         self._data: mujoco.MjData | None = None
         self._world_sha256: str | None = None
-        self._has_written = False
         self._resumed_at_s: list[float] = []
 
     def watch(self, environment: Any, time_s: float) -> None:
@@ -64,7 +63,7 @@ class ProvenanceKeeper:
         self._digest.look(model, data)
         self.next_time_s = time_s + LOOK_EVERY_S
         begins, self._data = self._data is None, data
-        if not begins and not self._has_written:
+        if begins:
             self._write()
 
     def close(self, ended_by: str | None) -> Findings:
@@ -102,7 +101,6 @@ class ProvenanceKeeper:
         self._write()
 
     def _write(self, **members: Any) -> None:
-        self._has_written = True
         if self._world_sha256 is None and self._plan.world_dir is not None:
             self._world_sha256 = digest_of_folder(self._plan.world_dir)
         provenance = Provenance(
