@@ -54,6 +54,13 @@ def read_map(path: Path) -> OccupancyMap:
         description = YAML(typ="safe").load(path.read_text())
     except YAMLError as error:
         raise ValueError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    try:
+        return _made_of(path, description)
+    except TypeError as error:
+        raise ValueError(f"{path}: a member is of another kind than a map server's: {error}") from error
+
+
+def _made_of(path: Path, description: Any) -> OccupancyMap:
     resolution_m = float(_member(path, description, "resolution"))
     x, y, yaw = (float(value) for value in _member(path, description, "origin"))
     if yaw:
@@ -66,7 +73,8 @@ def read_map(path: Path) -> OccupancyMap:
     # The picture's first row is the northernmost.
     northwards = np.flipud(occupancy)
     free = northwards < float(_member(path, description, "free_thresh"))
-    occupied = northwards > float(_member(path, description, "occupied_thresh"))
+    occupied_from = description.get("occupied_thresh")
+    occupied = northwards > float(occupied_from) if occupied_from is not None else None
     return OccupancyMap(free, resolution_m, (x, y), occupied)
 
 

@@ -48,6 +48,8 @@ def test_points_and_cells_belong_together(tmp_path: Path) -> None:
         ("resolution: 0.1", "resolution: 0", "resolution: 0.0 is not a length"),
         ("free_thresh: 0.196", "", "free_thresh is missing"),
         ("origin: [", "origin: [[", "is no YAML: .*line"),
+        ("resolution: 0.1", "resolution: [0.1]", "a member is of another kind"),
+        ("origin: [-1.0, 2.0, 0.0]", "origin: 3", "a member is of another kind"),
     ],
 )
 def test_a_wrong_description_is_named(tmp_path: Path, wrong: str, right: str, message: str) -> None:
