@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -345,7 +345,8 @@ def test_whoever_takes_over_ends_a_container_that_nobody_was_left_to_end(
         await_status(arn, "Running")
         wait_for(lambda: log_says(service, "ready"), "the container")
         for pid in (performer.pid, *descendants(performer.pid)):
-            os.kill(pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # some live for a moment only
+                os.kill(pid, signal.SIGKILL)
     [left] = engine.containers(name)
 
     with performed_meanwhile(service, arn):
