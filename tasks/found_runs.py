@@ -1,5 +1,6 @@
 """Finding a stored run by the ARN or id of its job, by a place in the store, or by a folder."""
 
+import errno
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -11,16 +12,20 @@ from pydantic import ValidationError
 
 from ..schemas.arns import ResourceArn
 from ..schemas.errors import ConfigurationError, ObjectNotFoundError, StorageError
+from ..schemas.lifecycles import is_terminal
 from ..schemas.provenance import PROVENANCE_FILE
 from .catalog import Resource
 from .runtime.action_log import ACTIONS_FILE
 from .runtime.digest import DIGEST_FILE
+from .runtime.left_files import open_left
 from .runtime.replay import RunOutputs, read_outputs
 from .runtime.results import RESULT_FILE
 from .service import Service
 from .storage.naming import join_key
 
 _KIND = "simulation-job"
+_NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
+"""A link, a folder or FIFO, a socket."""
 _WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE)
 
 
@@ -44,13 +49,14 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
       service: where it is stored.
 
     Raises:
-      ConfigurationError: that names no run.
+      ConfigurationError: that names no run, or one that has not ended.
       ResourceNotFoundException: there is no such job.
       StorageError: its outputs cannot be read.
     """
     with scratch_folder(service) as scratch:
         job = _job_of(reference, service)
         if job is not None:
+            _check_ended(job)
             _fetch_of_job(job, scratch, service)
         elif reference.startswith("s3://"):
             bucket, _, prefix = reference.removeprefix("s3://").partition("/")
@@ -59,7 +65,10 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
             _copy(Path(reference), scratch)
         outputs = _read(scratch, reference)
         if job is None:
-            job = service.catalog.get_many([outputs.provenance.plan.job_arn]).get(outputs.provenance.plan.job_arn)
+            plan = outputs.provenance.plan
+            job = service.catalog.get_many([plan.job_arn]).get(plan.job_arn)
+            if job is not None and job.document.get("runId") == plan.run_id:  # earlier runs of it have ended
+                _check_ended(job)
         yield FoundRun(outputs, scratch, job)
 
 
@@ -69,6 +78,14 @@ def _job_of(reference: str, service: Service) -> Resource | None:
     if reference.startswith("sim-") and "/" not in reference and not Path(reference).exists():
         return service.catalog.get(service.arn(_KIND, reference), kind=_KIND)
     return None
+
+
+def _check_ended(job: Resource) -> None:
+    """A run that goes on has files that are half written, and containers and sockets that its rerun would take."""
+    if not is_terminal(job.kind, job.status):
+        raise ConfigurationError(
+            f"{job.arn} has not ended, it is {job.status}: wait until it is Completed, Failed or Canceled, or cancel it"
+        )
 
 
 def _fetch_of_job(job: Resource, folder: Path, service: Service) -> None:
@@ -98,8 +115,19 @@ def _copy(outputs: Path, folder: Path) -> None:
             f"{str(outputs)!r} is no run: name the ARN or the id of a simulation job, s3://BUCKET/PREFIX or a folder"
         )
     for name in _WRITTEN_DOWN:
-        if (outputs / name).is_file():
-            shutil.copyfile(outputs / name, folder / name)
+        _copy_left(outputs / name, folder / name)
+
+
+def _copy_left(file: Path, copy: Path) -> None:
+    """Copies a file of outputs, which applications may write to; what is none is not followed, nor waited for."""
+    try:
+        with open_left(file) as left, copy.open("xb") as right:
+            shutil.copyfileobj(left, right)
+    except FileNotFoundError:
+        return  # runs without physics and failed ones lack some
+    except OSError as error:
+        why = "is a link or something else that no run writes" if error.errno in _NO_FILE else error.strerror
+        raise StorageError(f"its outputs cannot be read: {file} {why}") from error
 
 
 def _read(folder: Path, reference: str) -> RunOutputs:

@@ -1,17 +1,23 @@
 """Runs that are run again: the same to the bit, or it is said from when on and where not, or why nobody can tell."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from swing_fixtures import outputs_of, upload_swinger
 
-from prefect_robomaker.schemas.errors import ConfigurationError, ResourceNotFoundException
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.schemas.errors import ConfigurationError, ResourceNotFoundException, StorageError
+from prefect_robomaker.tasks.found_runs import found_run
+from prefect_robomaker.tasks.job_runs import perform_job
 from prefect_robomaker.tasks.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.service import Service
 
@@ -117,6 +123,57 @@ def test_what_is_no_run_is_said(service: Service, tmp_path: Path) -> None:
         verify_run(str(tmp_path), service)
     with pytest.raises(ResourceNotFoundException):
         verify_run("sim-000000000000", service)
+
+
+@pytest.fixture
+def going_on(service: Service, swing: Simulate) -> Iterator[tuple[dict[str, Any], Path]]:
+    """A job that somebody performs, and the folder of its outputs."""
+    job = swing(perform=False, TIME_LIMIT_S="3600", SLEEP_S="0.005")
+    performer = threading.Thread(target=perform_job, args=[job["arn"], service])
+    performer.start()
+    deadline = time.monotonic() + 30
+    while not (found := list((service.settings.home / "jobs").glob("*/*/output/provenance.json"))):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    yield job, found[0].parent
+    call("CancelSimulationJob", {"job": job["arn"]}, service)
+    performer.join()
+
+
+def test_a_run_that_has_not_ended_is_left_alone(
+    service: Service, going_on: tuple[dict[str, Any], Path], tmp_path: Path
+) -> None:
+    job, folder = going_on
+    for reference in (job["arn"], job["name"], str(folder)):
+        with pytest.raises(ConfigurationError, match=f"{job['name']} has not ended, it is Running: wait until it is"):
+            verify_run(reference, service)
+    with pytest.raises(ConfigurationError, match="has not ended"):
+        reproduce_run(job["arn"], tmp_path / "repro", service)
+    assert not (tmp_path / "repro").exists()
+    earlier = shutil.copytree(folder, service.folder("scratch") / "earlier")
+    document = json.loads((earlier / "provenance.json").read_text())
+    document["plan"]["run_id"] = "2026-01-01T00-00-00-000000Z"
+    (earlier / "provenance.json").write_text(json.dumps(document))
+    with found_run(str(earlier), service) as run:  # one before the job was restarted has ended
+        assert run.job is not None
+        assert run.job.arn == job["arn"]
+
+
+@pytest.mark.parametrize("name", ["provenance.json", "result.json", "actions.bin"])
+def test_what_stands_in_the_place_of_outputs_is_not_read(
+    service: Service, swing: Simulate, tmp_path: Path, name: str
+) -> None:
+    """Applications write to the folder too."""
+    folder = shutil.copytree(outputs_of(service, swing()), tmp_path / "outputs")
+    (tmp_path / "secret").write_text((folder / "result.json").read_text())
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(tmp_path / "secret")
+    with pytest.raises(StorageError, match=f"cannot be read: .*{name} is a link or something else that no run writes"):
+        verify_run(str(folder), service)
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    with pytest.raises(StorageError, match=f"cannot be read: .*{name} is a link or something else that no run writes"):
+        verify_run(str(folder), service)
 
 
 def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swing: Simulate, tmp_path: Path) -> None:
