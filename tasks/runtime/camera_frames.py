@@ -17,13 +17,16 @@ from .display_messages import CameraInfo
 
 CAMERA_FRAME, OPTICAL_FRAME = "camera_link", "camera_optical_frame"
 WORLD = "world"
-"""What MuJoCo calls the body that everything fixed belongs to."""
+"""What MuJoCo calls the body that everything fixed belongs to, its body 0."""
 
 TO_OPTICAL = ros.Transform(rotation=ros.Quaternion(-0.5, 0.5, -0.5, 0.5))
 """From a camera's frame to its optical one."""
 
 _FROM_MUJOCO = np.array((0.5, -0.5, 0.5, 0.5))
 """From the axes of MuJoCo's cameras (x to the right, y up, looking along -z) to a camera's frame; w first."""
+
+_BODY = mujoco.mjtObj.mjOBJ_BODY.value
+_AS = ', such as {"world": "map", "chassis": "base_link"}'
 
 
 class Mount(NamedTuple):
@@ -37,23 +40,42 @@ class Mount(NamedTuple):
     """Whether it always stays there."""
 
 
-def frames_of(environment: Any) -> Mapping[str, str]:
-    """Returns which bodies of an environment have a frame that `/tf` tells of; one of them is the world.
+def frames_of(environment: Any, model: mujoco.MjModel) -> Mapping[int, str]:
+    """Returns which bodies of an environment have a frame that `/tf` tells of, by number; one of them is the world.
+
+    Args:
+        environment: It may have `tf_frames`: frames by names of bodies, or by numbers of those without a name. Bodies
+            that the model does not have are left out.
+        model: Its model.
 
     Raises:
-        TypeError: Its `tf_frames` is no mapping.
+        TypeError: Its `tf_frames` is no such thing.
     """
     named = getattr(environment, "tf_frames", {})
     if not isinstance(named, Mapping):
         raise TypeError(
-            f"the environment's tf_frames is a {type(named).__name__}; it has to name frames by bodies, such as "
-            '{"world": "map", "chassis": "base_link"}'
+            f"the environment's tf_frames is a {type(named).__name__}; it has to name frames by bodies{_AS}"
         )
-    return {WORLD: WORLD, **named}
+    found = {0: WORLD}
+    for body, frame in named.items():
+        if not _is_text(body) and not isinstance(body, int | np.integer):
+            raise TypeError(
+                f"the environment's tf_frames has a frame for {body!r}; bodies have to be given by name or number{_AS}"
+            )
+        if not _is_text(frame):
+            raise TypeError(
+                f"the environment's tf_frames names {frame!r} for {body!r}; a frame has to be printable text{_AS}"
+            )
+        found[mujoco.mj_name2id(model, _BODY, body) if isinstance(body, str) else int(body)] = frame
+    return {body: frame for body, frame in found.items() if 0 <= body < model.nbody}
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and value != "" and value.isprintable()
 
 
 def find_mount(
-    model: mujoco.MjModel, view: mujoco.MjvCamera, scene: mujoco.MjvScene, frames: Mapping[str, str]
+    model: mujoco.MjModel, view: mujoco.MjvCamera, scene: mujoco.MjvScene, frames: Mapping[int, str]
 ) -> Mount:
     """Returns where a camera is.
 
@@ -64,7 +86,7 @@ def find_mount(
         model: The model.
         view: The camera.
         scene: What `mjv_updateCamera` says of it.
-        frames: Names of frames by names of bodies.
+        frames: Names of frames by numbers of bodies; the world has one.
     """
     if view.type == mujoco.mjtCamera.mjCAMERA_FIXED.value:
         fixed = _fixed_mount(model, view.fixedcamid, frames)
@@ -75,7 +97,7 @@ def find_mount(
     ahead, up = np.asarray(eye.forward, dtype=float), np.asarray(eye.up, dtype=float)
     turn = np.zeros(4)
     mujoco.mju_mat2Quat(turn, np.column_stack((ahead, np.cross(up, ahead), up)).ravel())
-    return Mount(frames[WORLD], transform_of(place, turn), is_fixed=False)
+    return Mount(frames[0], transform_of(place, turn), is_fixed=False)
 
 
 def camera_info(header: ros.Header, scene: mujoco.MjvScene, size: tuple[int, int]) -> CameraInfo | None:
@@ -112,7 +134,7 @@ def transform_of(place: Any, turn: Any) -> ros.Transform:
     return ros.Transform(ros.Vector3(*map(float, place)), ros.Quaternion(x, y, z, w))
 
 
-def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[str, str]) -> Mount | None:
+def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[int, str]) -> Mount | None:
     """Where a camera is fixed to; None where it moves on what has a frame."""
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value:
         return None
@@ -120,7 +142,7 @@ def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[str, str]) 
     place, turn = np.array(model.cam_pos[camera]), np.zeros(4)
     mujoco.mju_mulQuat(turn, model.cam_quat[camera], _FROM_MUJOCO)
     body = int(model.cam_bodyid[camera])
-    while (name := model.body(body).name) not in frames:
+    while body not in frames:
         if model.body_jntnum[body] or model.body_mocapid[body] >= 0:
             return None
         turned, place_before, turn_before = np.zeros(3), place, np.array(turn)
@@ -128,4 +150,4 @@ def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[str, str]) 
         place = model.body_pos[body] + turned
         mujoco.mju_mulQuat(turn, model.body_quat[body], turn_before)
         body = int(model.body_parentid[body])
-    return Mount(frames[name], transform_of(place, turn), is_fixed=True)
+    return Mount(frames[body], transform_of(place, turn), is_fixed=True)

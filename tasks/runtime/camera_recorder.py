@@ -71,7 +71,7 @@ class CameraRecorder:
             filming, data = self._aimed(environment)
             picture = _jpeg(filming.picture(data))
             view = filming.look(data, self._scene)
-            mount = find_mount(filming.model, view, self._scene, frames_of(environment))
+            mount = find_mount(filming.model, view, self._scene, frames_of(environment, filming.model))
         except Exception:
             self.next_time_s = math.inf
             self._error = traceback.format_exc(limit=0).strip().splitlines()[-1]

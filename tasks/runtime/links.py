@@ -29,7 +29,7 @@ class Link:
     body: int
     parent_frame: str
     frame: str
-    """The body's name in the model."""
+    """The body's name in the model, or `link_` and its number."""
 
     start: _Pose
     """Where it is in the parent's frame while its joints are as in the model."""

@@ -41,8 +41,8 @@ class IndoorNavigation(ResumableEnvironment):
             self.video_camera = f"{robot.prefix}{robot.video_camera}"
 
     @cached_property
-    def tf_frames(self) -> dict[str, str]:
-        """Frames of bodies; a recording's `/tf` tells where they are."""
+    def tf_frames(self) -> dict[int, str]:
+        """Frames by numbers of bodies; a recording's `/tf` tells where they are."""
         return frames_of_bodies(self.robot, self.physics.model.ptr)
 
     def run_result(self) -> EnvironmentReport:

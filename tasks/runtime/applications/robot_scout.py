@@ -23,10 +23,10 @@ TRACK_WIDTH_M = 0.22
 """Distance between the points where the wheels touch the floor."""
 
 LIDAR_HEIGHT_M = 0.13
+"""Of the lidar's plane over the floor; low enough to see most of what can lie around in a home."""
+
 LIDAR = Lidar(LIDAR_HEIGHT_M)
 """Every fifth of a second 360 rays, 0.06 to 3.5 m, as of the LDS-01 of a TurtleBot3."""
-
-"""Of the lidar's plane over the floor; low enough to see most of what can lie around in a home."""
 
 MAX_LINEAR_MPS = 0.55
 MAX_ANGULAR_RADPS = 2.2

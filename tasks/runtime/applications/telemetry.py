@@ -53,10 +53,9 @@ def links_of(robot: Robot, model: mujoco.MjModel) -> Links:
     return Links(model, model.body(moving_body(robot)).id, BASE_FRAME, _wheels(robot, model))
 
 
-def frames_of_bodies(robot: Robot, model: mujoco.MjModel) -> dict[str, str]:
-    """Returns the frames that `/tf` tells of, by names of bodies in a compiled world with the robot."""
-    links = {model.body(body).name: frame for body, frame in links_of(robot, model).frame_of.items()}
-    return {"world": MAP_FRAME, moving_body(robot): BASE_FRAME, **links}
+def frames_of_bodies(robot: Robot, model: mujoco.MjModel) -> dict[int, str]:
+    """Returns the frames that `/tf` tells of, by numbers of bodies in a compiled world: not all of them have names."""
+    return {0: MAP_FRAME, model.body(moving_body(robot)).id: BASE_FRAME, **links_of(robot, model).frame_of}
 
 
 def _wheels(robot: Robot, model: mujoco.MjModel) -> list[int]:

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from rosbags.highlevel import AnyReader
 
+from prefect_robomaker.tasks.runtime.camera_frames import find_mount, frames_of
 from prefect_robomaker.tasks.runtime.camera_recorder import CameraRecorder
 from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording
+from prefect_robomaker.tasks.runtime.links import Links
 from prefect_robomaker.tasks.runtime.recording import McapRecorder
 
 MODEL = """
@@ -140,3 +142,27 @@ def test_a_camera_looks_along_its_own_x(tmp_path: Path) -> None:
     assert matrix(camera)[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
     # Ahead, left and up as the optical frame has them: z, -x, -y (REP 103).
     assert np.linalg.inv(matrix(optical))[:3, :3] == pytest.approx(np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]]))
+
+
+def test_bodies_without_names_are_told_apart() -> None:
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <body><freejoint/><geom size=".1"/>
+        <body pos="1 0 0"><joint axis="0 0 1"/><geom size=".1"/><camera/></body>
+        <body pos="0 1 0"><joint axis="0 0 1"/><geom size=".1"/></body></body>
+      <body pos="5 5 1"><freejoint/><geom size=".1"/><camera/></body>
+    </worldbody></mujoco>""")
+    environment = SimpleNamespace(
+        tf_frames={1: "base_link", **Links(model, 1, "base_link").frame_of, "gone": "x", 9: "y"}
+    )
+    frames = frames_of(environment, model)
+    data, scene, view = mujoco.MjData(model), mujoco.MjvScene(model, maxgeom=1), mujoco.MjvCamera()
+    mujoco.mj_forward(model, data)
+
+    mounts = []
+    for view.fixedcamid in (0, 1):
+        view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        mujoco.mjv_updateCamera(model, data, view, scene)
+        mounts.append(find_mount(model, view, scene, frames))
+
+    assert frames == {0: "world", 1: "base_link", 2: "link_2", 3: "link_3"}
+    assert [(mount.parent, mount.is_fixed) for mount in mounts] == [("link_2", True), ("world", False)]

@@ -89,11 +89,22 @@ def test_a_camera_that_is_not_there_is_a_remark(environment: Any, tmp_path: Path
     assert "'elsewhere'" in findings.extra["camera_error"]
 
 
-def test_frames_that_are_none_are_a_remark(environment: Any, tmp_path: Path) -> None:
-    environment.tf_frames = ["base_link"]
+@pytest.mark.parametrize(
+    ("frames", "remark"),
+    [
+        (["base_link"], "tf_frames is a list; it has to name frames by bodies"),
+        ({"world": 7}, "tf_frames names 7 for 'world'; a frame has to be printable text"),
+        ({"world": ""}, "tf_frames names '' for 'world'; a frame has to be printable text"),
+        ({"world": "map\ud800"}, "tf_frames names 'map\\ud800' for 'world'; a frame has to be printable text"),
+        ({"": "base_link"}, "tf_frames has a frame for ''; bodies have to be given by name or number"),
+        ({None: "base_link"}, "tf_frames has a frame for None; bodies have to be given by name or number"),
+    ],
+)
+def test_frames_that_are_none_are_a_remark(environment: Any, tmp_path: Path, frames: Any, remark: str) -> None:
+    environment.tf_frames = frames
     messages, findings = run(environment, tmp_path, CameraRecording(1.0))
     assert messages == []
-    assert "tf_frames is a list; it has to name frames by bodies" in findings.extra["camera_error"]
+    assert remark in findings.extra["camera_error"]
 
 
 def planned(make_plan: Callable[..., RunPlan], **variables: str) -> RunPlan:

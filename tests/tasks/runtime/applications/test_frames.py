@@ -10,10 +10,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
-from robot_stands import CART_MAPPING, write_robot
+from robot_stands import CART, CART_MAPPING, write_robot
 
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.camera_recorder import CameraRecorder
+from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording
 from prefect_robomaker.tasks.runtime.recording import McapRecorder
 
 PLANAR = """<mujoco><worldbody><body name="chassis" pos="0 0 0.1">
@@ -116,6 +118,35 @@ def test_limbs_have_frames_that_cameras_can_be_fixed_to(make_context: Any, tmp_p
     assert set(environment.tf_frames.values()) == {"map", *(each.child_frame_id for each in last)}
     mujoco.mj_kinematics(model, data)
     for body, frame in environment.tf_frames.items():
-        if body != "world":
+        if body != 0:
             assert places[frame][:3, 3] == pytest.approx(data.body(body).xpos, abs=1e-9)
             assert places[frame][:3, :3] == pytest.approx(data.body(body).xmat.reshape(3, 3), abs=1e-9)
+
+
+def test_a_camera_on_a_limb_without_a_name_is_fixed_to_that_limb(make_context: Any, tmp_path: Path) -> None:
+    limb = '<body><joint name="lift" axis="0 -1 0" range="-1 1"/><camera name="wrist" pos="0.05 0 0"/>'
+    other = '<body pos="-0.1 0 0.05"><joint name="nod" axis="0 1 0"/><geom size="0.01" mass="0.01"/></body>'
+    model = CART.replace('<body name="arm" pos="0 0 0.03"><joint name="lift" axis="0 -1 0" range="-1 1"/>', limb)
+    model = model.replace("</body></worldbody>", f"{other}</body></worldbody>").replace('0 0 0 0.5"', '0 0 0 0.5 0"')
+    robot = write_robot(tmp_path / "bundle", CART_MAPPING, cart_xml=model)
+    with McapRecorder(tmp_path / "recording.mcap") as recorder:
+        context = make_context(recorder=recorder)
+        plan = context.plan.model_copy(update={"robot_application": robot})
+        environment = make_environment(replace(context, plan=plan))
+        environment.reset()
+        camera = CameraRecorder(recorder, CameraRecording(1.0, f"{environment.robot.prefix}wrist"), None)
+        camera.watch(environment, 0.0)
+        assert camera.close("agent").extra == {}
+
+    with (tmp_path / "recording.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        transforms = [
+            each
+            for item in reader.iter_decoded_messages(topics=["/tf_static"])
+            for each in item.decoded_message.transforms
+            if each.child_frame_id == "camera_link"
+        ]
+
+    limb_body = int(environment.physics.model.joint(f"{environment.robot.prefix}lift").bodyid[0])
+    assert [each.header.frame_id for each in transforms] == [f"link_{limb_body}"]
+    assert transforms[0].transform.translation.x == pytest.approx(0.05)
