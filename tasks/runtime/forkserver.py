@@ -20,6 +20,7 @@ import os
 import signal
 import socket
 import sys
+import time
 import traceback
 from contextlib import suppress
 from multiprocessing.connection import wait
@@ -88,11 +89,12 @@ class _Supervisors:
     def serve(self) -> None:
         """Gives runs to supervisors and buries these until the launcher is gone."""
         while True:
-            idle_s = None if self._standing_by else _FORK_AHEAD_AFTER_S
-            ready = wait([self._control, *self._alive], idle_s)
+            ready = wait([self._control, *self._alive], self._patience_s())
             if not ready:
-                with suppress(OSError):  # no more processes for now; the next run tries again
+                try:
                     self._standing_by = self._fork()
+                except OSError:  # no more processes for now
+                    time.sleep(_FORK_AHEAD_AFTER_S)
             for pidfd in self._alive.keys() & set(ready):
                 self._bury(pidfd)
             if self._control in ready:
@@ -105,6 +107,12 @@ class _Supervisors:
                     os.close(descriptors[0])  # which tells the launcher that the run did not begin
         if self._standing_by:
             self._dismiss(self._standing_by)
+
+    def _patience_s(self) -> float | None:
+        """For how long nothing has to happen before there is time to fork ahead."""
+        if self._standing_by:
+            return None
+        return _FORK_AHEAD_AFTER_S if self._alive else 0.0
 
     def _supervise(self, descriptor: int) -> None:
         """Gives a run to the supervisor that waits for one, or to a new one."""
