@@ -7,20 +7,39 @@ import os
 import re
 import socket
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple, NoReturn
+from xml.parsers import expat
 
 Ros = Literal[1, 2]
+_KINDS: tuple[Ros, ...] = (1, 2)
 
 MASTER_VARIABLE, HOST_VARIABLE = "ROS_MASTER_URI", "ROS_HOSTNAME"
 _XML = (".launch", ".launch.xml")
 _ONLY_ROS_2 = (".launch.py", ".launch.yaml", ".launch.yml")
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_OF_ROS_1 = re.compile(r"<node\b[^>]*\stype\s*=|\$\((?:find|arg|optenv|anon)\s|<(?:rosparam|machine|test)\b")
-_OF_ROS_2 = re.compile(
-    r"<node\b[^>]*\sexec\s*=|\$\((?:find-pkg-share|find-pkg-prefix|var|exec-in-pkg)\s|<(?:let|executable|node_container)\b"
-)
+
+
+class _Marks(NamedTuple):
+    """What only launch files of one ROS have."""
+
+    tags: frozenset[str]
+    program: str
+    """The attribute of a node that says what it runs."""
+    substitutions: re.Pattern[str]
+
+
+_MARKS: Mapping[Ros, _Marks] = {
+    1: _Marks(frozenset({"rosparam", "machine", "test"}), "type", re.compile(r"\$\((?:find|arg|optenv|anon)\s")),
+    2: _Marks(
+        frozenset({"let", "executable", "node_container"}),
+        "exec",
+        re.compile(r"\$\((?:find-pkg-share|find-pkg-prefix|var|exec-in-pkg)\s"),
+    ),
+}
 _DESCRIBES_A_LAUNCH = re.compile(r"^def generate_launch_description\b", re.MULTILINE)
+_MOST_BYTES = 1 << 20
+"""Read of a launch file; those that people write have a few thousand."""
 
 
 def is_launch_file(file: str, path: Path | None) -> bool:
@@ -34,7 +53,7 @@ def is_launch_file(file: str, path: Path | None) -> bool:
         return True
     if path is None or not file.endswith(".py"):
         return False
-    return _DESCRIBES_A_LAUNCH.search(path.read_text(errors="replace")) is not None
+    return _DESCRIBES_A_LAUNCH.search(_beginning(path).decode(errors="replace")) is not None
 
 
 def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
@@ -47,11 +66,48 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
     if not file.endswith(_XML):
         return (2,)
     if path is not None:
-        text = _COMMENT.sub("", path.read_text(errors="replace"))
-        of_1, of_2 = _OF_ROS_1.search(text) is not None, _OF_ROS_2.search(text) is not None
-        if of_1 != of_2:
-            return (1,) if of_1 else (2,)
+        found = _kinds_in(_beginning(path))
+        if len(found) == 1:
+            return tuple(found)
     return (2, 1) if file.endswith(".launch.xml") else (1, 2)
+
+
+def _beginning(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_MOST_BYTES)
+
+
+def _kinds_in(content: bytes) -> set[Ros]:
+    """The kinds of ROS that XML has something of, as far as it can be read.
+
+    The parser rather than expressions: those that find what belongs to a tag take a time that is quadratic in its
+    length, or are wrong about `>` in attributes. Entities are not expanded: who declares some is read up to there.
+    """
+    found: set[Ros] = set()
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        found.update(ros for ros in _KINDS if _is_marked(tag, attributes, _MARKS[ros]))
+
+    def text_between(text: str) -> None:
+        found.update(ros for ros in _KINDS if _MARKS[ros].substitutions.search(text))
+
+    def refuse(*_: object) -> NoReturn:
+        raise ValueError("entities are declared")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.CharacterDataHandler, parser.EntityDeclHandler = start, text_between, refuse
+    with suppress(expat.ExpatError, LookupError, ValueError):  # such as an encoding that nobody knows
+        parser.Parse(content, False)
+    return found
+
+
+def _is_marked(tag: str, attributes: Mapping[str, str], marks: _Marks) -> bool:
+    return (
+        tag in marks.tags
+        or (tag == "node" and marks.program in attributes)
+        or any(marks.substitutions.search(value) for value in attributes.values())
+    )
 
 
 def node_variables(
