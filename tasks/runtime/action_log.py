@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import BinaryIO, Literal, NamedTuple
 
 import numpy as np
 import zstandard
@@ -48,14 +48,36 @@ class ActionLogError(ValueError):
     """A log that cannot be read; says why."""
 
 
+_Bound = bool | int | float | None
+
+
+class ActionArray(Model):
+    """One array of an action, as the greeting of the simulation says it."""
+
+    path: list[str | int] = Field(description="Keys that lead to it; empty when it is all there is.")
+    dtype: str = Field(description="Type of its items, `float64`; little-endian.")
+    shape: list[int] = Field(description="Length of each dimension.")
+    offset: int = Field(ge=0, description="Where it begins, in bytes from the action's first.")
+    minimum: _Bound | list[_Bound] = Field(default=None, description="Lower bound of all items, or of each.")
+    maximum: _Bound | list[_Bound] = Field(default=None, description="Upper bound of all items, or of each.")
+    description: str | None = Field(default=None, description="The name that the environment gives it.")
+
+    def __str__(self) -> str:
+        """Its form in words: `grip: bool[]`, or `float64[2]` when it is all there is."""
+        where = "/".join(map(str, self.path))
+        return (f"{where}: " if where else "") + f"{self.dtype}{self.shape}"
+
+
 class ActionLogHeader(Model):
     """What the actions of a log are."""
 
     mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each of them.")
     size: int = Field(ge=0, le=_MOST_ACTION_BYTES, description="Bytes of one action.")
-    arrays: list[dict[str, Any]] = Field(
-        description="What it holds, as the greeting of the simulation says it; offsets count from its first byte."
-    )
+    arrays: list[ActionArray] = Field(description="What it holds.")
+
+    def __str__(self) -> str:
+        """The form of an action in words: `grip: bool[], wheels: float32[4]`."""
+        return ", ".join(map(str, self.arrays)) or "nothing"
 
 
 def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHeader:
@@ -64,7 +86,7 @@ def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHea
     return ActionLogHeader(
         mode=mode,
         size=layout.size - ACTION_HEADER.size,
-        arrays=[{**array, "offset": array["offset"] - ACTION_HEADER.size} for array in arrays],
+        arrays=[ActionArray(**{**array, "offset": array["offset"] - ACTION_HEADER.size}) for array in arrays],
     )
 
 
@@ -95,7 +117,9 @@ class ActionLog:
         except OSError as error:
             raise ActionLogError(f"{path} cannot be read: {error}") from error
         except ValidationError as error:
-            raise ActionLogError(f"{path} is no log of actions: {error.errors()[0]['msg']}") from error
+            problem = error.errors()[0]
+            where = ".".join(map(str, problem["loc"])) or "its header"
+            raise ActionLogError(f"{path} is no log of actions: {where}: {problem['msg']}") from error
 
     def __iter__(self) -> Iterator[bytes]:
         """Yields the actions in order, up to the last whole chunk."""

@@ -37,7 +37,7 @@ class ActionLogWriter:
         """Number of the first of them."""
         path.unlink(missing_ok=True)  # it may be a link that an application has left
         self._file: BinaryIO = path.open("xb", buffering=0)
-        line = json.dumps(header.model_dump(), separators=(",", ":"), allow_nan=False)
+        line = json.dumps(header.model_dump(exclude_none=True), separators=(",", ":"), allow_nan=False)
         self._end = self._chunk_begin = self._write(0, MAGIC + line.encode() + b"\n")
 
     def add(self, action: bytes) -> None:

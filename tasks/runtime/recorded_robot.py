@@ -58,7 +58,7 @@ class RecordedRobot:
         layout = action_layout(environment)
         if _form(header_of(self._log.header.mode, layout)) != _form(self._log.header):
             raise LaunchError(
-                f"the recorded actions of robot application {self._robot} are {_words(self._log.header)}; this "
+                f"the recorded actions of robot application {self._robot} are {self._log.header}; this "
                 f"environment takes {layout.summary()}",
                 _INVALID,
             )
@@ -99,13 +99,4 @@ class RecordedRobot:
 
 def _form(header: ActionLogHeader) -> list[tuple[Any, ...]]:
     """What has to be the same for actions to mean the same."""
-    return [(array.get("path"), array.get("dtype"), array.get("shape"), array.get("offset")) for array in header.arrays]
-
-
-def _words(header: ActionLogHeader) -> str:
-    return ", ".join(
-        ": ".join(
-            [*(["/".join(map(str, array["path"]))] if array["path"] else []), f"{array['dtype']}{array['shape']}"]
-        )
-        for array in header.arrays
-    )
+    return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

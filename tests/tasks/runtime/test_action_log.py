@@ -8,6 +8,7 @@ import subprocess
 import sys
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,6 +55,12 @@ def write(path: Path, actions: list[bytes], header: ActionLogHeader = WHEELS, *,
         writer.abandon()
 
 
+def header_line(arrays: list[Any]) -> bytes:
+    """What a log begins with."""
+    header = {"mode": "lockstep", "size": 16, "arrays": arrays}
+    return b"robomaker actions 1\n" + json.dumps(header).encode() + b"\n"
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     count=st.one_of(st.integers(0, 5), st.integers(CHUNK_ACTIONS - 2, 2 * CHUNK_ACTIONS + 2)),
@@ -77,9 +84,10 @@ def test_what_was_done_is_read_to_the_bit(
 
 
 def test_the_beginning_says_what_actions_are(tmp_path: Path) -> None:
-    spec = {"grip": specs.Array((), bool), "wheels": specs.BoundedArray((2,), np.float32, -1, 1, name="left, right")}
-    header = header_of("free", Layout(spec, ACTION_HEADER.size))
+    wheels = specs.BoundedArray((2,), np.float32, -1, [1, np.inf], name="left, right")
+    header = header_of("free", Layout({"grip": specs.Array((), bool), "wheels": wheels}, ACTION_HEADER.size))
     write(tmp_path / "actions.bin", [], header)
+    assert ActionLog(tmp_path / "actions.bin").header == header
     name, line = (tmp_path / "actions.bin").read_bytes().splitlines()
     assert name == b"robomaker actions 1"
     assert json.loads(line) == {
@@ -88,7 +96,8 @@ def test_the_beginning_says_what_actions_are(tmp_path: Path) -> None:
         "arrays": [
             {"path": ["grip"], "dtype": "bool", "shape": [], "offset": 0},
             {
-                "path": ["wheels"], "dtype": "float32", "shape": [2], "offset": 8, "minimum": -1.0, "maximum": 1.0,
+                "path": ["wheels"], "dtype": "float32", "shape": [2], "offset": 8, "minimum": -1.0,
+                "maximum": [1.0, None],
                 "description": "left, right",
             },
         ],
@@ -197,11 +206,21 @@ def test_lengths_that_cannot_be_are_not_believed(tmp_path: Path, head: tuple[byt
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"robomaker digest 1\n", b"robomaker actions 1\n", b"robomaker actions 1\n{}\n"]
+    ("content", "problem"),
+    [
+        (b"", ""),
+        (b"robomaker digest 1\n", ""),
+        (b"robomaker actions 1\n", ": its header: Invalid JSON"),
+        (b"robomaker actions 1\n{}\n", ": mode: Field required"),
+        (header_line([{"dtype": "float64", "shape": [2], "offset": 0}]), ": arrays.0.path: Field required"),
+        (header_line([{"path": [], "dtype": "float64", "shape": "2", "offset": 0}]), ": arrays.0.shape: Input should"),
+        (header_line(["float64[2]"]), ": arrays.0: Input should"),
+    ],
 )
-def test_what_is_no_log_is_said(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_log_is_said(tmp_path: Path, content: bytes, problem: str) -> None:
+    """Outputs may come from anybody."""
     (tmp_path / "actions.bin").write_bytes(content)
-    with pytest.raises(ActionLogError, match="is no log of actions"):
+    with pytest.raises(ActionLogError, match=f"is no log of actions{problem}"):
         ActionLog(tmp_path / "actions.bin")
     assert actions_summary(tmp_path) is None
 

@@ -126,3 +126,15 @@ def test_what_is_no_log_is_said(make_plan: MakePlan, repeat: Repeat, tmp_path: P
     outcome, _ = repeat(make_plan(robot_application=DRIVER), path=tmp_path / "gone.bin")
     assert "the recorded actions of robot application driver: " in (outcome.failure_reason or "")
     assert "gone.bin cannot be read" in (outcome.failure_reason or "")
+
+
+def test_a_log_that_does_not_say_what_its_actions_are_is_no_log(
+    make_plan: MakePlan, repeat: Repeat, tmp_path: Path
+) -> None:
+    forged = tmp_path / "forged.bin"
+    array = '{"dtype": "float64", "shape": [1], "offset": 0}'
+    forged.write_text(f'robomaker actions 1\n{{"mode": "lockstep", "size": 8, "arrays": [{array}]}}\n')
+    outcome, _ = repeat(make_plan(robot_application=DRIVER), path=forged)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "InvalidInput")
+    said = "the recorded actions of robot application driver: "
+    assert f"{said}{forged} is no log of actions: arrays.0.path: Field required" in (outcome.failure_reason or "")
