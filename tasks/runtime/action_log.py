@@ -14,7 +14,6 @@ import hashlib
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
 
@@ -140,13 +139,6 @@ class ActionLog:
             sha256, size_bytes = hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
         actions = sum(1 for _ in self)
         return ActionsSummary(mode=self.header.mode, actions=actions, size_bytes=size_bytes, sha256=sha256)
-
-
-def actions_summary(output_dir: Path) -> ActionsSummary | None:
-    """Summary of the log in a run's outputs; None when there is none that can be read."""
-    with suppress(ActionLogError, OSError):
-        return ActionLog(output_dir / ACTIONS_FILE).summary()
-    return None
 
 
 class _Head(NamedTuple):

@@ -1,5 +1,6 @@
 """Writing the actions of a robot program (see `action_log`)."""
 
+import hashlib
 import json
 import os
 import sys
@@ -10,6 +11,7 @@ from typing import BinaryIO
 import numpy as np
 import zstandard
 
+from ...schemas.provenance import ActionsSummary
 from .action_log import CHUNK_ACTIONS, CHUNK_BYTES, MAGIC, PACKED, PLAIN, ActionLogHeader, chunk_of
 
 _COMPRESSION_LEVEL = 3
@@ -28,17 +30,21 @@ class ActionLogWriter:
         Raises:
             OSError: It cannot be written.
         """
-        self._size = header.size
         self._most = min(CHUNK_ACTIONS, max(1, CHUNK_BYTES // max(1, header.size)))
         self._compressor = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
         self._kept: list[bytes] = []
         """Actions that are in the file, but not yet compressed."""
         self._first = 0
         """Number of the first of them."""
+        self._settled = hashlib.sha256()
+        """Of what is in the file for good."""
+        self._header = header
         path.unlink(missing_ok=True)  # it may be a link that an application has left
         self._file: BinaryIO = path.open("xb", buffering=0)
         line = json.dumps(header.model_dump(exclude_none=True), separators=(",", ":"), allow_nan=False)
-        self._end = self._chunk_begin = self._write(0, MAGIC + line.encode() + b"\n")
+        beginning = MAGIC + line.encode() + b"\n"
+        self._settled.update(beginning)
+        self._end = self._chunk_begin = self._write(0, beginning)
 
     def add(self, action: bytes) -> None:
         """Adds the action of the next step.
@@ -52,8 +58,8 @@ class ActionLogWriter:
         if len(self._kept) >= self._most:
             self._pack()
 
-    def close(self) -> None:
-        """Completes the file.
+    def close(self) -> ActionsSummary:
+        """Completes the file; says what is in it, which nobody has to read for that.
 
         Raises:
             OSError: It cannot be written.
@@ -62,17 +68,24 @@ class ActionLogWriter:
             self._pack()
         finally:
             self._file.close()
+        return ActionsSummary(
+            mode=self._header.mode, actions=self._first, size_bytes=self._end, sha256=self._settled.hexdigest()
+        )
 
     def abandon(self) -> None:
         """Leaves the file as it is, as the end of the process would."""
         self._file.close()
 
     def _pack(self) -> None:
-        """Replaces the actions at the end of the file by one compressed chunk."""
+        """Replaces the actions at the end of the file by one compressed chunk; one alone stays as it is."""
         count = len(self._kept)
-        if count > 1:
-            packed = self._compressor.compress(_differences(self._kept, self._size))
-            self._end = self._write(self._chunk_begin, chunk_of(PACKED, count, self._first, packed))
+        if count == 1:
+            self._settled.update(chunk_of(PLAIN, 1, self._first, self._kept[0]))
+        elif count > 1:
+            packed = self._compressor.compress(_differences(self._kept, self._header.size))
+            chunk = chunk_of(PACKED, count, self._first, packed)
+            self._settled.update(chunk)
+            self._end = self._write(self._chunk_begin, chunk)
             self._file.truncate(self._end)
         self._chunk_begin = self._end
         self._first += count
@@ -100,6 +113,8 @@ class ActionKeeper:
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None
         """Why there is no log; None: there is one."""
+        self.summary: ActionsSummary | None = None
+        """What is in the log; absent until it is complete."""
         try:
             self._writer = ActionLogWriter(path, header)
         except OSError as error:
@@ -118,7 +133,7 @@ class ActionKeeper:
         """Completes the log."""
         if self._writer is not None:
             try:
-                self._writer.close()
+                self.summary = self._writer.close()
             except OSError as error:
                 self._give_up(error)
 

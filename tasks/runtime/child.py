@@ -131,10 +131,10 @@ def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     checkpoints = Checkpointer(plan, rng) if plan.checkpoint_dir and plan.checkpoint_every_s else None
     resumes = checkpoints is not None and checkpoints.resumes
     recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else NullRecorder()
-    observers = make_observers(plan, run.video_backend, _applications(plan))
+    remote = _remote_robot(plan, stop)
+    observers = make_observers(plan, run.video_backend, _applications(plan), remote.actions if remote else None)
     if camera := camera_recording(plan):
         observers.append(CameraRecorder(recorder, camera, run.video_backend))
-    remote = _remote_robot(plan, stop)
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
     try:

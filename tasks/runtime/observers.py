@@ -11,7 +11,7 @@ from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from .failure_state import FailureKeeper
 from .live_view import LiveView
 from .loop import RunEnded
-from .provenance import ProvenanceKeeper
+from .provenance import Actions, ProvenanceKeeper
 from .requirements import RequirementsObserver
 from .results import Findings
 from .state_log_writer import StateLogger
@@ -69,7 +69,10 @@ class EndAt:
 
 
 def make_observers(
-    plan: RunPlan, video_backend: str | None, applications: Sequence[ApplicationPlan] = ()
+    plan: RunPlan,
+    video_backend: str | None,
+    applications: Sequence[ApplicationPlan] = (),
+    actions: Actions | None = None,
 ) -> list[Observer]:
     """Returns the observers that a plan asks for, in the order in which they look.
 
@@ -77,10 +80,11 @@ def make_observers(
         plan: The run.
         video_backend: How to render; None: no video.
         applications: What makes environment and agent, built-in ones included.
+        actions: See `ProvenanceKeeper`.
     """
     # Films come before requirements, so that they show the state that ended the run.
     films = _films(plan, video_backend)
-    keepers = [ProvenanceKeeper(plan, applications), FailureKeeper(plan.output_dir)]
+    keepers = [ProvenanceKeeper(plan, applications, actions), FailureKeeper(plan.output_dir)]
     observers: list[Observer] = [*keepers, *films, RequirementsObserver(plan)]
     if plan.live_view_port is not None:
         observers.append(LiveView(plan, video_backend, settings_of(plan)))

@@ -7,7 +7,7 @@ import hashlib
 import os
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -15,9 +15,8 @@ from typing import Any
 
 import mujoco
 
-from ...schemas.provenance import PROVENANCE_FILE, ApplicationDigest, MachineFacts, Provenance
+from ...schemas.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
-from .action_log import actions_summary
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .physics import raw_physics
 from .results import Findings
@@ -34,6 +33,9 @@ _CPU_FEATURES = frozenset({"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl"
 _IGNORED_FOLDER = "__pycache__"
 _PREVIEW_FILE = "preview.png"
 
+Actions = Callable[[], ActionsSummary | None]
+"""Says what a log of actions has once it is complete; None: there is none."""
+
 
 class ProvenanceKeeper:
     """Observes a run, writes `provenance.json` and `digest.bin`.
@@ -41,16 +43,20 @@ class ProvenanceKeeper:
     The first is there from the first look on, so that a run that is killed has one too.
     """
 
-    def __init__(self, plan: RunPlan, applications: Sequence[ApplicationPlan] = ()) -> None:
+    def __init__(
+        self, plan: RunPlan, applications: Sequence[ApplicationPlan] = (), actions: Actions | None = None
+    ) -> None:
         """Prepares the notes.
 
         Args:
             plan: The run.
             applications: What its environment and its agent are made by, built-in ones included.
+            actions: Says at the end what a robot's program did; absent: the robot is none.
         """
         self.next_time_s = 0.0
         self._plan = plan
         self._applications = applications
+        self._actions = actions
         self._digest = StateDigest(plan.output_dir / DIGEST_FILE)
         self._model: mujoco.MjModel | None = None
         self._data: mujoco.MjData | None = None
@@ -76,8 +82,7 @@ class ProvenanceKeeper:
         digest = self._digest.finish(self._data)
         imported = [each for each in self._applications if each.attribute is not None]  # not programs
         applications = [] if ended_by == "canceled" else [_digest_of(each) for each in imported]
-        keeps_actions = self._plan.has_robot_program and self._plan.recorded_actions is None
-        actions = actions_summary(self._plan.output_dir) if keeps_actions else None
+        actions = self._actions() if self._actions is not None else None
         self._write(digest=digest, ended_by=ended_by, applications=applications, actions=actions)
         return Findings(state_digest=digest.value if digest else None)
 

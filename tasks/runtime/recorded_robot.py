@@ -77,6 +77,9 @@ class RecordedRobot:
 
         return agent
 
+    def actions(self) -> None:
+        """Keeps none anew."""
+
     def watch(self, environment: Any, time_s: float) -> None:
         """Never called: there is nothing to look at."""
 

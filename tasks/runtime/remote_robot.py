@@ -8,6 +8,7 @@ from typing import Any
 import dm_env
 
 from ...schemas.errors import LaunchError
+from ...schemas.provenance import ActionsSummary
 from ...schemas.run_variables import number_in
 from ...schemas.simulation_run import RunPlan
 from .action_log import ACTIONS_FILE, header_of
@@ -98,6 +99,10 @@ class RemoteRobot:
             clock=self._clock,
         )
         return self._agent
+
+    def actions(self) -> ActionsSummary | None:
+        """What the log of actions has; None until the end, and when there is none."""
+        return self._keeper.summary if self._keeper is not None else None
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Never called: there is nothing to look at besides what the agent is shown."""

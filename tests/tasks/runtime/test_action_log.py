@@ -17,6 +17,7 @@ from dm_env import specs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.provenance import ActionsSummary
 from prefect_robomaker.tasks.runtime import action_log
 from prefect_robomaker.tasks.runtime.action_log import (
     CHUNK_ACTIONS,
@@ -25,7 +26,6 @@ from prefect_robomaker.tasks.runtime.action_log import (
     ActionLog,
     ActionLogError,
     ActionLogHeader,
-    actions_summary,
     chunk_of,
     header_of,
 )
@@ -45,14 +45,16 @@ def some_actions(count: int, size: int, seed: int = 0) -> list[bytes]:
     return actions
 
 
-def write(path: Path, actions: list[bytes], header: ActionLogHeader = WHEELS, *, close: bool = True) -> None:
+def write(
+    path: Path, actions: list[bytes], header: ActionLogHeader = WHEELS, *, close: bool = True
+) -> ActionsSummary | None:
     writer = ActionLogWriter(path, header)
     for action in actions:
         writer.add(action)
     if close:
-        writer.close()
-    else:
-        writer.abandon()
+        return writer.close()
+    writer.abandon()
+    return None
 
 
 def header_line(arrays: list[Any]) -> bytes:
@@ -74,13 +76,14 @@ def test_what_was_done_is_read_to_the_bit(
     path = tmp_path_factory.mktemp("log") / "actions.bin"
     actions = some_actions(min(count, 400_000 // max(1, size)), size, seed)
     header = ActionLogHeader(mode="free", size=size, arrays=[])
-    write(path, actions, header, close=close)
+    written = write(path, actions, header, close=close)
     log = ActionLog(path)
     assert log.header == header
     assert list(log) == actions
     summary = log.summary()
     assert (summary.mode, summary.actions, summary.size_bytes) == ("free", len(actions), path.stat().st_size)
     assert summary.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert written == (summary if close else None)
 
 
 def test_the_beginning_says_what_actions_are(tmp_path: Path) -> None:
@@ -222,18 +225,20 @@ def test_what_is_no_log_is_said(tmp_path: Path, content: bytes, problem: str) ->
     (tmp_path / "actions.bin").write_bytes(content)
     with pytest.raises(ActionLogError, match=f"is no log of actions{problem}"):
         ActionLog(tmp_path / "actions.bin")
-    assert actions_summary(tmp_path) is None
 
 
 def test_what_stands_in_its_place_is_not_waited_for(tmp_path: Path) -> None:
     """Applications may write to the folder."""
-    os.mkfifo(tmp_path / "actions.bin")
-    assert actions_summary(tmp_path) is None
-    (tmp_path / "actions.bin").unlink()
-    (tmp_path / "actions.bin").symlink_to("/dev/zero")
-    assert actions_summary(tmp_path) is None
-    write(tmp_path / "actions.bin", some_actions(3, 16))
-    assert not (tmp_path / "actions.bin").is_symlink()
+    path = tmp_path / "actions.bin"
+    os.mkfifo(path)
+    with pytest.raises(ActionLogError, match=r"cannot be read: .*no regular file"):
+        ActionLog(path)
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(ActionLogError, match=r"cannot be read: .*symbolic link"):
+        ActionLog(path)
+    write(path, some_actions(3, 16))
+    assert not path.is_symlink()
 
 
 def test_an_hour_is_small(tmp_path: Path) -> None:

@@ -10,12 +10,14 @@ import pytest
 from dm_env import specs
 from remote_jobs import ARENA, Job
 
+from prefect_robomaker.schemas.provenance import Provenance
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RecordedActions, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.action_log import ActionLog, header_of
 from prefect_robomaker.tasks.runtime.action_log_writer import ActionLogWriter
 from prefect_robomaker.tasks.runtime.agent_client import ACTION_HEADER
 from prefect_robomaker.tasks.runtime.agent_layout import Layout
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.replay import read_outputs, why_not_repeatable
 
 MakePlan = Callable[..., RunPlan]
 Start = Callable[..., Job]
@@ -81,6 +83,27 @@ def test_of_a_robot_that_runs_free_every_step_is_known(start: Start, repeat: Rep
     assert second["actions"] == first["actions"]
     assert second["times"][-1] - second["times"][0] < first["times"][-1] - first["times"][0], "nobody is waited for"
     assert ActionLog(job.plan.output_dir / "actions.bin").header.mode == "free"
+
+
+def test_what_was_done_is_known_without_reading_it(start: Start, tmp_path: Path) -> None:
+    """So that a long run ends as fast as a short one, and what an application puts in its place is found out."""
+    job = start()
+    with job.connect() as simulation:
+        for step in simulation:
+            if step.step == 7:
+                log_of(tmp_path / "forged.bin", specs.Array((1,), np.float64), [0.0]).rename(
+                    job.plan.output_dir / "actions.bin"
+                )
+            simulation.act([0.5])
+    steps = job.result().metrics["steps"]
+
+    actions = Provenance.model_validate_json((job.plan.output_dir / "provenance.json").read_bytes()).actions
+
+    assert actions is not None
+    assert actions.actions == steps > 7
+    run = read_outputs(job.plan.output_dir)
+    [reason] = why_not_repeatable(run)
+    assert reason.endswith(f"actions.bin is not what the run wrote: 1 of {steps:.0f} actions are whole")
 
 
 def test_where_actions_end_the_rerun_ends_as_the_run_did(start: Start, repeat: Repeat) -> None:
