@@ -21,6 +21,7 @@ from .container_argv import (
 )
 from .container_leftovers import ContainerNote, note_container
 from .containers import Engine, EngineError, copy_out, engine_environment, find_engine, get_image
+from .ros_domains import DOMAIN_VARIABLE
 from .runtime.agent_client import SOCKET_VARIABLE
 from .runtime.agent_socket import agent_socket_path
 from .sandbox import AGENT, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
@@ -88,7 +89,11 @@ def _made_container(
         name=name,
         image=uri,
         command=command,
-        environment={**(launch.get("environmentVariables") or {}), **_container_variables(role, surroundings)},
+        environment={
+            DOMAIN_VARIABLE: surroundings.plan.environment[DOMAIN_VARIABLE],
+            **(launch.get("environmentVariables") or {}),
+            **_container_variables(role, surroundings),
+        },
         mounts=_mounts(role, sandbox, surroundings),
         limits=surroundings.plan.compute,
         is_podman=engine.is_podman,

@@ -20,6 +20,7 @@ from .container_outputs import settle_containers
 from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
 from .performing import Lease, perform_if_idle, perform_once
 from .resuming import plan_to_resume
+from .ros_domains import DOMAIN_VARIABLE, own_domain
 from .run_outputs import NOT_STORED, RunOutputs, failure_code_of
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
@@ -102,7 +103,8 @@ class JobRun:
             left = self._left_by_a_dead_performer() if is_first else None
             if is_first and left is None:
                 self._keep_dead_run()
-            again, is_first = self._run_once(left), False
+            with own_domain(self._lease.job.arn) as ros_domain:
+                again, is_first = self._run_once(left, ros_domain), False
 
     def end(self, reason: str) -> None:
         """Ends a job that does not run; what a dead performer's run left on this machine is stored first.
@@ -128,14 +130,15 @@ class JobRun:
         run_id = self._lease.job.document.get("runId")
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
 
-    def _run_once(self, left: RunPlan | None) -> bool:
+    def _run_once(self, left: RunPlan | None, ros_domain: int) -> bool:
         """Carries out one run, or the rest of the one that was left; returns whether the job is to be run again."""
         run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
         try:
             if left is None:
-                return self._carry_out(self._prepared(run_id))
+                return self._carry_out(self._prepared(run_id, ros_domain))
             self._lease.update(lambda document: {**document, "attempts": document.get("attempts", 1) + 1})
-            return self._carry_out(left)
+            variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have that of before
+            return self._carry_out(left.model_copy(update={"environment": variables}))
         except LaunchError as error:
             reason = self._why_stop()  # which is why something was given up, perhaps
             ending = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
@@ -147,14 +150,15 @@ class JobRun:
             self._clean_up(run_id)
         return False
 
-    def _prepared(self, run_id: str) -> RunPlan:
+    def _prepared(self, run_id: str, ros_domain: int) -> RunPlan:
         """Fetches all that a new run needs; it counts as running from then on."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         # What an earlier run failed of is nothing that this one has.
         self._lease.transition("prepare", runId=run_id, failureCode=None, failureReason=None)
         self._outputs(run_id).prepare()
         remove_containers_of_job(folder.parent)  # of performers that died together with all that they had started
-        plan = run_plan(self._lease.job, run_id, folder, self._service, lambda: self._why_stop() is not None)
+        is_stopped = lambda: self._why_stop() is not None  # noqa: E731
+        plan = run_plan(self._lease.job, run_id, folder, self._service, ros_domain, is_stopped)
         self._lease.transition(
             "start",
             lastStartedAt=self._service.clock().isoformat(),

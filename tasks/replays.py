@@ -10,6 +10,7 @@ from .catalog import Resource
 from .container_leftovers import remove_containers
 from .found_runs import FoundRun, found_run, scratch_folder
 from .job_runs import launcher
+from .ros_domains import own_domain
 from .run_plans import run_plan
 from .runtime.provenance import machine_facts
 from .runtime.replay import (
@@ -41,7 +42,7 @@ def verify_run(reference: str, service: Service, *, run_program: bool = False) -
       ResourceNotFoundException: there is no such job.
       StorageError: its outputs cannot be read.
     """
-    with found_run(reference, service) as run, scratch_folder(service) as scratch:
+    with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         first = run.outputs
         reasons = [
             *why_not_repeatable(first, run_program=run_program),
@@ -53,7 +54,7 @@ def verify_run(reference: str, service: Service, *, run_program: bool = False) -
         if run_program:
             first = replace(first, actions=None)
         try:
-            outcome, again = _run_again(replace(run, outputs=first), scratch, service)
+            outcome, again = _run_again(replace(run, outputs=first), scratch, service, ros_domain)
         except (LaunchError, FileNotFoundError) as error:
             return _verification(reference, first, [f"it cannot be run here: {error}"])
         if again.timeline is None:
@@ -61,7 +62,7 @@ def verify_run(reference: str, service: Service, *, run_program: bool = False) -
         return _compared(reference, first, again)
 
 
-def _run_again(run: FoundRun, scratch: Path, service: Service) -> tuple[RunOutcome, RunOutputs]:
+def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
     """Runs a run again, with the program of its robot unless there are actions.
 
     Raises:
@@ -70,7 +71,7 @@ def _run_again(run: FoundRun, scratch: Path, service: Service) -> tuple[RunOutco
     """
     inputs = scratch / "inputs"
     try:
-        plan = _plan_here(run, inputs, service)
+        plan = _plan_here(run, inputs, service, ros_domain)
         # Where a program is run it finds the folders that it was planned with; a container has them mounted.
         folders = {"work_dir": plan.work_dir, "output_dir": plan.output_dir} if plan.programs else {}
         plan = rerun_plan(plan, run.outputs, scratch / "rerun").model_copy(update=folders)
@@ -95,11 +96,11 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
       ResourceNotFoundException: there is no such job.
       StorageError: its outputs cannot be read.
     """
-    with found_run(reference, service) as run, scratch_folder(service) as scratch:
+    with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         if reasons := why_not_repeatable(run.outputs):
             raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
         failure_code = run.job.document.get("failureCode") if run.job else None
-        plan = _plan_here(run, scratch / "inputs", service)
+        plan = _plan_here(run, scratch / "inputs", service, ros_domain)
         try:
             test = write_reproduction(plan, run.folder, failure_code, folder)
         except FileExistsError as error:
@@ -159,7 +160,7 @@ def _without_physics(first: RunOutputs) -> list[str]:
     return ["it kept no states: its environment has no physics, or it ended before the first"]
 
 
-def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
+def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -> RunPlan:
     """The run's plan with folders of this machine: from its job, else as it was while those folders are still here.
 
     Raises:
@@ -170,7 +171,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
         plan = without_robot(plan)
     if run.job is not None:
         try:
-            return _plan_of_job(run.job, plan, folder, service)
+            return _plan_of_job(run.job, plan, folder, service, ros_domain)
         except ResourceNotFoundException as error:
             raise LaunchError(str(error), "ResourceNotFound") from error
     if plan.programs:
@@ -188,10 +189,11 @@ def _plan_here(run: FoundRun, folder: Path, service: Service) -> RunPlan:
     return plan
 
 
-def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service) -> RunPlan:
+def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service, ros_domain: int) -> RunPlan:
     """The plan as the job orders it; of a robot whose actions are repeated neither bundle nor image is fetched."""
     if not plan.has_robot_program or plan.programs:
-        return run_plan(job, plan.run_id, folder, service)
+        return run_plan(job, plan.run_id, folder, service, ros_domain)
     request = {name: value for name, value in job.document["request"].items() if name != "robotApplications"}
-    planned = run_plan(replace(job, document={**job.document, "request": request}), plan.run_id, folder, service)
+    job = replace(job, document={**job.document, "request": request})
+    planned = run_plan(job, plan.run_id, folder, service, ros_domain)
     return planned.model_copy(update={"robot_application": plan.robot_application})

@@ -17,13 +17,19 @@ from .compute import compute_limits, disk_limit
 from .data_sources import fetch_data_sources
 from .process_variables import process_variables
 from .resuming import CHECKPOINTS_FOLDER, checkpoint_every_s
+from .ros_domains import DOMAIN_VARIABLE
 from .service import Service
 from .surroundings import Surroundings, run_sandbox
 from .world_rooms import WORLD_FILE
 
 
 def run_plan(
-    job: Resource, run_id: str, folder: Path, service: Service, stopped: Callable[[], bool] = lambda: False
+    job: Resource,
+    run_id: str,
+    folder: Path,
+    service: Service,
+    ros_domain: int,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> RunPlan:
     """Fetches everything a run needs and says where it is.
 
@@ -32,6 +38,7 @@ def run_plan(
       run_id: id of this run of it.
       folder: the run's own folder, empty.
       service: where worlds, applications and data are stored.
+      ros_domain: the run's own domain of ROS 2; see `ros_domains`.
       stopped: asked while something takes long whether to give up.
 
     Raises:
@@ -58,7 +65,7 @@ def run_plan(
         output_dir=output_dir,
         checkpoint_dir=folder / CHECKPOINTS_FOLDER,
         compute=limits,
-        environment=process_variables(sandbox, service.settings, os.environ),
+        environment={DOMAIN_VARIABLE: str(ros_domain), **process_variables(sandbox, service.settings, os.environ)},
         failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=job.document["video"],
