@@ -62,6 +62,13 @@ class ComputeLimits(Model):
     memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
     processes: int | None = Field(default=1024, ge=1, description="Processes and threads at once; absent: no limit.")
     disk_bytes: int | None = Field(
-        default=DISK_BYTES, gt=0, description="What its folders may hold, and any one file; absent: no limit."
+        default=DISK_BYTES, gt=0, description="What it may write into its folders; absent: no limit."
     )
     gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")
+
+
+class FoundFiles(Model):
+    """What a run's folders held before anything of it ran: data sources, copied bundles, files of images."""
+
+    size_bytes: int = Field(ge=0, description="What they took on the disk, which is not what the run used.")
+    at_s: float = Field(description="When that was, in seconds since 1970.")

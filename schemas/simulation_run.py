@@ -25,7 +25,7 @@ from pydantic import Field
 
 from .base import Model, ShapeName
 from .requirements import JobRequirements
-from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, PortPlan, ProgramPlan, ToolEnds
+from .run_programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 
 Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
 VideoPolicy = Annotated[Literal["none", "on-failure", "always"], ShapeName("VideoPolicy")]
@@ -42,7 +42,15 @@ class ApplicationPlan(Model):
         "absent: the application is a program of the plan.",
     )
     path: Path | None = Field(
-        default=None, description="Folder to import it from (an unpacked bundle); absent: installed."
+        default=None,
+        description="Folder to import it from (an unpacked bundle), or that its program is from; absent: installed.",
+    )
+    package: str | None = Field(
+        default=None,
+        description="Installed package that a program is of; absent: it is a bundle, an image or no program.",
+    )
+    image_id: str | None = Field(
+        default=None, description="SHA-256 of the container image, as its engine says it; absent: it is none."
     )
     environment_variables: dict[str, str] = Field(default={}, description="The launch configuration's variables.")
 
@@ -91,6 +99,9 @@ class RunPlan(Model):
     programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
     ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
     compute: ComputeLimits = Field(default=ComputeLimits(), description="What it may use of the machine.")
+    found: FoundFiles | None = Field(
+        default=None, description="What its folders hold already; absent: it is measured when the run begins."
+    )
     failure_behavior: FailureBehavior = Field(
         default="Fail", description="Whether a crash ends the run, or its other programs go on (`Continue`)."
     )

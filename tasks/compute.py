@@ -30,14 +30,11 @@ def gpu_of(environ: Mapping[str, str]) -> str:
     return environ.get("CUDA_VISIBLE_DEVICES", "").split(",")[0].strip() or "0"
 
 
-def compute_limits(
-    request: Mapping[str, Any], disk_bytes: int, *, gpu: Path = _GPU, cpus: int | None = None
-) -> ComputeLimits:
-    """The limits of a job: a simulation unit is one processor and 2 GiB of memory.
+def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None) -> ComputeLimits:
+    """The limits of a job, but for the disk: a simulation unit is one processor and 2 GiB of memory.
 
     Args:
       request: the job's request.
-      disk_bytes: what it may write to the disk.
       gpu: the device of the first GPU, which is looked for when the job asks for one.
       cpus: processors of this machine; absent: as many as this process may use.
 
@@ -54,13 +51,13 @@ def compute_limits(
         )
     units = compute["simulationUnitLimit"]
     there = cpus or len(os.sched_getaffinity(0))
-    return ComputeLimits(
-        cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, disk_bytes=disk_bytes, gpu=wants_gpu
-    )
+    return ComputeLimits(cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, gpu=wants_gpu)
 
 
 def disk_limit(folder: Path, most_bytes: int) -> int:
     """What a job may write below a folder: no job alone can fill the disk, also not with copies of its files.
+
+    What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
 
     Args:
       folder: where.

@@ -48,7 +48,7 @@ def run_plan(
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
-    limits = compute_limits(request, disk_limit(folder, service.settings.max_job_disk_gb * 10**9))
+    limits = compute_limits(request)
     sandbox = run_sandbox(folder).create()
     world_dir = _world_dir(request, service)
     sources = job.document.get("dataSources") or []
@@ -74,8 +74,10 @@ def run_plan(
     )
     destinations = tuple(each["destination"] for each in sources if each.get("destination"))
     applications = plan_applications(request, Surroundings(plan, folder, sandbox, destinations, service, stopped))
+    disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
     return plan.model_copy(
         update={
+            "compute": limits.model_copy(update={"disk_bytes": disk_bytes}),
             "checkpoint_every_s": checkpoint_every_s(applications.plans.get("simulation")),
             "simulation_application": applications.plans.get("simulation"),
             "robot_application": applications.plans.get("robot"),

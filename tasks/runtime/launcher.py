@@ -18,6 +18,8 @@ from ...schemas.errors import LaunchError
 from ...schemas.simulation_run import RunOutcome, RunPlan
 from .checkpoint_files import wall_time_used_s
 from .cores import Cores
+from .disk_blame import with_blame_for_disk
+from .disk_use import found_files
 from .endings import finish_outputs
 from .failure_films import film_failure
 from .logs import log_tail
@@ -101,6 +103,8 @@ class Launcher:
         plan.work_dir.mkdir(parents=True, exist_ok=True)
         plan.output_dir.mkdir(parents=True, exist_ok=True)
         note_screens(plan)
+        if plan.found is None:  # a run that goes on from a checkpoint knows
+            plan = plan.model_copy(update={"found": found_files(plan)})
         crash = _FirstCrash(plan, on_crash)
         left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:
@@ -115,6 +119,8 @@ class Launcher:
         if ended is None:
             _clean_up(request)
         on_stopped()
+        if ended is not None and stopped_for is None:
+            ended = with_blame_for_disk(ended, plan)
         judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
         judgement, finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
         outcome = RunOutcome(

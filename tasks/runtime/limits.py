@@ -48,20 +48,10 @@ def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
         with suppress(OSError):  # a core may have been taken away in the meantime
             os.sched_setaffinity(0, cores)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    if limits.disk_bytes is not None:
-        _bound_files(limits.disk_bytes)
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(_OOM_SCORE))
     if limits.processes is not None:
         _bound_forks(limits.processes)
-
-
-def _bound_files(size_bytes: int) -> None:
-    """No file becomes longer than all files together may be, also none that was deleted and cannot be found."""
-    with suppress(OSError, ValueError):
-        _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-        bound = size_bytes if hard == resource.RLIM_INFINITY else min(size_bytes, hard)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (bound, bound))
 
 
 def _bound_forks(processes: int) -> None:

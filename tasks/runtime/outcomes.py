@@ -151,9 +151,7 @@ def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
 def how_it_ended(status: int) -> str:
     """A wait status in words: `exited with code 3`, `was killed by SIGSEGV`."""
     if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        why = " (a file of it became as long as the disk that the job may use)" if number == signal.SIGXFSZ else ""
-        return f"was killed by {signal_name(number)}{why}"
+        return f"was killed by {signal_name(os.WTERMSIG(status))}"
     return f"exited with code {os.WEXITSTATUS(status)}"
 
 

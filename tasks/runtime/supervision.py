@@ -6,7 +6,7 @@ import json
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection, wait
@@ -19,7 +19,7 @@ from .limits import Excess, Meter, confine
 from .logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG
 from .outcomes import Crash, Exit, how_it_ended
 from .ports import fork_forwarder, open_ports
-from .processes import kill_children
+from .processes import descendants_of, kill_children
 from .programs import Program, StartError
 from .progress import Phase, Progress
 from .run_request import RunRequest
@@ -66,7 +66,7 @@ class Supervision:
         self._programs: list[Program] = []
         self._logs: list[CappedLog] = []
         self._meter = Meter(self._plan.compute)
-        self._disk = disk_meter(self._plan)
+        self._disk = disk_meter(self._plan, _pids_of_run)
         self._disk_writer: int | None = None
         """The session of processes that had written most when the run's folders held too much."""
         self._next_look_s = 0.0
@@ -341,6 +341,11 @@ class Supervision:
 
     def _tools(self) -> list[ToolEnds]:
         return [restarts for program in self._programs if (restarts := program.restarts) is not None]
+
+
+def _pids_of_run() -> Iterator[int]:
+    """Processes below this one, read one after the other as they are asked for."""
+    return (state.pid for state in descendants_of(os.getpid()))
 
 
 def _blamed_role(report: dict[str, Any]) -> str | None:

@@ -15,7 +15,7 @@ from prefect_robomaker.tasks.compute import compute_limits, disk_limit
     [(None, 8, 30), ({}, 8, 30), ({"simulationUnitLimit": 3}, 3, 6), ({"simulationUnitLimit": 15}, 8, 30)],
 )
 def test_a_unit_is_a_processor_and_two_gibibytes(compute: Any, cpus: int, gibibytes: int) -> None:
-    limits = compute_limits({"compute": compute}, 1000, cpus=8)
+    limits = compute_limits({"compute": compute}, cpus=8)
 
     assert limits.cpus == cpus
     assert limits.memory_bytes == gibibytes << 30
@@ -27,10 +27,10 @@ def test_a_gpu_is_there_or_the_job_fails_with_a_reason(tmp_path: Path) -> None:
     device = tmp_path / "nvidia0"
 
     with pytest.raises(LaunchError, match=r"no GPU .*order CPU") as caught:
-        compute_limits(request, 1000, gpu=device)
+        compute_limits(request, gpu=device)
     assert caught.value.failure_code == "InvalidInput"
     device.touch()
-    assert compute_limits(request, 1000, gpu=device).gpu
+    assert compute_limits(request, gpu=device).gpu
 
 
 def test_a_job_cannot_fill_the_disk_alone(tmp_path: Path) -> None:

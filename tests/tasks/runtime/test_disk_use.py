@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from run_processes import never, processes_with
 
-from prefect_robomaker.schemas.run_programs import ComputeLimits, ProgramPlan
+from prefect_robomaker.schemas.run_programs import ComputeLimits, FoundFiles, ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunOutcome, RunPlan
 from prefect_robomaker.tasks.runtime.disk_use import DiskMeter, in_gb
 from prefect_robomaker.tasks.runtime.launcher import Launcher
@@ -50,10 +50,11 @@ class TestMeter:
     def test_folders_count_together_and_the_biggest_files_are_named(self, tmp_path: Path) -> None:
         now = [0.0]
         folders = {tmp_path / "output": "output", tmp_path / "root": ""}
-        meter = DiskMeter(folders, 3 * MB, [tmp_path / "root/data"], clock=lambda: now[0])
+        meter = DiskMeter(folders, 3 * MB, clock=lambda: now[0])
         write(tmp_path / "output/a/b.bin", 2 * MB)
-        write(tmp_path / "root/data/map.bin", 9 * MB)
-        (tmp_path / "root/link").symlink_to(tmp_path / "root/data")
+        write(tmp_path / "elsewhere/map.bin", 9 * MB)
+        (tmp_path / "root").mkdir()
+        (tmp_path / "root/link").symlink_to(tmp_path / "elsewhere")
         assert not looks(meter, now, 3)
         assert meter.last_look() is None
 
@@ -95,7 +96,7 @@ class TestMeter:
             (tmp_path / str(folder)).mkdir()
             for number in range(100):
                 (tmp_path / str(folder) / str(number)).touch()
-        meter = DiskMeter({tmp_path: "output"}, 4000 * 4096 - 1)
+        meter = DiskMeter({tmp_path: "output"}, 4000 * 4096 - 1, free=lambda _: 10**12)  # others write to the disk too
         time.sleep(1.05)
         longest, count = 0.0, 0
         found = False
@@ -175,7 +176,7 @@ class TestRuns:
         )
         reason = reason_of(launcher.run(plan, never), "SimulationApplicationCrash")
         assert reason.startswith("Tool bags of simulation application arena used too much: 20 MB of disk are allowed")
-        assert "/home/robomaker/bags/a.bag (20 MB)" in reason  # the kernel lets no file become longer
+        assert "/home/robomaker/bags/a.bag (25 MB)" in reason
 
     def test_an_episode(self, launcher: Launcher, make_plan: Plan) -> None:
         arena = ApplicationPlan(
@@ -190,10 +191,94 @@ class TestRuns:
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:
         """Deleted while it is open, it is in no folder any more."""
-        command = 'exec 7> x; rm x; head -c 30000000 /dev/zero >&7; echo "$?"; exec head -c 30000000 /dev/zero >&7'
+        command = "exec 7> x; rm x; head -c 30000000 /dev/zero >&7; exec sleep 1000"
         plan = plan_programs(program("", argv=["/bin/bash", "-c", command]), compute=SMALL)
         reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
-        assert "was killed by SIGXFSZ (a file of it became as long as the disk that the job may use)" in reason
+        assert "20 MB of disk are allowed, and it used 30" in reason
+        assert ", 30 MB of it in files that were deleted and still open" in reason
+
+    def test_memory_and_holes_may_be_larger(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        """Files that are memory, and a database that reserves addresses."""
+        code = """
+import os, tempfile, time
+memory = os.memfd_create("pictures")
+os.ftruncate(memory, 30_000_000)
+os.posix_fallocate(memory, 0, 30_000_000)
+with tempfile.TemporaryFile(dir="/dev/shm") as shared, open("data.mdb", "wb") as database:
+    shared.truncate(30_000_000)
+    os.posix_fallocate(shared.fileno(), 0, 30_000_000)
+    database.truncate(10**12)
+    database.seek(10**12 - 1)
+    database.write(b"x")
+    time.sleep(1.5)
+"""
+        outcome = launcher.run(plan_programs(program(code), compute=SMALL), never)
+        assert (outcome.status, outcome.failure_reason) == ("Completed", None)
+
+    def test_what_was_there_before_does_not_count(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
+    ) -> None:
+        """Data at a destination, a copied bundle, what an image has in its home."""
+        root = tmp_path / "run-1/root"
+        write(root / "home/robomaker/maps/big.bin", 30 * MB)
+        write(root / "opt/robomaker/datasources/maps/more.bin", 15 * MB)
+        write(tmp_path / "application/weights.bin", 15 * MB)
+        folders = {"root_dir": root, "data_dir": root / "opt/robomaker/datasources", "compute": SMALL}
+        quiet = program("import time; time.sleep(1.3)", folder=tmp_path / "application")
+        assert launcher.run(plan_programs(quiet, **folders), never).status == "Completed"
+
+        code = "import os; open(os.environ['HOME'] + '/x.bin', 'wb').write(bytes(25_000_000))"
+        filling = program(code, folder=tmp_path / "application")
+        reason = reason_of(
+            launcher.run(plan_programs(filling, run_id="run-2", **folders), never), "RobotApplicationCrash"
+        )
+        assert "20 MB of disk are allowed, and it used 25 MB" in reason
+        assert reason.split("; the biggest files are ")[1].splitlines()[0] == "/home/robomaker/x.bin (25 MB)"
+
+    def test_what_is_put_among_the_data_counts(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
+    ) -> None:
+        data = tmp_path / "run-1/root/opt/robomaker/datasources"
+        write(data / "map.bin", 30 * MB)
+        data.chmod(0o500)
+        code = """
+import os, time
+from pathlib import Path
+data = Path(os.environ["ROBOMAKER_DATA_DIR"])
+data.chmod(0o700)
+(data / "mine.bin").write_bytes(bytes(25_000_000))
+time.sleep(1000)
+"""
+        plan = plan_programs(program(code), compute=SMALL, root_dir=tmp_path / "run-1/root", data_dir=data)
+        reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
+        assert "it used 25 MB; the biggest files are /opt/robomaker/datasources/mine.bin (25 MB)" in reason
+
+    def test_a_run_that_goes_on_knows_what_was_there_before_its_first_attempt(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
+    ) -> None:
+        plan = plan_programs(program("pass"), compute=SMALL)
+        write(plan.output_dir / "of-the-first-attempt.bin", 25 * MB)
+        assert launcher.run(plan, never).status == "Completed"
+        plan = plan.model_copy(update={"found": FoundFiles(size_bytes=0, at_s=0.0)})
+        assert "it used 25" in reason_of(launcher.run(plan, never), "RobotApplicationCrash")
+
+    def test_what_only_a_containers_root_may_read_is_found_when_it_is_settled(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
+    ) -> None:
+        """As if files of another user were handed over: they come into sight when all code has stopped."""
+        sandbox = tmp_path / "run-1/robot-root"
+        sandbox.mkdir(parents=True)
+        client = program("", argv=["true"], folder=sandbox, cleanup_argv=["true"])
+        outcome = launcher.run(
+            plan_programs(client, compute=SMALL),
+            never,
+            on_stopped=lambda: write(sandbox / "home/x.bin", 25 * MB),
+        )
+        reason = reason_of(outcome, "RobotApplicationCrash")
+        assert reason.startswith("Robot application driver (program robot) used too much: 20 MB of disk are allowed")
+        assert "robot-root/home/x.bin (25 MB)" in reason
 
     def test_a_canceled_run_is_canceled(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
