@@ -22,7 +22,9 @@ import socket
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import wait
 from typing import NamedTuple
 
@@ -43,6 +45,7 @@ _MODULES = (
     "prefect_robomaker.tasks.runtime.child",
     "prefect_robomaker.tasks.runtime.applications.indoor_navigation",
     "prefect_robomaker.tasks.runtime.applications.scout",
+    "prefect_robomaker.tasks.runtime.rehearsal",
 )
 
 
@@ -59,8 +62,11 @@ def main() -> None:
     adopt_orphans()
     gc.collect()
     gc.freeze()  # keeps the collector from touching, and so copying, the shared pages in each run
-    control.send(READY)
-    _Supervisors(control).serve()
+    from .rehearsal import rehearsal_room, rehearse
+
+    with rehearsal_room() as room:
+        control.send(READY)
+        _Supervisors(control, partial(rehearse, room)).serve()
 
 
 class _StandBy(NamedTuple):
@@ -77,10 +83,12 @@ class _Supervisors:
 
     Args:
         control: The socket that carries a message for each run.
+        rehearse: What processes do until there is a run for them.
     """
 
-    def __init__(self, control: socket.socket) -> None:
+    def __init__(self, control: socket.socket, rehearse: Callable[[Callable[[], bool]], None]) -> None:
         self._control = control
+        self._rehearse = rehearse
         self._alive: dict[int, tuple[int, int]] = {}
         """By pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
         the launcher until the run's last process is gone."""
@@ -164,7 +172,7 @@ class _Supervisors:
         for pidfd, (_, other) in self._alive.items():
             os.close(pidfd)
             os.close(other)
-        stand_by(control, run_child)
+        stand_by(control, run_child, self._rehearse)
 
     def _bury(self, pidfd: int) -> None:
         pid, descriptor = self._alive.pop(pidfd)

@@ -24,22 +24,23 @@ from .progress import Progress
 from .provenance import note_run_of_programs
 from .run_request import RunRequest
 from .supervision import Supervision
-from .waiting_run import RunChild, WaitingRun
+from .waiting_run import Rehearse, RunChild, WaitingRun
 
 
-def stand_by(control: socket.socket, run_child: RunChild) -> None:
+def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse) -> None:
     """Waits for a run, and supervises it.
 
     Args:
         control: Brings one message, with the connection to the run's launcher; closed, if no run will come.
         run_child: What the run's process does.
+        rehearse: What that process does until there is a run.
     """
     os.setsid()
     adopt_orphans()
     come_first()
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     progress = Progress()
-    run = WaitingRun(run_child, progress, control.close)
+    run = WaitingRun(run_child, progress, control.close, rehearse)
     with control:
         _, descriptors, _, _ = socket.recv_fds(control, 1, 1)
     if not descriptors:
@@ -53,7 +54,7 @@ def stand_by(control: socket.socket, run_child: RunChild) -> None:
         return
     while not run.tell(message):  # which both read at the same time
         run.dismiss()
-        run = WaitingRun(run_child, progress, channel.close)
+        run = WaitingRun(run_child, progress, channel.close, lambda _: None)
     _supervise(channel, RunRequest.model_validate_json(message), run, progress)
 
 

@@ -4,6 +4,7 @@ A fork of a process that has imported MuJoCo takes milliseconds, which nobody ha
 """
 
 import os
+import select
 import signal
 import socket
 from collections.abc import Callable
@@ -18,6 +19,9 @@ from .run_request import RunRequest
 RunChild = Callable[[RunRequest, Progress], int]
 """Carries out the run described by a request; returns the exit code."""
 
+Rehearse = Callable[[Callable[[], bool]], None]
+"""See `rehearsal.rehearse`: is given whether to go on."""
+
 _BEGIN = b"!"
 _INTERNAL_ERROR = 70  # EX_SOFTWARE: the runtime itself failed
 
@@ -29,16 +33,19 @@ class WaitingRun:
         run_child: What the run's process does.
         progress: What it shares with this process.
         close_in_child: What of this process's it must not keep open.
+        rehearse: What it does until there is a run.
     """
 
-    def __init__(self, run_child: RunChild, progress: Progress, close_in_child: Callable[[], None]) -> None:
+    def __init__(
+        self, run_child: RunChild, progress: Progress, close_in_child: Callable[[], None], rehearse: Rehearse
+    ) -> None:
         self._pipe, theirs = socket.socketpair()
         supervisor = os.getpid()
         self.pid = os.fork()
         if self.pid == 0:
             self._pipe.close()
             close_in_child()
-            _become_run(supervisor, theirs, run_child, progress)
+            _become_run(supervisor, theirs, run_child, progress, rehearse)
         theirs.close()
 
     def tell(self, request: bytes) -> bool:
@@ -71,7 +78,9 @@ class WaitingRun:
         os.waitpid(self.pid, 0)
 
 
-def _become_run(supervisor: int, pipe: socket.socket, run_child: RunChild, progress: Progress) -> None:
+def _become_run(
+    supervisor: int, pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse
+) -> None:
     """Turns a fork into the run's process; never returns."""
     code = _INTERNAL_ERROR
     try:
@@ -80,6 +89,7 @@ def _become_run(supervisor: int, pipe: socket.socket, run_child: RunChild, progr
         die_with_parent()
         request = None
         if os.getppid() == supervisor:
+            rehearse(lambda: not select.select([pipe], [], [], 0)[0])
             with pipe, cast(BinaryIO, pipe.makefile("rb")) as stream:
                 request = _awaited_request(stream)
         if request is None:

@@ -22,7 +22,7 @@ def control(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     monkeypatch.setattr(forkserver.os, "fork", refuse)
     monkeypatch.setattr(forkserver, "_FORK_AHEAD_AFTER_S", 0.01)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    server = threading.Thread(target=forkserver._Supervisors(theirs).serve)
+    server = threading.Thread(target=forkserver._Supervisors(theirs, lambda _: None).serve)
     server.start()
     with ours, theirs:
         yield ours
