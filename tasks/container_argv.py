@@ -46,6 +46,8 @@ _REMOVE = 'exec "$1" rm -f "$2" >/dev/null'
 # Whoever owns the folder is not the same number inside and outside of rootless engines.
 _GIVE_BACK = 'chown -hR "$(stat -c %u:%g "$0")" "$0" && chmod -R u+rwX "$0"'
 _GIVEN_BACK = "/robomaker"
+# Engines read files line by line, with 64 KiB for a line.
+_LONGEST_IN_FILE = 10_000
 
 NO_PROGRAM = "/robomaker-no-such-program"
 """What no image has."""
@@ -86,11 +88,24 @@ class Container:
     """Which GPU it gets, where its limits say that it gets one: number or UUID."""
 
 
-def create_argv(container: Container) -> list[str]:
+def env_file(variables: Mapping[str, str]) -> str:
+    """What a file for the engine's option `--env-file` says: a variable in each line, its value as it is."""
+    return "".join(f"{name}={value}\n" for name, value in sorted(variables.items()) if _fits_line(value))
+
+
+def _fits_line(value: str) -> bool:
+    return not any(character in value for character in "\n\r\0") and len(value) < _LONGEST_IN_FILE
+
+
+def create_argv(container: Container, variables: Path) -> list[str]:
     """Makes a container on the machine's network, which does not run yet.
 
     The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: they are those
     of whoever performs the job, too.
+
+    Args:
+      container: the container.
+      variables: where `env_file` of its environment is; only what that cannot hold is in the command line.
     """
     limits = container.limits
     argv = [container.engine, "create", "--name", container.name, "--network", "host", "--log-driver", "none"]
@@ -104,8 +119,10 @@ def create_argv(container: Container) -> list[str]:
         argv += ["--pids-limit", str(limits.processes)]
     if limits.gpu:
         argv += _gpu_options(container)
+    argv += ["--env-file", str(variables)]
     for name, value in sorted(container.environment.items()):
-        argv += ["-e", f"{name}={value}"]
+        if not _fits_line(value):
+            argv += ["-e", f"{name}={value}"]
     for mount in container.mounts:
         argv += ["--mount", mount.option]
     return [*argv, container.image, *container.command]

@@ -6,13 +6,16 @@ Before a container is made its name is noted in the run's folder, so that none s
 import json
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from ..schemas.errors import LaunchError
 from ..schemas.simulation_run import ApplicationRole
 from .container_argv import give_back_argv
-from .containers import Engine, EngineError, engine_environment
+from .containers import Engine, EngineError, NameTakenError, engine_environment
+from .sandbox import remove
 from .shared_memory import remove_shared_memory
 from .surroundings import container_sandbox
 
@@ -47,6 +50,23 @@ def note_container(folder: Path, note: ContainerNote) -> None:
         notes.write(json.dumps(asdict(note)) + "\n")
 
 
+@contextmanager
+def noted_container(folder: Path, note: ContainerNote) -> Iterator[None]:
+    """Notes a container that is made inside the block; not if another had its name, which is not this run's to remove.
+
+    Args:
+      folder: the run's own folder.
+      note: the container.
+    """
+    note_container(folder, note)
+    try:
+        yield
+    except (EngineError, LaunchError) as error:
+        if isinstance(error, NameTakenError) or isinstance(error.__cause__, NameTakenError):
+            _keep_notes(folder, [each for each in _notes(folder) if each.name != note.name])
+        raise
+
+
 def remove_containers_of_job(folder: Path) -> None:
     """Ends and removes the containers of all runs of a job; see `remove_containers`.
 
@@ -60,6 +80,8 @@ def remove_containers_of_job(folder: Path) -> None:
 def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) -> list[str]:
     """Ends and removes the containers of a run; what they wrote belongs to this user afterwards, if that is possible.
 
+    Those that cannot be removed stay noted: see `has_containers`.
+
     Args:
       folder: the run's own folder.
       environ: environment variables that say how engines are reached; absent: those of this process.
@@ -68,36 +90,66 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
       What did not work, which is logged too: the run is over nevertheless.
     """
     environment = engine_environment(os.environ if environ is None else environ)
-    notes, problems = _notes(folder), []
+    notes, left, problems = _notes(folder), [], []
     for note in notes:
         try:
             Engine(note.program, environment).call("rm", "-f", note.name, timeout_s=_REMOVE_TIMEOUT_S)
         except EngineError as error:
             if "o such container" not in str(error):
+                left.append(note)
                 problems.append(f"container {note.name} cannot be removed: {error}")
     for note in {note.role: note for note in notes}.values():
-        problems += _give_back(container_sandbox(folder, note.role).root, note, environment)
+        try:
+            _give_back(container_sandbox(folder, note.role).root, note, environment)
+        except EngineError as error:
+            problems.append(
+                f"files of the {note.role} application's container belong to another user, and what only that user may "
+                f"read is not kept; the image {note.image} has no sh, chown and chmod to change that: {error}"
+            )
     if notes:
-        remove_shared_memory(folder)
+        problems += _free_shared_memory(folder, notes, environment)
     for problem in problems:
         _logger.warning("%s", problem)
-    (folder / _NOTES).unlink(missing_ok=True)
+    _keep_notes(folder, left)
     return problems
 
 
-def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> list[str]:
-    """Engines that run as root let containers write files that only root may read or remove."""
+def has_containers(folder: Path) -> bool:
+    """Whether a run has, or may have, containers that were not removed; its folder has to stay, to tell of them."""
+    return bool(_notes(folder))
+
+
+def remove_run(folder: Path) -> bool:
+    """Removes the folder of a run, unless containers of it are left; returns whether it did."""
+    if has_containers(folder):
+        return False
+    remove(folder)
+    return True
+
+
+def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environment: Mapping[str, str]) -> list[str]:
+    """Removes the memory that the containers of a run share; returns what stays of it."""
+    left, said = remove_shared_memory(folder), ""
+    for note in {note.image: note for note in notes}.values():
+        for place in left:
+            try:
+                _give_back(place, note, environment)
+            except EngineError as error:
+                said = f": {error}"
+        left = left and remove_shared_memory(folder)
+    return [f"{place}, which containers shared, cannot be removed{said}" for place in left]
+
+
+def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> None:
+    """Engines that run as root let containers write files that only root may read or remove.
+
+    Raises:
+      EngineError: the image does not have what is needed, or the engine does not answer.
+    """
     if os.geteuid() == 0 or not _has_files_of_others(root):
-        return []
+        return
     argv = give_back_argv(note.program, f"{note.name}-files", note.image, root)
-    try:
-        Engine(note.program, environment).carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
-    except EngineError as error:
-        return [
-            f"files of the {note.role} application's container belong to another user, and what only that user may "
-            f"read is not kept; the image {note.image} has no sh, chown and chmod to change that: {error}"
-        ]
-    return []
+    Engine(note.program, environment).carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
 
 
 def _has_files_of_others(root: Path) -> bool:
@@ -118,3 +170,14 @@ def _notes(folder: Path) -> list[ContainerNote]:
     except OSError:
         return []
     return [ContainerNote(**json.loads(line)) for line in lines if line.endswith("}")]
+
+
+def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
+    """Notes these containers and no others."""
+    if not notes:
+        (folder / _NOTES).unlink(missing_ok=True)
+        return
+    with suppress(OSError):  # too many are noted then, which does no harm
+        fewer = folder / f"{_NOTES}.new"
+        fewer.write_text("".join(json.dumps(asdict(note)) + "\n" for note in notes))
+        fewer.rename(folder / _NOTES)

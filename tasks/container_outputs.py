@@ -61,7 +61,9 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
 def _mover(role: ApplicationRole, output_dir: Path, notes: list[str]) -> Callable[[int, str, str], None]:
     def visit(descriptor: int, name: str, below: str) -> None:
         try:
-            link_or_copy(descriptor, name, _free(output_dir / below))
+            free = _free(output_dir / below, os.stat(name, dir_fd=descriptor, follow_symlinks=False))
+            if free is not None:
+                link_or_copy(descriptor, name, free)
         except OSError as error:
             notes.append(f"{OUTPUT}/{below} of the {role} application's container is not kept: {error}")
             return
@@ -71,10 +73,12 @@ def _mover(role: ApplicationRole, output_dir: Path, notes: list[str]) -> Callabl
     return visit
 
 
-def _free(path: Path) -> Path:
-    """The path, or the first of `….1`, `….2` that nothing has."""
+def _free(path: Path, file: os.stat_result) -> Path | None:
+    """The path, or the first of `….1`, `….2` that nothing has; none if the file is there: whoever put it there died."""
     free, number = path, 0
     while os.path.lexists(free):
+        if os.path.samestat(free.lstat(), file):
+            return None
         number += 1
         free = path.with_name(f"{path.name}.{number}")
     return free

@@ -1,5 +1,7 @@
 """Applications that are container images: pulled, given folders, run by docker or podman."""
 
+import hashlib
+import os
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -14,12 +16,13 @@ from .container_argv import (
     Container,
     Mount,
     create_argv,
+    env_file,
     gpu_probe_argv,
     remove_argv,
     start_argv,
     tool_argv,
 )
-from .container_leftovers import ContainerNote, note_container
+from .container_leftovers import ContainerNote, noted_container
 from .containers import Engine, EngineError, copy_out, engine_environment, find_engine, get_image
 from .ros_domains import DOMAIN_VARIABLE
 from .runtime.agent_client import SOCKET_VARIABLE
@@ -81,7 +84,7 @@ def _made_container(
     engine = find_engine(surroundings.environ, surroundings.which)
     digest = application.document.get("imageDigest")
     get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
-    name = f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{role}"
+    name = _container_name(role, surroundings)
     sandbox = _seeded_sandbox(engine, ContainerNote(engine.program, f"{name}-image", uri, role), surroundings)
     command = launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)]
     container = Container(
@@ -100,14 +103,35 @@ def _made_container(
         gpu=gpu_of(surroundings.environ),
     )
     if container.limits.gpu:
-        note_container(surroundings.folder, ContainerNote(engine.program, f"{name}-gpu", uri, role))
-        check_gpu(engine, container)
-    note_container(surroundings.folder, ContainerNote(engine.program, name, uri, role))
+        with noted_container(surroundings.folder, ContainerNote(engine.program, f"{name}-gpu", uri, role)):
+            check_gpu(engine, container)
     try:
-        engine.carry_out(create_argv(container), "create", _CREATE_TIMEOUT_S)
+        with noted_container(surroundings.folder, ContainerNote(engine.program, name, uri, role)):
+            _create(engine, container, surroundings.folder / f"{role}.env")
     except EngineError as error:
         raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
     return container
+
+
+def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:
+    """A name that no other container has: who runs a stored run again does so under its id, in another folder."""
+    digest = hashlib.sha256(os.fsencode(surroundings.folder.absolute())).hexdigest()[:10]
+    return f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{digest}-{role}"
+
+
+def _create(engine: Engine, container: Container, variables: Path) -> None:
+    """Makes a container; its variables may be secrets, and command lines are for all users of a machine to read.
+
+    Raises:
+      EngineError: the engine refuses.
+    """
+    variables.unlink(missing_ok=True)
+    try:
+        variables.touch(0o600, exist_ok=False)
+        variables.write_text(env_file(container.environment), encoding="utf-8")
+        engine.carry_out(create_argv(container, variables), "create", _CREATE_TIMEOUT_S)
+    finally:
+        variables.unlink(missing_ok=True)
 
 
 def check_gpu(engine: Engine, container: Container) -> None:
@@ -134,8 +158,8 @@ def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundi
     sandbox = container_sandbox(surroundings.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
-    note_container(surroundings.folder, note)
-    copy_out(engine, note.image, note.name, folders, stopped=surroundings.stopped)
+    with noted_container(surroundings.folder, note):
+        copy_out(engine, note.image, note.name, folders, stopped=surroundings.stopped)
     output = sandbox.place(OUTPUT)
     output.mkdir(parents=True, exist_ok=True)
     for folder in (*folders.values(), output):

@@ -20,16 +20,22 @@ _ANSWER_TIMEOUT_S = 20.0
 _CREATE_TIMEOUT_S = 120.0
 _POLL_S = 0.1
 _KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")
-# What the engine says is told last: where it has nothing to copy, tar complains too.
+# What the engine says is told last: where it has nothing to copy, tar complains too. Of what tar says the first line is
+# told, and the rest is read: it would end where nobody does.
 _COPY = """
 set -o pipefail
-unpack() { tar --extract --directory "$1" --numeric-owner --preserve-permissions "--$2-owner" 2>&1 | head -n 1 >&2; }
+case "$(tar --version 2>/dev/null)" in *"GNU tar"*) quiet=--warning=no-timestamp ;; *) quiet= ;; esac
+unpack() {
+  tar --extract --directory "$1" --numeric-owner --preserve-permissions "--$2-owner" $quiet 2>&1 >/dev/null |
+    { head -n 1 >&2; cat >/dev/null; }
+}
 said=$({ "$1" cp "$2" - 2>&3 | unpack "$3" "$4"; } 3>&1)
 code=$?
 echo "$said" >&2
 [ $code = 0 ] && [ "$4" = no-same ] && chmod -R a+rwX "$3"
 exit $code
 """
+_CONTAINERD_STORE = "io.containerd.snapshotter.v1"
 _KEPT_BEGINNINGS = ("DOCKER_", "CONTAINER_", "CONTAINERS_", "REGISTRY_")
 
 Which = Callable[[str], str | None]
@@ -38,6 +44,10 @@ Which = Callable[[str], str | None]
 
 class EngineError(Exception):
     """An engine refused, or does not answer; the message is what it said last."""
+
+
+class NameTakenError(EngineError):
+    """A container was not made because another has its name."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +114,7 @@ class Image:
     """`sha256:…` of its manifest, one for each registry it came from."""
 
     is_built_here: bool
-    """Whether no registry has given or got it."""
+    """Whether no registry has given or got it, as far as its digests tell."""
 
     volumes: tuple[str, ...]
     ports: tuple[str, ...]
@@ -161,7 +171,8 @@ def get_image(
 ) -> Image:
     """Pulls an image and checks that a job may run it.
 
-    An image that was built here is not asked for: in a registry its name may mean somebody else's. Nor is one that is
+    An image that was built here is not asked for: in a registry its name may mean somebody else's. Where the engine
+    cannot tell that, this goes for all that are here and whose name has no registry in it. Nor is one asked for that is
     named by its digest and is here already. One that is here is used where the registry does not give it.
 
     Args:
@@ -179,7 +190,7 @@ def get_image(
         raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0", "InvalidInput")
     code = role.capitalize()
     image = _inspect(engine, uri)
-    if image is None or not ("@" in uri or (image.is_built_here and digest is None)):
+    if image is None or not ("@" in uri or (digest is None and _may_be_built_here(engine, uri, image))):
         try:
             engine.call("pull", uri, timeout_s=pull_timeout_s, stopped=stopped)
         except EngineError as error:
@@ -264,6 +275,23 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
     )
 
 
+def _may_be_built_here(engine: Engine, uri: str, image: Image) -> bool:
+    if image.is_built_here:
+        return True
+    first, separator, _ = uri.partition("/")
+    if separator and (first == "localhost" or "." in first or ":" in first):
+        return False
+    return not engine.is_podman and _gives_all_images_digests(engine)
+
+
+def _gives_all_images_digests(engine: Engine) -> bool:
+    """Whether docker keeps images in containerd's store, which also names those by digests that were built here."""
+    try:
+        return _CONTAINERD_STORE in engine.call("info", "--format", "{{.DriverStatus}}")
+    except EngineError:
+        return False
+
+
 def _finish(process: "subprocess.Popen[str]", what: str, timeout_s: float, stopped: Callable[[], bool]) -> str:
     deadline = time.monotonic() + timeout_s
     while True:
@@ -279,5 +307,6 @@ def _finish(process: "subprocess.Popen[str]", what: str, timeout_s: float, stopp
                 raise EngineError(f"`{what}` {why}") from None
     if process.returncode:
         last = (complained.strip() or printed.strip() or f"exit code {process.returncode}").splitlines()[-1]
-        raise EngineError(last)
+        # docker: The container name "/x" is already in use by container …; podman: … that name is already in use
+        raise (NameTakenError if "name" in last and "already in use" in last else EngineError)(last)
     return printed

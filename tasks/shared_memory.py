@@ -41,17 +41,24 @@ def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
     raise OSError(f"no shared memory can be made in {machines} or {folder}")
 
 
-def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> None:
+def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]:
     """Removes what `make_shared_memory` made, if it made anything.
 
     Args:
       folder: the run's own folder.
       machines: where the machine has a file system in memory.
+
+    Returns:
+      What of it is still there: root in a container may make folders that only root may empty.
     """
+    left = []
     for private in shared_memory_places(folder, machines):
         with suppress(OSError):
             if private.lstat().st_uid == os.geteuid():
                 remove(private)
+                if os.path.lexists(private):
+                    left.append(private)
+    return left
 
 
 def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path, Path]:

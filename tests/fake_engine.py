@@ -38,6 +38,10 @@ def create(words):
     environment, name = dict(os.environ), None
     while words[0].startswith("-"):
         option, value = words.pop(0), words.pop(0)
+        if option == "--env-file":
+            for line in Path(value).read_text().splitlines():
+                key, _, content = line.partition("=")
+                environment[key] = content
         if option == "-e":
             key, _, content = value.partition("=")
             environment[key] = content
@@ -51,6 +55,8 @@ def create(words):
         fail(f"Error: No such image: {entry.name}")
     config = json.loads((entry / "config.json").read_text())["Config"]
     command = (config.get("Entrypoint") or []) + (words or config.get("Cmd") or [])
+    if (CONTAINERS / name).exists():
+        fail(f'Error response from daemon: Conflict. The container name "/{name}" is already in use by container "0".')
     note(name, {"pid": None, "environment": environment, "command": command, "root": str(entry / "root")})
 
 
@@ -99,6 +105,8 @@ match arguments:
             fail(f"pull access denied for {name}, repository does not exist or may require authorization")
         if not image(name).exists():
             os.rename(HERE / "registry" / image(name).name, image(name))
+    case ["info", "--format", "{{.DriverStatus}}"]:
+        print("[[driver-type io.containerd.snapshotter.v1]]" if (HERE / "containerd-store").exists() else "[]")
     case ["--version"]:
         print("Docker version 0.0.0, a fake")
     case ["create", *words]:
@@ -110,6 +118,8 @@ match arguments:
             fail(f"Error response from daemon: Could not find the file {inside} in container {name}")
         subprocess.run(["tar", "-c", "-C", root, "."], check=True)
     case ["rm", "-f", name]:
+        if (HERE / "no-daemon").exists():
+            fail("Cannot connect to the Docker daemon at unix:///var/run/docker.sock.")
         remove(name)
     case ["inspect", "--format", form, name]:
         about = known(name)
@@ -169,3 +179,11 @@ class FakeEngine:
     def lose_daemon(self) -> None:
         """Leaves the client without anybody to talk to."""
         (self.folder / "no-daemon").touch()
+
+    def find_daemon(self) -> None:
+        """Ends what `lose_daemon` began."""
+        (self.folder / "no-daemon").unlink()
+
+    def keep_images_in_containerd(self) -> None:
+        """Has the daemon say that containerd keeps its images."""
+        (self.folder / "containerd-store").touch()

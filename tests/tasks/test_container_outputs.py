@@ -47,6 +47,16 @@ def test_nothing_that_is_there_is_replaced(run: Path) -> None:
     assert read(run / "output") == kept
 
 
+def test_a_file_whose_mover_died_before_it_was_taken_away_is_kept_once(run: Path) -> None:
+    (run / "output/result.json.1").hardlink_to(output_of(run, "simulation") / "result.json")
+
+    keep_outputs(run, run / "output")
+
+    kept = read(run / "output")
+    assert (kept["result.json.1"], kept["result.json.2"]) == ("simulation", "robot")
+    assert "result.json.3" not in kept
+
+
 def test_links_lead_nowhere(run: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     write(elsewhere, {"secret.txt": "secret"})

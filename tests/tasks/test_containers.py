@@ -1,5 +1,6 @@
 """Container engines: how they are found, what is asked of them, and what of an image is refused."""
 
+import os
 import shutil
 import subprocess
 import time
@@ -11,7 +12,15 @@ from fake_engine import FakeEngine
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.run_programs import ComputeLimits
-from prefect_robomaker.tasks.container_argv import Container, Mount, create_argv, remove_argv, start_argv, tool_argv
+from prefect_robomaker.tasks.container_argv import (
+    Container,
+    Mount,
+    create_argv,
+    env_file,
+    remove_argv,
+    start_argv,
+    tool_argv,
+)
 from prefect_robomaker.tasks.containers import Engine, copy_out, find_engine, get_image
 
 DIGEST, OTHER = f"sha256:{'a' * 64}", f"sha256:{'b' * 64}"
@@ -33,26 +42,27 @@ def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) 
         name="robomaker-sim-1-robot",
         image="my/robot:1.0",
         command=["ros2", "run"],
-        environment={"SPEED": "2", "A": "b c"},
+        environment={"SPEED": "2", "A": "b c", "LINES": "1\n2"},
         mounts=[Mount(tmp_path, "/home/robomaker"), Mount(tmp_path / "d", "/data,1", read_only=True)],
         limits=ComputeLimits(cpus=2, memory_bytes=4 << 30, processes=100, gpu=True),
     )
 
-    assert create_argv(container) == [
+    assert env_file(container.environment) == "A=b c\nSPEED=2\n"
+    assert create_argv(container, tmp_path / "robot.env") == [
         *("/usr/bin/docker", "create", "--name", "robomaker-sim-1-robot", "--network", "host"),
         *("--log-driver", "none", "--security-opt", "label=disable"),
         *("--cpus", "2", "--memory", str(4 << 30), "--memory-swap", str(4 << 30), "--pids-limit", "100"),
-        *("--gpus", "device=0", "-e", "A=b c", "-e", "SPEED=2"),
+        *("--gpus", "device=0", "--env-file", f"{tmp_path}/robot.env", "-e", "LINES=1\n2"),
         *("--mount", f"type=bind,source={tmp_path},target=/home/robomaker"),
         *("--mount", f'type=bind,source={tmp_path}/d,"target=/data,1",readonly'),
         *("my/robot:1.0", "ros2", "run"),
     ]
 
 
-def test_podman_is_told_of_a_gpu_in_its_own_way() -> None:
+def test_podman_is_told_of_a_gpu_in_its_own_way(tmp_path: Path) -> None:
     container = Container("podman", "one", "robot", limits=ComputeLimits(gpu=True), is_podman=True, gpu="1")
 
-    argv = create_argv(container)
+    argv = create_argv(container, tmp_path / "robot.env")
 
     assert argv[argv.index("--device") + 1] == "nvidia.com/gpu=1"
     assert "--gpus" not in argv
@@ -61,8 +71,9 @@ def test_podman_is_told_of_a_gpu_in_its_own_way() -> None:
 def test_a_tool_waits_until_its_container_runs(fake: FakeEngine, tmp_path: Path) -> None:
     fake.add_image("sleeper", command=["sleep", "60"])
     container = Container(str(fake.program), "here", "sleeper", environment={"SPEED": "2"})
-    written = tmp_path / "written"
-    subprocess.run(create_argv(container), check=True)
+    written, variables = tmp_path / "written", tmp_path / "robot.env"
+    variables.write_text(env_file(container.environment))
+    subprocess.run(create_argv(container, variables), check=True)
     tool = subprocess.Popen(tool_argv(container, f"echo $SPEED > {written}"))
     run = subprocess.Popen(start_argv(container))
     try:
@@ -107,6 +118,26 @@ def test_an_image_that_was_built_here_is_not_asked_for(fake: FakeEngine, engine:
 
     assert get_image(engine, "built-here", "robot", digest=None).is_built_here
     assert not any(call[0] == "pull" for call in fake.calls())
+
+
+@pytest.mark.parametrize(
+    ("uri", "is_pulled"),
+    [
+        ("built-here", False),
+        ("me/built-here:1", False),
+        ("there.example.com/robot", True),
+        ("localhost:5000/robot", True),
+    ],
+)
+def test_where_all_images_have_digests_only_names_with_a_registry_are_asked_for(
+    fake: FakeEngine, engine: Engine, uri: str, is_pulled: bool
+) -> None:
+    fake.keep_images_in_containerd()
+    fake.add_image(uri, command=["true"], digests=(DIGEST,))
+
+    get_image(engine, uri, "robot", digest=None)
+
+    assert (["pull", uri] in fake.calls()) is is_pulled
 
 
 def test_an_image_that_was_pulled_once_is_used_while_no_registry_gives_it(fake: FakeEngine, engine: Engine) -> None:
@@ -175,6 +206,21 @@ def test_folders_of_an_image_are_copied_out_and_nothing_is_left(
     assert (tmp_path / "home/workspace/nav.py").read_text() == "drive()"
     assert list((tmp_path / "log").iterdir()) == []
     assert fake.containers() == []
+
+
+def test_many_files_dated_in_the_future_are_copied_out(fake: FakeEngine, engine: Engine, tmp_path: Path) -> None:
+    """Of each of them tar has something to say."""
+    root, home = fake.add_image("robot", command=["true"]), tmp_path / "home"
+    for folder in (root / "home/robomaker", home):
+        folder.mkdir(parents=True)
+    for number in range(1000):
+        file = root / f"home/robomaker/{number}"
+        file.touch()
+        os.utime(file, (4e9, 4e9))
+
+    copy_out(engine, "robot", "robomaker-image", {"/home/robomaker": home})
+
+    assert len(list(home.iterdir())) == 1000
 
 
 def test_pulling_is_given_up_when_the_job_is_stopped(tmp_path: Path) -> None:
