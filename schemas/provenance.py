@@ -29,9 +29,9 @@ class ApplicationDigest(Model):
 
     role: ApplicationRole = Field(description="Robot or simulation application.")
     name: str = Field(description="Its name in the catalog.")
-    attribute: str = Field(description="Dotted path of its factory.")
+    attribute: str | None = Field(default=None, description="Dotted path of its factory; absent: it is a program.")
     content: Literal["bundle", "module"] = Field(
-        description="What the digest is of: all files of its bundle, or the Python files beside its installed module."
+        description="What the digest is of: all files of its bundle, or the Python files of its installed package."
     )
     sha256: str = Field(description="SHA-256 over names and bytes of those files, in hexadecimal.")
 
@@ -75,7 +75,9 @@ class Provenance(Model):
         default=None, description="SHA-256 over names and bytes of the world bundle's files; absent: no world."
     )
     applications: list[ApplicationDigest] = Field(
-        default=[], description="What the applications were; empty until the run ends, and of one that was canceled."
+        default=[],
+        description="What the applications were; empty until the run ends, and of one that was canceled. Of one that "
+        "is a container image the plan has the image's id.",
     )
     model_sha256: str | None = Field(
         default=None,

@@ -26,6 +26,10 @@ class ProgramPlan(Model):
     kind: ProgramKind = Field(description="An application, whose end ends the job, or a tool.")
     argv: list[str] = Field(min_length=1, description="Program and arguments, as for `execvpe`.")
     folder: Path = Field(description="Its working directory.")
+    image_id: str | None = Field(
+        default=None,
+        description="Of an application that is a container: the SHA-256 by which the engine knows its image.",
+    )
     environment: dict[str, str] = Field(
         default={}, description="Variables besides those that every process of the run has."
     )

@@ -49,9 +49,6 @@ class ApplicationPlan(Model):
         default=None,
         description="Installed package that a program is of; absent: it is a bundle, an image or no program.",
     )
-    image_id: str | None = Field(
-        default=None, description="SHA-256 of the container image, as its engine says it; absent: it is none."
-    )
     environment_variables: dict[str, str] = Field(default={}, description="The launch configuration's variables.")
 
 

@@ -92,6 +92,7 @@ def _plan(
         name=found.name,
         attribute=launch.attribute if isinstance(launch, Factory) else None,
         path=code.folder,
+        package=code.module if isinstance(launch, Program) else None,
         environment_variables=launch_config.get("environmentVariables") or {},
     )
     if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):

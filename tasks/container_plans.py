@@ -23,7 +23,7 @@ from .container_argv import (
     tool_argv,
 )
 from .container_leftovers import ContainerNote, noted_container
-from .containers import Engine, EngineError, copy_out, engine_environment, find_engine, get_image
+from .containers import Engine, EngineError, Image, copy_out, engine_environment, find_engine, get_image
 from .ros_domains import DOMAIN_VARIABLE
 from .runtime.agent_client import SOCKET_VARIABLE
 from .runtime.agent_socket import agent_socket_path
@@ -49,7 +49,7 @@ def plan_container(
     Raises:
       LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
-    container = _made_container(role, application, uri, config["launchConfig"], surroundings)
+    container, image = _made_container(role, application, uri, config["launchConfig"], surroundings)
     # The engine is called as whoever performs the job calls it: its sockets and credentials are theirs.
     environment = engine_environment(surroundings.environ)
     folder = container_sandbox(surroundings.folder, role).root  # what the container writes is measured there
@@ -59,6 +59,7 @@ def plan_container(
         kind="application",
         argv=start_argv(container),
         folder=folder,
+        image_id=image.id,
         environment=environment,
         cleanup_argv=remove_argv(container),
     )
@@ -75,7 +76,7 @@ def _made_container(
     uri: str,
     launch: Mapping[str, Any],
     surroundings: Surroundings,
-) -> Container:
+) -> tuple[Container, Image]:
     """Gets an image and makes the container.
 
     It is made here and not when it is run: who kills an engine's client that makes one cannot know whether the engine
@@ -83,7 +84,7 @@ def _made_container(
     """
     engine = find_engine(surroundings.environ, surroundings.which)
     digest = application.document.get("imageDigest")
-    get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
+    image = get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
     name = _container_name(role, surroundings)
     sandbox = _seeded_sandbox(engine, ContainerNote(engine.program, f"{name}-image", uri, role), surroundings)
     command = launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)]
@@ -110,7 +111,7 @@ def _made_container(
             _create(engine, container, surroundings.folder / f"{role}.env")
     except EngineError as error:
         raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
-    return container
+    return container, image
 
 
 def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:

@@ -110,6 +110,9 @@ class Engine:
 class Image:
     """What an engine knows of an image that is on this machine."""
 
+    id: str | None
+    """By which the engine knows it, whatever its names: a SHA-256, in hexadecimal."""
+
     digests: tuple[str, ...]
     """`sha256:…` of its manifest, one for each registry it came from."""
 
@@ -268,6 +271,7 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
     config = found.get("Config") or {}
     names: list[str] = found.get("RepoDigests") or []
     return Image(
+        id=str(found.get("Id") or "").rpartition(":")[2] or None,  # podman leaves out that it is a SHA-256
         digests=tuple(name.rpartition("@")[2].lower() for name in names),
         is_built_here=all(name.startswith("localhost/") for name in names),  # as podman calls them
         volumes=tuple(config.get("Volumes") or ()),

@@ -4,6 +4,7 @@ It knows images as folders: `config.json` is what `image inspect` tells, `root` 
 of an image sees the machine's own files; paths that are mounted are put into its environment as they are here.
 """
 
+import hashlib
 import json
 import stat
 import sys
@@ -164,6 +165,7 @@ class FakeEngine:
         named = [f"{name.partition(':')[0]}@{digest}" for digest in digests]
         (place / "root").mkdir(parents=True)
         content = {"RepoDigests": named, "Config": {"Cmd": command, **config}}
+        content["Id"] = f"sha256:{hashlib.sha256(json.dumps(content).encode()).hexdigest()}"
         (place / "config.json").write_text(json.dumps(content))
         return place / "root"
 

@@ -10,8 +10,9 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 
@@ -32,6 +33,7 @@ _CPU_FEATURES = frozenset({"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl"
 """By these MuJoCo, numpy and the C library choose between code that rounds differently."""
 _IGNORED_FOLDER = "__pycache__"
 _PREVIEW_FILE = "preview.png"
+_OF_PACKAGE = "__init__.py"
 
 Actions = Callable[[], ActionsSummary | None]
 """Says what a log of actions has once it is complete; None: there is none."""
@@ -80,8 +82,7 @@ class ProvenanceKeeper:
                 not read: it has no time left.
         """
         digest = self._digest.finish(self._data)
-        imported = [each for each in self._applications if each.attribute is not None]  # not programs
-        applications = [] if ended_by == "canceled" else [_digest_of(each) for each in imported]
+        applications = [] if ended_by == "canceled" else _digests_of(self._applications)
         actions = self._actions() if self._actions is not None else None
         self._write(digest=digest, ended_by=ended_by, applications=applications, actions=actions)
         return Findings(state_digest=digest.value if digest else None)
@@ -169,19 +170,25 @@ def _write_provenance(provenance: Provenance) -> None:
     unfinished.replace(path)
 
 
-def _digest_of(application: ApplicationPlan) -> ApplicationDigest:
-    assert application.attribute is not None, "programs are not imported"
+def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:
+    """Of all that have files here; of an image the plan says which it is, and recorded actions need no program."""
+    found = [(each, _content_of(each)) for each in applications]
+    return [
+        ApplicationDigest(role=each.role, name=each.name, attribute=each.attribute, content=what[0], sha256=what[1])
+        for each, what in found
+        if what is not None
+    ]
+
+
+def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
+    """What an application is, and the digest of that."""
     if application.path is not None:
-        content, sha256 = "bundle", digest_of_folder(application.path)
-    else:
-        content, sha256 = "module", _digest_of_module(application.attribute)
-    return ApplicationDigest(
-        role=application.role,
-        name=application.name,
-        attribute=application.attribute,
-        content=content,
-        sha256=sha256,
-    )
+        return "bundle", digest_of_folder(application.path)
+    if application.attribute is not None:
+        return "module", _digest_of_module(application.attribute)
+    if application.package is not None and (sha256 := _digest_of_package(application.package)):
+        return "module", sha256
+    return None
 
 
 def _digest_of_module(attribute: str) -> str:
@@ -192,9 +199,20 @@ def _digest_of_module(attribute: str) -> str:
         if not last:
             return ""  # it could not be imported
     origin = sys.modules[name].__file__
+    return _digest_of_python(origin, is_package="." in name or Path(origin or "").name == _OF_PACKAGE)
+
+
+def _digest_of_package(name: str) -> str:
+    """Of the Python files of an installed package that need not be imported here."""
+    spec = find_spec(name.partition(".")[0])
+    origin = spec.origin if spec else None
+    return _digest_of_python(origin, is_package=Path(origin or "").name == _OF_PACKAGE)
+
+
+def _digest_of_python(origin: str | None, *, is_package: bool) -> str:
     if origin is None:
         return ""
-    if "." in name or Path(origin).name == "__init__.py":
+    if is_package:
         return digest_of_folder(Path(origin).parent, ".py")
     return hashlib.sha256(Path(origin).read_bytes()).hexdigest()
 

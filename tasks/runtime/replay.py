@@ -71,10 +71,10 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
 
 def without_robot(plan: RunPlan) -> RunPlan:
     """A plan for which nothing of the robot application need be there: its recorded actions take its place."""
-    robot = plan.robot_application
+    robot, nothing = plan.robot_application, {"path": None, "package": None}
     return plan.model_copy(
         update={
-            "robot_application": robot.model_copy(update={"path": None}) if robot else None,
+            "robot_application": robot.model_copy(update=nothing) if robot else None,
             "programs": [each for each in plan.programs if each.role != "robot"],
         }
     )
@@ -106,11 +106,22 @@ def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
         for each in other.applications
         if there.get(each.role, each.sha256) != each.sha256
     ]
+    images = _images(one.plan)
+    reasons += [
+        f"{program_in_words(each, other.plan)} is of another image than it was"
+        for each in other.plan.programs
+        if images.get(each.role, each.image_id) != each.image_id
+    ]
     if one.world_sha256 != other.world_sha256:
         reasons.append("the world is not the one it ran in")
     if one.plan.seed != other.plan.seed:
         reasons.append(f"the seed was {one.plan.seed} and is {other.plan.seed}")
     return reasons
+
+
+def _images(plan: RunPlan) -> dict[str, str]:
+    """Ids of the container images of a run's applications, by their roles."""
+    return {each.role: each.image_id for each in plan.programs if each.image_id is not None}
 
 
 def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy = "none") -> RunPlan:

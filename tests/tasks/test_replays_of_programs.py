@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_engine import FakeEngine
 from swing_fixtures import SUITE, outputs_of
 
 from prefect_robomaker.flows.operation import call
@@ -16,6 +17,8 @@ from prefect_robomaker.schemas.errors import ConfigurationError
 from prefect_robomaker.schemas.provenance import Provenance
 from prefect_robomaker.tasks.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.runtime.action_log import ActionLog
+from prefect_robomaker.tasks.runtime.agent_client import SOCKET_VARIABLE
+from prefect_robomaker.tasks.sandbox import AGENT
 from prefect_robomaker.tasks.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
 
@@ -129,11 +132,14 @@ def test_a_program_that_broke_is_followed_to_there(service: Service, push: Simul
     assert (made.same_ending, made.ending) == (True, "failed with RobotApplicationCrash")
 
 
-def test_an_environment_that_a_program_killed_is_killed_again(service: Service, push: Simulate, tmp_path: Path) -> None:
+@pytest.mark.parametrize("step", [20, 90])  # before the first simulated second, and after it
+def test_an_environment_that_a_program_killed_is_killed_again(
+    service: Service, push: Simulate, tmp_path: Path, step: int
+) -> None:
     """The action that did it is among those that were kept."""
-    job = push(KILL_AT="90")
+    job = push(KILL_AT=str(step))
     assert job["failureCode"] == "SimulationApplicationCrash"
-    assert len(list(ActionLog(outputs_of(service, job) / "actions.bin"))) == 90
+    assert len(list(ActionLog(outputs_of(service, job) / "actions.bin"))) == step
 
     made = reproduce_run(job["arn"], tmp_path / "repro", service, video="none")
 
@@ -164,6 +170,64 @@ def test_a_program_that_decides_the_same_can_be_run_again(service: Service, push
     assert str(by_chance).startswith("diverged at t=1.000 s in joint ")
     assert str(by_chance).endswith("; the robot's program was run again")
     assert list(service.folder("scratch").iterdir()) == []
+
+
+def test_a_program_that_was_changed_is_another_one(service: Service, push: Simulate, tmp_path: Path) -> None:
+    """It would diverge, and nobody could tell whether it decides the same again."""
+    job = push({"PUSH": "0.3"})
+    program = (ROBOT / "push.py").read_text().replace("float(push)", "-float(push)")
+    (tmp_path / "robot" / "push.py").write_text(program)
+    pack_tar_gz(tmp_path / "robot", tmp_path / "changed.tar.gz")
+    service.store.put_file("applications", "robot.tar.gz", tmp_path / "changed.tar.gz")
+
+    assert verify_run(job["arn"], service, run_program=True).reasons == [
+        "the robot application chance is not what it was"
+    ]
+    assert verify_run(job["arn"], service).answer == "bit-identical", "which needs no program"
+    assert [(each.role, each.content) for each in provenance_of(service, job).applications] == [
+        ("simulation", "bundle"),
+        ("robot", "bundle"),
+    ]
+
+
+def test_a_program_of_an_installed_package_is_told_apart_too(
+    service: Service, swing: Simulate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "site" / "pushing"
+    shutil.copytree(ROBOT, package)
+    (package / "__init__.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(package.parent))
+    monkeypatch.syspath_prepend(package.parent)
+    environment = {"uri": "python://pushing"}
+    call("CreateRobotApplication", {"name": "push", "environment": environment, "robotSoftwareSuite": SUITE}, service)
+    launch = {"command": [sys.executable, "-m", "pushing.push"], "environmentVariables": {"PUSH": "0.3"}}
+    job = swing(robot={"application": "push", "launchConfig": launch})
+
+    assert verify_run(job["arn"], service, run_program=True).answer == "bit-identical"
+    (package / "push.py").write_text((package / "push.py").read_text().replace("float(push)", "-float(push)"))
+    [reason] = verify_run(job["arn"], service, run_program=True).reasons
+    assert reason == "the robot application push is not what it was"
+
+
+def test_an_image_of_the_same_name_is_told_apart(
+    service: Service, swing: Simulate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake = FakeEngine(tmp_path / "engine")
+    monkeypatch.setenv("ROBOMAKER_CONTAINER_ENGINE", str(fake.program))
+    there = f"{SOCKET_VARIABLE}=$MOUNT{AGENT.upper().replace('/', '_')}/$(basename ${SOCKET_VARIABLE})"
+    command = ["bash", "-c", f"export {there}; exec {sys.executable} {ROBOT}/push.py"]
+    image = fake.add_image("push", command=command).parent
+    environment = {"uri": "push"}
+    call("CreateRobotApplication", {"name": "push", "environment": environment, "robotSoftwareSuite": SUITE}, service)
+    job = swing(robot={"application": "push", "launchConfig": {"environmentVariables": {"PUSH": "0.3"}}})
+
+    assert verify_run(job["arn"], service, run_program=True).answer == "bit-identical"
+    shutil.rmtree(image)
+    fake.add_image("push", command=command, Labels={"build": "2"})
+    assert verify_run(job["arn"], service, run_program=True).reasons == [
+        "robot application push is of another image than it was"
+    ]
+    assert verify_run(job["arn"], service).answer == "bit-identical", "which needs no image"
 
 
 def test_a_program_that_cannot_be_run_again_to_the_bit_is_named(service: Service, push: Simulate) -> None:
