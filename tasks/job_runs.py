@@ -96,13 +96,15 @@ class JobRun:
         """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
         again, is_first = True, True
         while again:
-            reason = self._why_stop()
+            left = None
+            if is_first and not self._why_stop():
+                left = self._left_by_a_dead_performer()
+                if left is None:
+                    self._keep_dead_run()
+            reason = self._why_stop()  # perhaps by now
             if reason or self._lease.job.status == "Terminating":
                 self.end(reason or CANCELED)
                 return
-            left = self._left_by_a_dead_performer() if is_first else None
-            if is_first and left is None:
-                self._keep_dead_run()
             with own_domain(self._lease.job.arn) as ros_domain:
                 again, is_first = self._run_once(left, ros_domain), False
 
@@ -277,7 +279,7 @@ class JobRun:
         return {**ending, "outputs": outputs.place}
 
     def _keep_earlier_run(self, run_id: str, outcome: RunOutcome) -> None:
-        """Stores what a run left that was ended for another, and notes it; the restart goes on whatever comes of it."""
+        """Stores what a run left that was ended for another, and notes it; the restart goes on unless it is stopped."""
         self._keep_run(run_id, {**ending_of(outcome, None), "restarted": True}, finished=outcome.finished)
 
     def _keep_dead_run(self) -> None:
@@ -300,12 +302,17 @@ class JobRun:
         self._keep_run(run_id, about, finished=False)
 
     def _keep_run(self, run_id: str, about: Mapping[str, Any], *, finished: bool) -> None:
-        """Stores the outputs of a run that is not the job's last one; says in the job where they are."""
+        """Stores the outputs of a run that is not the job's last one; says in the job where they are.
+
+        One that has to end while the store does not answer has no other: this run's outputs become those of the job.
+        """
         run: dict[str, Any] = {"runId": run_id, "startedAt": self._lease.job.document["lastStartedAt"], **about}
         outputs = self._outputs(run_id)
         try:
-            run["outputs"] = outputs.store(about, finished=finished)
+            run["outputs"] = outputs.store(about, finished=finished, stopped=lambda: self._why_stop() is not None)
         except (StorageError, OSError) as error:
+            if self._why_stop() is not None:
+                return
             run["notStored"] = shorten(outputs.not_stored(error))
             _logger.warning("%s is run again, but its %s", self._lease.job.arn, run["notStored"])
         self._lease.update(lambda document: {**document, "earlierRuns": [*document.get("earlierRuns", []), run]})

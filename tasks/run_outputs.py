@@ -33,6 +33,8 @@ GIVE_UP_S = 3600.0
 """How long storing is tried again and again."""
 
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 60.0
+_LISTEN_EVERY_S = 0.5
+"""How often it is asked in a pause whether to give up."""
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
 _MOST_NOTES = 200
@@ -91,7 +93,9 @@ class RunOutputs:
         """The uploads while the run goes on."""
         return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix)
 
-    def store(self, about: Mapping[str, Any], *, finished: bool) -> dict[str, str]:
+    def store(
+        self, about: Mapping[str, Any], *, finished: bool, stopped: Callable[[], bool] = lambda: False
+    ) -> dict[str, str]:
         """Stores them; returns where.
 
         What a crashed or killed run left is stored too, but without a manifest: it is not whole. A store that does
@@ -100,6 +104,7 @@ class RunOutputs:
         Args:
           about: how the run ended.
           finished: whether it is whole.
+          stopped: asked while the store does not answer whether to give up.
 
         Raises:
           StorageError: that does not work.
@@ -108,7 +113,7 @@ class RunOutputs:
         uploaded = self._stage()
         for changes_left in reversed(range(_MOST_CHANGES)):
             try:
-                self._patiently(lambda: self._store_once(about, uploaded, finished=finished))
+                self._patiently(lambda: self._store_once(about, uploaded, finished=finished), stopped)
                 break
             except ChecksumMismatchError:
                 if not changes_left:
@@ -129,8 +134,8 @@ class RunOutputs:
             f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; they are in {self.output_dir}"
         )
 
-    def _patiently(self, ask: Callable[[], object]) -> None:
-        """Asks the store again, with growing pauses, while it does not answer."""
+    def _patiently(self, ask: Callable[[], object], stopped: Callable[[], bool] = lambda: False) -> None:
+        """Asks the store again, with growing pauses, while it does not answer and nobody says stop."""
         began, pause_s = time.monotonic(), _FIRST_PAUSE_S
         while True:
             try:
@@ -140,8 +145,17 @@ class RunOutputs:
                 if time.monotonic() - began + pause_s > GIVE_UP_S:
                     raise
                 _logger.warning("the store is asked about %s again in %g s: %s", self._job.arn, pause_s, error)
-                self._sleep(pause_s)
+                if not self._pause(pause_s, stopped):
+                    raise
                 pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    def _pause(self, pause_s: float, stopped: Callable[[], bool]) -> bool:
+        """Waits; returns early, and false, when it is to stop."""
+        left_s = pause_s
+        while left_s > 0.0 and not stopped():
+            self._sleep(min(left_s, _LISTEN_EVERY_S))
+            left_s -= _LISTEN_EVERY_S
+        return left_s <= 0.0
 
     def _store_once(self, about: Mapping[str, Any], uploaded: Sequence[FolderFile], *, finished: bool) -> None:
         store = self._service.store

@@ -227,7 +227,7 @@ def test_a_store_that_does_not_answer_for_a_moment_loses_no_outputs(
 
     RunOutputs(job, RUN, output.parent, service, sleep=pauses.append).were_stored()
 
-    assert pauses == [1.0]
+    assert sum(pauses) == 1.0
 
 
 def test_a_job_whose_outputs_are_lost_has_failed(service: Service, died_publishing: dict[str, Any]) -> None:
