@@ -15,8 +15,8 @@ APPLICATIONS = (
         "What archives hold",
         f"{_CREATE} {_UPDATE}",
         known="`sources` were colcon bundles, started with roslaunch.",
-        here="`sources` are .tar, .tar.gz or .zip archives of Python packages and programs; ROS suites are recorded "
-        "only.",
+        here="`sources` are .tar, .tar.gz or .zip archives of Python packages, programs, or ROS packages, launched by "
+        "the ROS that is installed where jobs run; suites are recorded only.",
     ),
     differs(
         "Installed packages",

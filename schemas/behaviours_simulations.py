@@ -79,6 +79,14 @@ SIMULATIONS = (
         "They share the machine's network and processors, not its folders.",
     ),
     differs(
+        "Jobs side by side",
+        _ORDERS,
+        known="Each job had a host of its own.",
+        here="Jobs share the machine and its network, so programs that listen need ports of their own. What roslaunch "
+        "starts has a ROS 1 master of its job's own, and every job has a `ROS_DOMAIN_ID`, unless its variables set "
+        "them. [ROS](simulation-jobs.md#ros).",
+    ),
+    differs(
         "Folders of a job",
         _ORDERS,
         known="`/home/robomaker`, `/var/log` and `/opt/robomaker/datasources` of a container.",
