@@ -26,6 +26,21 @@ def owners_of(pid: int) -> str:
     return f"{socket.gethostname()}:{pid}:"
 
 
+def died_here(owner: str) -> bool:
+    """Whether a lease's owner was a process of this machine, and is none any more."""
+    host, _, rest = owner.partition(":")
+    pid = rest.partition(":")[0]
+    if host != socket.gethostname() or not pid.isdecimal():
+        return False
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False  # somebody else's
+    return False
+
+
 @dataclass
 class HeldLeases:
     """The leases of one process; safe to use from several threads."""

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,20 +14,18 @@ from ..schemas.errors import (
     StorageError,
 )
 from ..schemas.simulation_run import RunOutcome, RunPlan
-from .container_leftovers import remove_containers_of_job
+from .container_leftovers import remove_containers_of_job, remove_run
 from .container_outputs import settle_containers
 from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
+from .job_folders import KIND, clean_up_job, clear_containers_of_the_dead, kept_runs
 from .performing import Lease, perform_if_idle, perform_once
 from .resuming import plan_to_resume
 from .ros_domains import DOMAIN_VARIABLE, own_domain
-from .run_outputs import NOT_STORED, RunOutputs, failure_code_of
+from .run_outputs import RunOutputs, failure_code_of
 from .run_plans import run_plan
 from .runtime.launcher import Launcher
 from .runtime.run_notes import add_note
-from .sandbox import remove
 from .service import Service
-
-KIND = "simulation-job"
 
 Stop = Callable[[], str | None]
 """Asked while a job runs; answers the failure code it should stop with, or `None`."""
@@ -55,6 +52,7 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
       service: where it is stored.
       stop: asked several times a second; see `Stop`.
     """
+    clear_containers_of_the_dead(service)
     perform_once(arn, KIND, service, lambda lease: JobRun(lease, service, stop).run())
 
 
@@ -289,7 +287,7 @@ class JobRun:
         """
         job = self._lease.job
         run_id = job.document.get("runId")
-        if run_id is None or run_id in _kept_runs(job.document) or job.status not in _RUNS:
+        if run_id is None or run_id in kept_runs(job.document) or job.status not in _RUNS:
             return
         output = self._folder(run_id) / "output"
         if not output.is_dir():
@@ -317,29 +315,10 @@ class JobRun:
             _logger.warning("%s is run again, but its %s", self._lease.job.arn, run["notStored"])
         self._lease.update(lambda document: {**document, "earlierRuns": [*document.get("earlierRuns", []), run]})
         if "outputs" in run:  # noted by now: a performer that dies here leaves a folder, and no outputs nobody knows of
-            remove(self._folder(run_id))
+            remove_run(self._folder(run_id))
 
     def _clean_up(self, run_id: str) -> None:
         """Removes what is not needed any more; outputs that could not be stored stay."""
         if self._lease.lost:
             return  # whoever took over may go on with the same run
-        folder, document = self._folder(run_id), self._lease.job.document
-        remove_containers_of_job(folder.parent)
-        if "outputs" in document:
-            kept = {run_id for run_id, run in _kept_runs(document).items() if "outputs" not in run}
-            for each in folder.parent.glob("*"):  # also what performers left that died
-                if each.name not in kept:
-                    remove(each)
-        elif any(Path(folder, "output").glob("*")) or any(Path(folder, name).exists() for name in NOT_STORED[1:]):
-            for each in folder.iterdir():
-                if each.name not in NOT_STORED:
-                    remove(each)
-        else:
-            remove(folder)
-        with suppress(OSError):
-            folder.parent.rmdir()
-
-
-def _kept_runs(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """The runs before the job's last one, by their ids."""
-    return {run["runId"]: run for run in document.get("earlierRuns", ())}
+        clean_up_job(self._folder(run_id).parent, self._lease.job.document, run_id)

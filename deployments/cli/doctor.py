@@ -65,6 +65,7 @@ def examine(settings: Settings) -> list[Finding]:
         "prefect server": lambda: check_server(settings),
         "video": check_video,
         "extras": check_extras,
+        "containers": lambda: check_containers(settings),
     }
     return [_examined(subject, check) for subject, check in checks.items()]
 
@@ -209,6 +210,20 @@ def check_extras() -> Finding:
     ros = f"ROS launch files by {' and '.join(launchers)}" if launchers else "no ROS launch files"
     gpu = "a GPU for jobs that ask for one" if has_gpu() else "no GPU"
     return Finding("extras", "ok", "\n".join((containers, ros, gpu)))
+
+
+def check_containers(settings: Settings) -> Finding:
+    """Whether runs that nobody performs any more have left containers."""
+    from ...tasks.job_folders import runs_of_nobody
+    from ...tasks.service import Service
+
+    service = Service.open(settings)
+    left = [str(run) for run, _ in runs_of_nobody(service)]
+    service.catalog.close()
+    if left:
+        remedy = "start any simulation job here, which removes them; the engine has to answer"
+        return Finding("containers", "warning", "\n".join(("runs that nobody performs left some:", *left)), remedy)
+    return Finding("containers", "ok", "no run that is over has left any")
 
 
 def _lines(findings: list[Finding]) -> list[str]:

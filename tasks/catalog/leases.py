@@ -63,6 +63,21 @@ class CatalogLeases(CatalogReader):
         """
         return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
 
+    def lease_of(self, arn: str) -> tuple[str | None, bool]:
+        """Who holds a resource's lease, if anybody, and whether it has run out.
+
+        Raises:
+          ResourceNotFoundException: there is no such resource.
+        """
+        held = select(resources.c.lease_owner, resources.c.lease_expires_at <= self._now()).where(
+            resources.c.arn == arn
+        )
+        with self._transaction(self._engine) as connection:
+            row = connection.execute(held).one_or_none()
+        if row is None:
+            raise not_found(arn)
+        return row[0], bool(row[1])
+
     def expire_leases(self, owners: str) -> int:
         """Ends the leases of a process that is known to be dead, so that nobody has to wait until they run out.
 

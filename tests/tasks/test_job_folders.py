@@ -1,0 +1,98 @@
+"""Containers that nobody was left to end: the next performer on the machine ends them, and no others."""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_engine import FakeEngine
+
+from prefect_robomaker.deployments.cli import doctor
+from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.container_leftovers import ContainerNote, note_container
+from prefect_robomaker.tasks.job_folders import clear_containers_of_the_dead
+from prefect_robomaker.tasks.service import Service
+
+Order = Callable[..., dict[str, Any]]
+RUN = "2026-01-02T03-04-05-000000Z"
+
+
+@pytest.fixture
+def fake(tmp_path: Path) -> FakeEngine:
+    engine = FakeEngine(tmp_path / "engine")
+    engine.add_image("sleeper", command=["sleep", "60"])
+    return engine
+
+
+@pytest.fixture
+def job(service: Service, order: Order, fake: FakeEngine) -> dict[str, Any]:
+    """A job that has a run with a container here."""
+    job = call("CreateSimulationJob", order(), service)
+    service.catalog.transition(job["arn"], "prepare", document_changes={"runId": RUN})
+    service.catalog.transition(job["arn"], "start")
+    run = service.folder("jobs", job["arn"].rsplit("/", 1)[1], RUN)
+    (run / "output").mkdir()
+    note_container(run, ContainerNote(str(fake.program), "left", "sleeper", "robot"))
+    subprocess.run([fake.program, "create", "--name", "left", "sleeper"], check=True)
+    return {**job, "folder": run}
+
+
+def dead_process() -> str:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    return f"{socket.gethostname()}:{ended.pid}:1"
+
+
+def test_containers_of_a_performer_that_died_here_are_ended(
+    service: Service, fake: FakeEngine, job: dict[str, Any]
+) -> None:
+    service.catalog.claim(job["arn"], dead_process(), -1.0)
+    assert doctor.check_containers(service.settings).health == "warning"
+
+    clear_containers_of_the_dead(service)
+
+    assert fake.containers() == []
+    assert (job["folder"] / "output").is_dir(), "whoever takes the job over stores it"
+    assert doctor.check_containers(service.settings).health == "ok"
+
+
+@pytest.mark.parametrize(
+    ("owner", "lease_s"),
+    [
+        (f"{socket.gethostname()}:{os.getpid()}:1", -1.0),  # it lives, and was held up
+        ("dead", 30.0),  # it seems to be dead: perhaps this process cannot see it
+        ("elsewhere:1:1", -1.0),
+        (None, 0.0),  # it was given back to be taken over
+    ],
+)
+def test_other_containers_of_jobs_that_go_on_are_left_alone(
+    service: Service, fake: FakeEngine, job: dict[str, Any], owner: str | None, lease_s: float
+) -> None:
+    if owner is not None:
+        service.catalog.claim(job["arn"], dead_process() if owner == "dead" else owner, lease_s)
+
+    clear_containers_of_the_dead(service)
+
+    assert fake.containers() == ["left"]
+    assert doctor.check_containers(service.settings).health == "ok"
+
+
+def test_what_an_engine_did_not_remove_in_time_is_removed_later(
+    service: Service, fake: FakeEngine, job: dict[str, Any]
+) -> None:
+    place = {"bucket": "results", "prefix": "here"}
+    service.catalog.transition(job["arn"], "terminate", document_changes={"outputs": place})
+    service.catalog.transition(job["arn"], "fail")
+
+    fake.lose_daemon()
+    clear_containers_of_the_dead(service)
+    assert job["folder"].is_dir()
+
+    fake.find_daemon()
+    clear_containers_of_the_dead(service)
+    assert fake.containers() == []
+    assert not job["folder"].parent.exists()
