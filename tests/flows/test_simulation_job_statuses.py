@@ -1,6 +1,7 @@
 """The statuses that real jobs go through, one after the other, for every way to end."""
 
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 from processes import wait_for
 
 from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks import job_runs
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.job_runs import perform_job
 from prefect_robomaker.tasks.service import Service
@@ -86,8 +88,27 @@ def test_restarted_and_then_cancelled(order: Order, statuses: Callable[..., list
     assert found == [*RAN, "Restarting", "Restarting", "Running", "Terminating", "Canceled"]
 
 
+@pytest.fixture
+def limit_after_crash(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has the clock of a run's duration jump by a day as soon as something has crashed in it."""
+    real = job_runs.launcher()
+
+    class Hasty:
+        def run(self, plan: Any, stop: Any, *, on_crash: Callable[[str, str], None], **options: Any) -> Any:
+            gone_by = [0.0]
+
+            def crashed(code: str, reason: str) -> None:
+                on_crash(code, reason)
+                gone_by[0] = 86400.0
+
+            return real.run(plan, stop, on_crash=crashed, clock=lambda: time.monotonic() + gone_by[0], **options)
+
+    monkeypatch.setattr(job_runs, "launcher", Hasty)
+
+
+@pytest.mark.usefixtures("limit_after_crash")
 def test_a_crash_that_ends_nothing(order: Order, statuses: Callable[..., list[str]]) -> None:
-    request = order({"FAIL_AT_STEP": "2"}, failureBehavior="Continue", maxJobDurationInSeconds=1)
+    request = order({"FAIL_AT_STEP": "2"}, failureBehavior="Continue", maxJobDurationInSeconds=3600)
     assert statuses(request) == [*RAN, "RunningFailed", "Terminating", "Failed"]
 
 

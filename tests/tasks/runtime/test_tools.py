@@ -15,8 +15,17 @@ from prefect_robomaker.tasks.runtime.programs import FIRST_PAUSE_S, MAX_PAUSE_S,
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
 ProgramsPlan = Callable[..., RunPlan]
-LASTING = "import time; time.sleep(1.3)"
-"""An application that lasts long enough for a tool to be started twice."""
+
+
+def until_end(number: int) -> str:
+    """An application that ends once a tool has ended that often, in the pause before it is started again."""
+    return f"""
+import os, time
+from pathlib import Path
+log = Path(os.environ["ROBOMAKER_OUTPUT_DIR"], "logs", "robot-rviz.stderr.log")
+while not log.exists() or log.read_text().count("it is started again in ") < {number}:
+    time.sleep(0.02)
+"""
 
 
 @pytest.fixture
@@ -57,7 +66,7 @@ def test_a_tool_that_may_not_end_fails_the_job(
 def test_a_tool_is_started_again(
     launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
 ) -> None:
-    plan = plan_programs(program(LASTING), tool("echo once more; sleep 1000 & exit 3", exit_behavior="RESTART"))
+    plan = plan_programs(program(until_end(2)), tool("echo once more; sleep 1000 & exit 3", exit_behavior="RESTART"))
     assert launcher.run(plan, never).status == "Completed"
     assert log_of(plan, "robot-rviz.stdout.log") == "once more\n" * 2
     assert log_of(plan, "robot-rviz.stderr.log").splitlines() == [
@@ -77,7 +86,7 @@ class TestRestartsAreTold:
         self, launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:
         plan = plan_programs(
-            program("import time; time.sleep(2.2)"),
+            program(until_end(3)),
             tool(self.DYING, exit_behavior="RESTART"),
             tool("sleep 1000", name="robot-quiet", exit_behavior="RESTART"),
         )
@@ -110,9 +119,7 @@ class TestRestartsAreTold:
     def test_in_the_reason_of_a_failure(
         self, launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:
-        plan = plan_programs(
-            program("import time; time.sleep(2.2); raise SystemExit(4)"), tool(self.DYING, exit_behavior="RESTART")
-        )
+        plan = plan_programs(program(until_end(3) + "raise SystemExit(4)"), tool(self.DYING, exit_behavior="RESTART"))
         assert launcher.run(plan, never).failure_reason == (
             "Robot application driver (program robot) exited with code 4. "
             "Tool rviz of robot application driver ended 3 times, and last exited with code 1"
@@ -122,7 +129,7 @@ class TestRestartsAreTold:
 def test_a_tool_that_is_not_there_is_tried_again(
     launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
 ) -> None:
-    plan = plan_programs(program(LASTING), tool("", argv=["no-such-tool"], exit_behavior="RESTART"))
+    plan = plan_programs(program(until_end(2)), tool("", argv=["no-such-tool"], exit_behavior="RESTART"))
     assert launcher.run(plan, never).status == "Completed"
     log = log_of(plan, "robot-rviz.stderr.log")
     assert log.count("it could not be started: program not found: no-such-tool") == 2
