@@ -14,7 +14,7 @@ _logger = logging.getLogger(__name__)
 
 
 @contextmanager
-def own_domain(job: str) -> Iterator[int]:
+def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
     """Holds a domain that no other running job of this machine has; yields its number.
 
     What holds it is the name of a socket. It belongs to the machine, whoever performs jobs there, or to the container
@@ -23,12 +23,13 @@ def own_domain(job: str) -> Iterator[int]:
     Args:
       job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
         which hear each other too, most likely have different ones.
+      holders: what names of sockets begin with; only those with the same beginning keep out of each other's way.
     """
     first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):
         with socket.socket(socket.AF_UNIX) as holder:
             try:
-                holder.bind(f"\0robomaker-ros-domain-{domain}")
+                holder.bind(f"\0{holders}-{domain}")
             except OSError:
                 continue
             yield domain
