@@ -13,11 +13,19 @@ from real_engine import RealEngine
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.schemas.run_programs import ComputeLimits
-from prefect_robomaker.tasks.container_argv import Container
+from prefect_robomaker.tasks.container_argv import Container, create_argv, env_file
 from prefect_robomaker.tasks.container_leftovers import ContainerNote, note_container, remove_containers
 from prefect_robomaker.tasks.container_plans import check_gpu
-from prefect_robomaker.tasks.containers import Engine, copy_out, engine_environment, find_engine, get_image
+from prefect_robomaker.tasks.containers import (
+    Engine,
+    NameTakenError,
+    copy_out,
+    engine_environment,
+    find_engine,
+    get_image,
+)
 from prefect_robomaker.tasks.sandbox import remove
+from prefect_robomaker.tasks.shared_memory import make_shared_memory
 from prefect_robomaker.tasks.surroundings import container_sandbox
 
 pytestmark = pytest.mark.deep
@@ -136,6 +144,38 @@ def test_a_gpu_that_the_engine_cannot_give_is_no_fault_of_the_application(
     assert caught.value.failure_code == "InvalidInput"
 
 
+def test_variables_reach_a_container_as_they_are(real_engine: RealEngine, engine: Engine, tmp_path: Path) -> None:
+    variables = {
+        "EMPTY": "",
+        "QUOTES": "\"double\" 'single' `back` \\n",
+        "SIGNS": "# no comment = $HOME ${HOME} * é 🤖",
+        "SPACES": "  around\t ",
+        "LINES": "one\ntwo\r\n",
+        "LONG": "x" * 70_000,
+    }
+    script = 'for name in EMPTY QUOTES SIGNS SPACES LINES LONG; do printf "%s\\0" "${!name-unset}"; done'
+    file, name = tmp_path / "variables.env", f"{real_engine.prefix}-variables"
+    file.write_text(env_file(variables))
+    container = Container(engine.program, name, real_engine.add_image(), ["bash", "-c", script], variables)
+    try:
+        engine.carry_out(create_argv(container, file), "create", 60.0)
+        said = engine.call("start", "--attach", name)
+    finally:
+        engine.call("rm", "-f", name)
+    as_read = {**variables, "LINES": "one\ntwo\n"}  # what an engine says is read as lines of text
+    assert dict(zip(variables, said.split("\0"), strict=False)) == as_read
+
+
+def test_a_name_that_another_container_has_is_told_as_such(real_engine: RealEngine, engine: Engine) -> None:
+    name, image = f"{real_engine.prefix}-taken", real_engine.add_image()
+    engine.call("create", "--name", name, "--network", "host", image, "id")
+    try:
+        with pytest.raises(NameTakenError):
+            engine.call("create", "--name", name, "--network", "host", image, "id")
+    finally:
+        engine.call("rm", "-f", name)
+
+
 def test_containers_that_were_noted_are_removed_whether_they_run_or_not(
     real_engine: RealEngine, engine: Engine, tmp_path: Path
 ) -> None:
@@ -194,9 +234,12 @@ def test_files_that_root_of_a_container_wrote_are_given_back(
         assert (home / "secret.txt").read_text() == "of root\n"
         note_container(run, ContainerNote(engine.program, f"{real_engine.prefix}-given", image, "robot"))
         script = "umask 77; mkdir /h/mine; echo 1 > /h/mine/file; ln -s /etc/passwd /h/link"
-        words = ["run", "--name", f"{real_engine.prefix}-given", "--network", "host", "-v", f"{home}:/h", image]
-        engine.call(*words, "bash", "-c", script)
-        remove_containers(run, engine.environment)
+        shared = make_shared_memory(run)
+        script += "; mkdir -p /s/mine/deep; echo 1 > /s/mine/deep/file; chmod 700 /s/mine"
+        words = ["run", "--name", f"{real_engine.prefix}-given", "--network", "host"]
+        engine.call(*words, "-v", f"{home}:/h", "-v", f"{shared}:/s", image, "bash", "-c", script)
+        assert remove_containers(run, engine.environment) == []
+        assert not shared.exists(), "memory would be taken until the machine is started again"
         assert (home / "mine/file").read_text() == "1\n"
         remove(sandbox.root)
         assert not sandbox.root.exists()
