@@ -1,6 +1,8 @@
 """Jobs whose applications are containers of a real engine."""
 
+import json
 import os
+import re
 import signal
 import socket
 import threading
@@ -185,6 +187,8 @@ def test_a_robot_in_a_container_drives_the_simulation(
     files = outputs(service, job)
     assert '"verdict":"PASS"' in files["result.json"].replace(" ", "")
     assert "balancing in run 20" in files["logs/robot.stdout.log"]
+    [program] = json.loads(files["provenance.json"])["plan"]["programs"]
+    assert re.fullmatch("[0-9a-f]{64}", program["image_id"])
     for run_program, robot_again in ((False, "recorded actions"), (True, "program")):
         again = verify_run(job["arn"], service, run_program=run_program)
         assert (again.answer, again.robot) == ("bit-identical", robot_again), str(again)
