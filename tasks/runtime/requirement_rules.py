@@ -124,13 +124,14 @@ class GoalRule(Rule):
         """When it was reached, late or not; None: not yet."""
         self._before = before
         self._nearest_m: float | None = None
+        """Smallest distance since it is its turn; None: it never was."""
 
     def update(self, time_s: float, distance_m: float) -> None:
         """Takes note of the distance to a goal; 0 inside a room, infinite outside of it."""
         goal = self.goal
-        if math.isfinite(distance_m):
-            self._nearest_m = distance_m if self._nearest_m is None else min(self._nearest_m, distance_m)
         is_its_turn = self._before is None or self._before.reached_s is not None
+        if is_its_turn and math.isfinite(distance_m):
+            self._nearest_m = distance_m if self._nearest_m is None else min(self._nearest_m, distance_m)
         if self.reached_s is None and is_its_turn and distance_m <= (goal.within_m if goal.room is None else 0.0):
             self.reached_s = time_s
         latest_s = math.inf if goal.by_s is None else goal.by_s + _ROUNDING_S
@@ -155,7 +156,8 @@ class GoalRule(Rule):
         why = f", {goal.after} comes first and was not reached either" if first else ""
         near = ""
         if goal.room is None and self._nearest_m is not None:
-            near = f", nearest {self._nearest_m:.2f} m, {goal.within_m:g} m asked for"
+            since = f" after {goal.after}" if goal.after else ""
+            near = f", nearest{since} {self._nearest_m:.2f} m, {goal.within_m:g} m asked for"
         return f"{place} not reached in {self._end_s:.2f} s{asked}{near}{why}; ended by {self._ended_by}"
 
 

@@ -145,6 +145,26 @@ def test_a_goal_out_of_order_says_what_came_first() -> None:
     assert judged.detail.endswith("one comes first and was not reached either; ended by duration limit")
 
 
+def test_only_what_was_near_in_its_turn_counts_for_a_goal_after_another() -> None:
+    goals = [
+        {"kind": "goal", "name": "cook", "x": 4, "y": 0},
+        {"kind": "goal", "name": "home", "x": 0, "y": 0, "after": "cook"},
+    ]
+    cook, home = make_rules(parse_requirements(goals, "requirements"))
+    assert isinstance(cook, GoalRule)
+    assert isinstance(home, GoalRule)
+    home.update(0, 0.0)
+    before = home.judged(1, "duration limit")
+    assert (before.value, before.margin) == (None, None)
+    assert "nearest" not in before.detail
+    for time_s, x in enumerate([0, 2, 4, 3, 1.5, 2]):
+        cook.update(time_s, abs(x - 4))
+        home.update(time_s, x)
+    judged = home.judged(5, "duration limit")
+    assert (judged.satisfied, judged.value, judged.limit, judged.margin) == (False, 1.5, 0.5, -1.0)
+    assert judged.detail.startswith("(0, 0) not reached in 5.00 s, nearest after cook 1.50 m, 0.5 m asked for;")
+
+
 @given(st.lists(st.booleans(), min_size=1, max_size=20))
 def test_a_predicate_holds_always_or_not(answers: list[bool]) -> None:
     rule: PredicateRule = rule_of("predicate", attribute="a.b")
