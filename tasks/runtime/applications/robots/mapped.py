@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 
 import mujoco
-import numpy as np
 
 from .....schemas.robot_model import RobotLidar, RobotModel
 from .mapped_drive import make_drive, planar_joints
@@ -23,6 +22,7 @@ from .mapped_model import (
     stand_alone,
 )
 from .problems import alternatives, invalid
+from .reach import solid_reach_m
 from .robot import Lidar, Limits, Robot
 
 _logger = logging.getLogger(__name__)
@@ -187,13 +187,7 @@ def _video_camera(mapping: RobotModel, model: mujoco.MjModel, where: str) -> str
 
 def _warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
     """A disc that is too small makes planners drive into things."""
-    solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
-    corners = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
-    reach_m = 0.0
-    for geom in solid.tolist():
-        middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-        points = data.geom_xpos[geom] + (middle + corners * half) @ data.geom_xmat[geom].reshape(3, 3).T
-        reach_m = max(reach_m, float(np.hypot(points[:, 0], points[:, 1]).max()))
+    reach_m = solid_reach_m(model, data)
     if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
         _logger.warning(
             "%s: footprint.radius_m: parts reach up to %.2f m from the base's origin, the radius is %g m",

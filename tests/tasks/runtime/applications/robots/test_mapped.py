@@ -104,6 +104,15 @@ def test_a_footprint_that_is_too_small_and_measures_that_are_off_are_told(
     assert "drive.track_width_m is 0.4 m; in the model it is 0.200 m apart" in said
 
 
+def test_a_round_robot_is_as_wide_as_its_circle(make_cart: MakeCart, caplog: pytest.LogCaptureFixture) -> None:
+    from robot_stands import CART
+
+    round_cart = CART.replace('type="box" size="0.12 0.08 0.02"', 'type="cylinder" size="0.16 0.02"')
+    with caplog.at_level(logging.WARNING):
+        make_cart({"cart_xml": round_cart}, footprint={"radius_m": 0.18})
+    assert "footprint" not in caplog.text
+
+
 def test_a_base_on_slides_and_a_hinge_moves_in_the_worlds_frame(make_cart: MakeCart) -> None:
     robot = make_cart(
         {"cart_xml": PLANAR},
