@@ -21,6 +21,8 @@ from .sandbox import HOME
 from .surroundings import Surroundings, tool_plan
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
+_SETTINGS = "ROBOMAKER_"
+"""What the names of variables begin with that set how a run goes."""
 
 
 @dataclass
@@ -81,8 +83,12 @@ def _plan(
         raise LaunchError(str(error), "ResourceNotFound") from error
     planned.ports += _ports(launch_config)
     if (uri := image_of(found)) is not None:
-        programs = plan_container(role, found, uri, config, surroundings)
-        planned.plans[role] = ApplicationPlan(role=role, name=found.name)
+        simulation = planned.plans.get("simulation")
+        drives = role == "robot" and simulation is not None and simulation.attribute is not None
+        programs = plan_container(role, found, uri, config, surroundings, drives=drives)
+        planned.plans[role] = ApplicationPlan(
+            role=role, name=found.name, environment_variables=_settings_in(launch_config)
+        )
         planned.programs += programs
         return found.name, Program(tuple(programs[0].argv))
     code = _code(role, found, surroundings)
@@ -101,6 +107,15 @@ def _plan(
         launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
     planned.programs += _programs(code, launch, config, surroundings)
     return found.name, launch
+
+
+def _settings_in(launch: Mapping[str, Any]) -> dict[str, str]:
+    """The variables of a container that may be meant for the run; the others are its own affair, and maybe secret.
+
+    A plan is written down, and its variables are those of whatever calls the engine, too.
+    """
+    variables = launch.get("environmentVariables") or {}
+    return {name: value for name, value in variables.items() if name.startswith(_SETTINGS)}
 
 
 def image_of(application: Resource) -> str | None:

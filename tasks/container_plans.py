@@ -35,7 +35,13 @@ _CREATE_TIMEOUT_S = 120.0
 
 
 def plan_container(
-    role: ApplicationRole, application: Resource, uri: str, config: Mapping[str, Any], surroundings: Surroundings
+    role: ApplicationRole,
+    application: Resource,
+    uri: str,
+    config: Mapping[str, Any],
+    surroundings: Surroundings,
+    *,
+    drives: bool,
 ) -> list[ProgramPlan]:
     """Gets an application's image, makes its container, and says how it and its tools are run.
 
@@ -45,11 +51,12 @@ def plan_container(
       uri: its image.
       config: its entry in the job's request.
       surroundings: what it finds.
+      drives: whether it is a robot application that drives a simulation over a socket.
 
     Raises:
       LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
-    container, image = _made_container(role, application, uri, config["launchConfig"], surroundings)
+    container, image = _made_container(role, application, uri, config["launchConfig"], surroundings, drives)
     # The engine is called as whoever performs the job calls it: its sockets and credentials are theirs.
     environment = engine_environment(surroundings.environ)
     folder = container_sandbox(surroundings.folder, role).root  # what the container writes is measured there
@@ -76,6 +83,7 @@ def _made_container(
     uri: str,
     launch: Mapping[str, Any],
     surroundings: Surroundings,
+    drives: bool,
 ) -> tuple[Container, Image]:
     """Gets an image and makes the container.
 
@@ -96,9 +104,9 @@ def _made_container(
         environment={
             DOMAIN_VARIABLE: surroundings.plan.environment[DOMAIN_VARIABLE],
             **(launch.get("environmentVariables") or {}),
-            **_container_variables(role, surroundings),
+            **_container_variables(surroundings, drives),
         },
-        mounts=_mounts(role, sandbox, surroundings),
+        mounts=_mounts(sandbox, surroundings, drives),
         limits=surroundings.plan.compute,
         is_podman=engine.is_podman,
         gpu=gpu_of(surroundings.environ),
@@ -168,7 +176,7 @@ def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundi
     return sandbox
 
 
-def _mounts(role: ApplicationRole, sandbox: Sandbox, surroundings: Surroundings) -> list[Mount]:
+def _mounts(sandbox: Sandbox, surroundings: Surroundings, drives: bool) -> list[Mount]:
     shared = surroundings.sandbox
     mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS)]
     for path in surroundings.destinations:
@@ -180,7 +188,7 @@ def _mounts(role: ApplicationRole, sandbox: Sandbox, surroundings: Surroundings)
     mounts.append(Mount(make_shared_memory(surroundings.folder), SHARED_MEMORY))
     if surroundings.plan.world_dir is not None:
         mounts.append(Mount(surroundings.plan.world_dir, WORLD, read_only=True))
-    if role == "robot":
+    if drives:
         # Who may not write to the folder may connect nevertheless.
         mounts.append(Mount(_agent_folder(surroundings), AGENT, read_only=True))
     return mounts
@@ -212,19 +220,20 @@ def _agent_folder(surroundings: Surroundings) -> Path:
     return folder
 
 
-def _container_variables(role: ApplicationRole, surroundings: Surroundings) -> dict[str, str]:
+def _container_variables(surroundings: Surroundings, drives: bool) -> dict[str, str]:
     """What a container has in its environment: nothing that is about folders of this machine."""
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": surroundings.plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": surroundings.plan.job_arn,
         "AWS_ROBOMAKER_SIMULATION_RUN_ID": surroundings.plan.run_id,
+        "ROBOMAKER_JOB_ROOT": "/",
         "ROBOMAKER_DATA_DIR": DATA_SOURCES,
         "ROBOMAKER_OUTPUT_DIR": OUTPUT,
         "ROBOMAKER_SEED": str(surroundings.plan.seed),
     }
     if not surroundings.plan.compute.gpu:  # also where an image or the engine would give it all there are
         variables |= {"CUDA_VISIBLE_DEVICES": "", "NVIDIA_VISIBLE_DEVICES": ""}
-    if role == "robot":
+    if drives:
         variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(surroundings.plan).name}"
     if surroundings.plan.world_dir is not None:
         variables["ROBOMAKER_WORLD_DIR"] = WORLD

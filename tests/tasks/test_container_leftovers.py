@@ -49,7 +49,7 @@ def plan_in(fake: FakeEngine, service: Service, environ: dict[str, str]) -> Plan
         )
         surroundings = Surroundings(run, folder, run_sandbox(folder).create(), (), service, environ=environ)
         launch = {"launchConfig": {"environmentVariables": variables}}
-        return plan_container("robot", application, "sleeper", launch, surroundings)[0]
+        return plan_container("robot", application, "sleeper", launch, surroundings, drives=True)[0]
 
     return plan
 
