@@ -21,6 +21,7 @@ from real_engine import RealEngine
 from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks import run_plans
 from prefect_robomaker.tasks.job_runs import perform_job
 from prefect_robomaker.tasks.replays import verify_run
 from prefect_robomaker.tasks.service import Service
@@ -267,6 +268,25 @@ def test_a_container_gets_no_more_memory_than_its_job_has(service: Service, appl
     assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
     assert "exited with code 137" in job["failureReason"]
     assert "used more memory than the 2048 MiB that are allowed" in job["failureReason"]
+
+
+@pytest.mark.parametrize(("written_mb", "status"), [(15, "Completed"), (25, "Failed")])
+def test_what_a_container_writes_into_its_home_and_outputs_is_measured(
+    service: Service, application: Config, monkeypatch: pytest.MonkeyPatch, written_mb: int, status: str
+) -> None:
+    monkeypatch.setattr(run_plans, "disk_limit", lambda folder, most_bytes: 20_000_000)
+    script = f"""
+cd /home/robomaker && mkdir hidden && chmod 300 hidden
+head -c 10000000 /dev/zero > /opt/robomaker/output/map.bin
+head -c {written_mb - 10}000000 /dev/zero > hidden/x.bin
+"""
+    job = performed(service, order(application(script)))
+
+    assert job["status"] == status, job.get("failureReason")
+    if status == "Failed":
+        assert job["failureCode"] == "SimulationApplicationCrash"
+        assert "20 MB of disk are allowed, and it used 25 MB" in job["failureReason"]
+        assert "/home/robomaker/hidden/x.bin (15 MB)" in job["failureReason"]
 
 
 def test_a_container_gets_no_more_processes_than_its_job_has(service: Service, application: Config) -> None:
