@@ -72,4 +72,5 @@ class ReproductionFolder(Model):
     video: Path | None = Field(default=None, description="Film of the rerun.")
     ending: str = Field(description="How the rerun ended, in words.")
     same_ending: bool = Field(description="Whether that is how the run ended.")
+    other_inputs: list[str] = Field(default=[], description="What the rerun was given that the run was not.")
     robot: RobotRepeat = Field(default="factory", description="What the robot was in the rerun; see `Verification`.")

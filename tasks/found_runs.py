@@ -135,13 +135,19 @@ def _read(folder: Path, reference: str) -> RunOutputs:
         return read_outputs(folder)
     except FileNotFoundError as error:
         raise ConfigurationError(
-            f"{reference}: there is no {PROVENANCE_FILE} in its outputs; it ended before it ran, or was run by an "
-            "earlier version"
+            f"{reference}: there is no {PROVENANCE_FILE} in its outputs; {_below(reference)}it ended before it ran, or "
+            "was run by an earlier version"
         ) from error
     except ValidationError as error:
         raise StorageError(f"{reference}: its outputs cannot be read: {error.errors()[0]['msg']}") from error
     except ValueError as error:
         raise StorageError(f"{reference}: its outputs cannot be read: {error}") from error
+
+
+def _below(reference: str) -> str:
+    """A hint for those who named the folder of a job instead of that of its run."""
+    runs = sorted(str(path.parent) for path in Path(reference).glob(f"*/{PROVENANCE_FILE}"))
+    return f"did you mean {runs[0]}? Otherwise " if runs else ""
 
 
 @contextmanager

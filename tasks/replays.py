@@ -114,6 +114,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         video=film if film.exists() else None,
         ending=in_words(rerun.ending),
         same_ending=rerun.ending == rerun_ending(reproduction.first, failure_code),
+        other_inputs=reproduction.other_inputs(rerun),
         robot=_robot_in_rerun(reproduction.first),
     )
 

@@ -22,6 +22,8 @@ def execute(arguments: argparse.Namespace) -> int:
         return 0
     as_before = "as the run did" if made.same_ending else "which is not how the run ended"
     sys.stdout.write(f"The rerun {made.ending}, {as_before}{ROBOT_IN_WORDS[made.robot]}.\n")
+    if made.other_inputs:
+        sys.stdout.write(f"It is not the same run: {'; '.join(made.other_inputs)}. The folder has what there is now.\n")
     if made.video is not None:
         sys.stdout.write(f"Video: {made.video}\n")
     sys.stdout.write(f"Run it again: python -m pytest {made.test}\n")

@@ -13,7 +13,7 @@ from ...schemas.provenance import Provenance
 from ...schemas.simulation_run import RunOutcome, RunPlan, VideoPolicy
 from .launcher import Launcher
 from .provenance import machine_facts
-from .replay import RunOutputs, read_outputs, rerun_plan, why_not_comparable
+from .replay import RunOutputs, read_outputs, rerun_plan, why_not_comparable, why_other_inputs
 
 PLAN_FILE = "plan.json"
 FIRST_OUTPUTS = "first"
@@ -47,7 +47,7 @@ def test_it_ends_as_it_did(rerun: Rerun) -> None:
 
 
 def test_its_states_are_the_same(rerun: Rerun) -> None:
-    if reasons := REPRODUCTION.why_not_comparable():
+    if reasons := REPRODUCTION.why_not_comparable(rerun):
         pytest.skip("not comparable: " + "; ".join(reasons))
     assert rerun.state_digest == {digest!r}
 '''
@@ -94,9 +94,13 @@ class Reproduction:
         """What the run itself wrote down."""
         return read_outputs(self.folder / FIRST_OUTPUTS)
 
-    def why_not_comparable(self) -> list[str]:
-        """Why states on this machine need not be those of the run; empty when they have to."""
-        return why_not_comparable(self.first.provenance.machine, machine_facts())
+    def why_not_comparable(self, rerun: Rerun) -> list[str]:
+        """Why states of a rerun on this machine need not be those of the run; empty when they have to."""
+        return why_not_comparable(self.first.provenance.machine, machine_facts()) + self.other_inputs(rerun)
+
+    def other_inputs(self, rerun: Rerun) -> list[str]:
+        """What a rerun was given that the run was not, such as an application that has changed since."""
+        return why_other_inputs(self.first.provenance, rerun.outputs.provenance)
 
     def rerun(self, folder: Path, video: VideoPolicy = "none", launcher: Launcher | None = None) -> Rerun:
         """Runs it again, in processes of its own.

@@ -182,6 +182,7 @@ def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swi
     made = reproduce_run(job["arn"], tmp_path / "repro", service)
 
     assert made.same_ending
+    assert made.other_inputs == []
     assert made.ending == "ended with verdict FAIL (low)"
     assert made.video is not None
     assert made.video.stat().st_size > 1000
@@ -195,6 +196,26 @@ def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swi
     tested = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
     assert "1 failed, 3 passed" in tested.stdout, tested.stdout + tested.stderr
     assert "FAILED test_wrong.py::test_it_ends_as_it_did" in tested.stdout
+
+
+def test_the_folder_of_a_job_names_the_one_of_its_run(service: Service, swing: Simulate) -> None:
+    folder = outputs_of(service, swing())
+    with pytest.raises(ConfigurationError, match=f"did you mean {folder}"):
+        verify_run(str(folder.parent), service)
+
+
+def test_a_reproduction_with_another_application_says_so(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    job = swing(LIMIT="0.5")
+    upload_swinger(service, tmp_path, b"new weights")
+    made = reproduce_run(job["arn"], tmp_path / "repro", service, "none")
+    assert made.other_inputs == [
+        "the simulation application swing is not what it was",
+        "the robot application pusher is not what it was",
+    ]
+    command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider", str(made.test)]
+    tested = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "1 passed, 1 skipped" in tested.stdout, tested.stdout
+    assert "not comparable: the simulation application swing is not what it was" in tested.stdout
 
 
 def test_a_run_that_was_stopped_is_reproduced_up_to_there(service: Service, swing: Simulate, tmp_path: Path) -> None:
