@@ -9,13 +9,39 @@ from pathlib import Path
 from ..schemas.run_programs import ComputeLimits
 
 # Not every client passes signals on, or ends as its container did; it has a group of its own (`set -m`), and what it
-# cannot tell is asked for afterwards.
+# cannot tell is asked for afterwards. That a container could start no more processes only its control group tells, and
+# only while it runs.
 _START = """
+tell_of_processes() {
+  local pid=0 tries=0 pids unified events count
+  until [ "${pid:-0}" -gt 0 ]; do
+    sleep 0.5
+    (( ++tries > 120 )) && return
+    pid=$("$1" inspect --format '{{.State.Pid}}' "$2" 2>/dev/null)
+  done
+  pids=$(sed -n 's/^[0-9]*:pids://p' "/proc/$pid/cgroup" 2>/dev/null)
+  unified=$(sed -n 's/^0:://p' "/proc/$pid/cgroup" 2>/dev/null)
+  events="/sys/fs/cgroup${pids:+/pids}${pids:-$unified}/pids.events"
+  while read -r _ count 2>/dev/null <"$events"; do
+    if [ "$count" -gt 0 ]; then
+      echo "the container could start no more than the $3 processes and threads that are allowed" >&2
+      return
+    fi
+    sleep 0.5
+  done
+}
 trap '"$1" kill --signal TERM "$2" >/dev/null 2>&1' TERM
 set -m
 "$1" start --attach "$2" &
+main=$!
+if [ -n "$4" ]; then
+  tell_of_processes "$1" "$2" "$4" &
+  teller=$!
+  disown $teller
+fi
 set +m
-while wait $!; code=$?; kill -0 $! 2>/dev/null; do :; done
+while wait $main; code=$?; kill -0 $main 2>/dev/null; do :; done
+[ -n "$4" ] && kill -KILL -- -$teller 2>/dev/null
 form='{{.State.Status}} {{.State.OOMKilled}} {{.State.ExitCode}}'
 read -r status is_out_of_memory ended_with <<<"$("$1" inspect --format "$form" "$2" 2>/dev/null)"
 case "$status:$ended_with" in exited:*|created:[1-9]*) code=$ended_with ;; esac
@@ -143,9 +169,13 @@ def gpu_probe_argv(container: Container) -> list[str]:
 
 
 def start_argv(container: Container) -> list[str]:
-    """Runs a container that was made, in the foreground; ends with its exit code, and says if memory was its end."""
+    """Runs a container that was made, in the foreground; ends with its exit code.
+
+    It says if memory was the container's end, and if it could start no more processes.
+    """
     mebibytes = round((container.limits.memory_bytes or 0) / 2**20)
-    return ["/bin/bash", "-c", _START, "start", container.engine, container.name, str(mebibytes)]
+    processes = str(container.limits.processes or "")
+    return ["/bin/bash", "-c", _START, "start", container.engine, container.name, str(mebibytes), processes]
 
 
 def tool_argv(container: Container, command: str) -> list[str]:

@@ -300,12 +300,18 @@ try:
         count += 1
 except RuntimeError:
     print(count, flush=True)
+pause.wait(3)
 os._exit(0)
 """
     job = performed(service, order(application("", python=True, launch={"command": ["python3", "-c", script]})))
 
     assert job["status"] == "Completed", job["failureReason"]
-    assert 1000 < int(outputs(service, job)["logs/simulation.stdout.log"]) < 1024
+    files = outputs(service, job)
+    assert 1000 < int(files["logs/simulation.stdout.log"]) < 1024
+    assert (
+        "could start no more than the 1024 processes and threads that are allowed"
+        in files["logs/simulation.stderr.log"]
+    )
 
 
 @pytest.mark.parametrize(("script", "last_words"), [(POLITE, "asked to end"), (STUBBORN, "ready")])
