@@ -4,9 +4,10 @@ import time
 from contextlib import suppress
 
 from ...schemas.errors import LaunchError
-from .agent_client import END, ERROR, HELLO, ProtocolError
+from .agent_client import END, ERROR, HELLO, SOCKET_VARIABLE, ProtocolError
 from .agent_protocol import MAX_WORDS_BYTES, RobotHello, read_hello, read_words
-from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Message, Stop
+from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Message, Stop, Stopped
+from .progress import AGENT_GONE
 
 CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
 GREETING_TIMEOUT_S = 5.0
@@ -39,6 +40,7 @@ class Greeter:
         self._robot = robot
         self._stop = stop
         self._clock = clock
+        self._did, self._lacks = "did not connect", "connecting to"
 
     def greet(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
         """Greets until a robot greets back; whoever leaves without a word, or says none while others wait, is none.
@@ -51,25 +53,32 @@ class Greeter:
             The connection, and the robot's greeting.
 
         Raises:
-            LaunchError: None did so in time, or one greeted wrongly and was told.
+            LaunchError: None did so in time, or before the robot's program ended, or one greeted wrongly and was told.
             Stopped: The run was told to stop.
         """
+        try:
+            return self._greeted(greeting, timeout_s)
+        except Stopped:
+            if self._stop.reason != AGENT_GONE:
+                raise
+            raise self._gone() from None
+
+    def _greeted(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
         deadline_s = self._clock() + timeout_s
-        did = "did not connect"
         while True:
             try:
                 connection = self._socket.accept(deadline_s, self._stop, self._clock)
             except TimeoutError:
-                raise self._late(did, timeout_s) from None
-            did = "connected, but did not greet"
+                raise self._late(timeout_s) from None
+            self._did, self._lacks = "connected, but did not greet", "greeting"
             link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
             try:
                 return link, self._exchange(link, greeting, deadline_s)
             except (Closed, _MuteError):
                 link.close()
             except TimeoutError:
-                _part(link, self._text(did, timeout_s))
-                raise self._late(did, timeout_s) from None
+                _part(link, self._text(timeout_s))
+                raise self._late(timeout_s) from None
             except ProtocolError as error:
                 _part(link, str(error))
                 raise LaunchError(f"the program of robot application {self._robot}: {error}", CRASH) from error
@@ -99,12 +108,20 @@ class Greeter:
                 link.refuse(f"no greeting came within {GREETING_TIMEOUT_S:g} s, and another program has connected")
                 raise _MuteError
 
-    def _text(self, did: str, timeout_s: float) -> str:
-        return f"the program of robot application {self._robot} {did} within {timeout_s:g} s"
+    def _text(self, timeout_s: float) -> str:
+        return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
 
-    def _late(self, did: str, timeout_s: float) -> LaunchError:
+    def _gone(self) -> LaunchError:
+        """Its exit code was 0: other ones are crashes, and a run is not told that the robot is gone after these."""
         return LaunchError(
-            f"{self._text(did, timeout_s)}; it has to connect to the Unix socket that ROBOMAKER_AGENT_SOCKET names, "
+            f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
+            f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names",
+            _UNHEALTHY,
+        )
+
+    def _late(self, timeout_s: float) -> LaunchError:
+        return LaunchError(
+            f"{self._text(timeout_s)}; it has to connect to the Unix socket that {SOCKET_VARIABLE} names, "
             f"here {self._socket.path}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
             _UNHEALTHY,
         )

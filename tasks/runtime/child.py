@@ -27,7 +27,7 @@ from .loading import LoadError, load_factory
 from .logs import redirect_output
 from .loop import RunStopped, run_episode
 from .observers import Observer, make_observers
-from .progress import Phase, Progress
+from .progress import AGENT_GONE, Phase, Progress
 from .provenance import machine_facts
 from .recorded_robot import RecordedRobot
 from .recording import McapRecorder, NullRecorder, RecordingError
@@ -92,6 +92,8 @@ class _StopSignal:
         if not self.reason:
             self.reason = self._progress.stop_reason or "canceled"
         elif self._progress.phase.role is not None:
+            if self.reason == AGENT_GONE:  # who stops a run without its robot now does so for a reason of their own
+                self.reason = self._progress.stop_reason or self.reason
             raise RunStopped
 
 

@@ -12,7 +12,9 @@ _SIZE = 64 * 1024
 _PHASE, _STOP, _LENGTH, _REPORT = 0, 1, 4, 8
 _UINT = struct.Struct("<I")
 
-STOP_REASONS = ("", "duration limit", "canceled", "agent")
+AGENT_GONE = "agent"
+"""Why a run is told to stop whose robot's program has ended with exit code 0."""
+STOP_REASONS = ("", "duration limit", "canceled", AGENT_GONE)
 """Why a run is told to stop, in the words of `RunResult.ended_by`."""
 
 

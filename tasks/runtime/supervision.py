@@ -21,7 +21,7 @@ from .outcomes import Crash, Exit, how_it_ended
 from .ports import fork_forwarder, open_ports
 from .processes import descendants_of, kill_children
 from .programs import Program, StartError
-from .progress import Phase, Progress
+from .progress import AGENT_GONE, Phase, Progress
 from .run_request import RunRequest
 
 END_GRACE_S = 1.0
@@ -291,7 +291,7 @@ class Supervision:
 
     def _tell_run_that_agent_is_gone(self) -> None:
         if not self._is_ending:
-            self._terminate_run("agent")
+            self._terminate_run(AGENT_GONE)
 
     def _terminate_run(self, reason: str) -> None:
         if self._run_pid is not None and self._run_status is None:

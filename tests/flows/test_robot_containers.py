@@ -81,3 +81,12 @@ def test_only_a_container_that_drives_a_simulation_is_given_a_socket(service: Se
     given = {"ROBOMAKER_AGENT_SOCKET", "MOUNT_OPT_ROBOMAKER_AGENT"} & {line.partition("=")[0] for line in said}
     assert len(given) == (0 if alone else 2)
     assert "ROBOMAKER_JOB_ROOT=/" in said
+
+
+def test_a_container_that_never_connects_does_not_pass(service: Service, run: Run) -> None:
+    job = run("exit 0")
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "RobotApplicationHealthCheckFailure")
+    said = "robot application driver ended with exit code 0 without connecting to the simulation"
+    assert said in job["failureReason"]
+    assert said in output(service, job, "logs/stderr.log")

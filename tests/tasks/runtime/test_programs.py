@@ -20,6 +20,7 @@ from prefect_robomaker.tasks.runtime.launcher import Launcher
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
 ProgramsPlan = Callable[..., RunPlan]
+UNHEALTHY = "RobotApplicationHealthCheckFailure"
 WAITING = "import time; time.sleep(1000)"
 
 
@@ -290,9 +291,37 @@ class TestEpisodesWithPrograms:
 
     def test_it_never_connects(self, launcher: Launcher, plan_drive: Callable[..., RunPlan]) -> None:
         plan = plan_drive("import os; print(os.environ['ROBOMAKER_AGENT_SOCKET'])")
-        outcome = launcher.run(plan, never)
-        assert (outcome.status, outcome.failure_reason) == ("Completed", None)
-        assert read_result(plan).ended_by == "agent"
+        code, reason = failure(launcher.run(plan, never))
+        said = "robot application driver ended with exit code 0 without connecting to the simulation"
+        assert (code, said in reason) == (UNHEALTHY, True)
+        assert said in log_of(plan, "stderr.log")
+        assert not (plan.output_dir / "result.json").exists()
+
+    def test_it_connects_and_leaves_without_a_greeting(
+        self, launcher: Launcher, plan_drive: Callable[..., RunPlan]
+    ) -> None:
+        plan = plan_drive(
+            "import os, socket\n"
+            "connection = socket.socket(socket.AF_UNIX)\n"
+            "connection.connect(os.environ['ROBOMAKER_AGENT_SOCKET'])\n"
+            "connection.recv(100)"
+        )
+        code, reason = failure(launcher.run(plan, never))
+        assert (code, "exit code 0 without greeting the simulation" in reason) == (UNHEALTHY, True)
+
+    def test_it_ends_while_the_environment_is_made(
+        self, launcher: Launcher, plan_drive: Callable[..., RunPlan]
+    ) -> None:
+        plan = plan_drive("pass", environment="slow_to_make")
+        code, reason = failure(launcher.run(plan, never))
+        assert (code, "without connecting to the simulation" in reason) == (UNHEALTHY, True)
+
+    def test_cancel_while_the_environment_is_made_without_a_robot(
+        self, launcher: Launcher, plan_drive: Callable[..., RunPlan]
+    ) -> None:
+        plan, began = plan_drive("pass", environment="never_made"), time.monotonic()
+        outcome = launcher.run(plan, lambda: "canceled" if time.monotonic() > began + 1.5 else None)
+        assert outcome.status == "Canceled"
 
     def test_it_crashes_before_it_connects(self, launcher: Launcher, plan_drive: Callable[..., RunPlan]) -> None:
         plan = plan_drive("raise SystemExit(5)")

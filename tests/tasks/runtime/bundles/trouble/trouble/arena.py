@@ -213,3 +213,12 @@ class UnableToReset(Counting):
 
 def unable(context):
     raise KeyError("no such map")
+
+
+def slow_to_make(context):
+    time.sleep(1.2)
+    return make_environment(context)
+
+
+def never_made(context):
+    time.sleep(1000)
