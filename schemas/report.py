@@ -53,6 +53,10 @@ class ReportedJob(Model):
         default="", description="Last lines of its log, where `failure_reason` does not already end with them."
     )
     world_arn: str | None = Field(default=None, description="World it drove in.")
+    application: str | None = Field(
+        default=None, description="Name of its robot application, else of its simulation application."
+    )
+    seed: int | None = Field(default=None, description="Seed that it was given; absent when it never became a job.")
     result: RunResult | None = Field(default=None, description="Content of result.json, when there is one.")
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")

@@ -35,6 +35,10 @@ class JobCase(Model):
     """One simulation job, or a request that became none."""
 
     name: str = Field(description="Job id, or `request 3`.")
+    test: str = Field(
+        description="What it is called in every run of the specification, once in its step: world or number of the "
+        "request, and application."
+    )
     arn: str | None = Field(default=None, description="The job's ARN.")
     outcome: CaseOutcome = Field(description="What became of it: FAIL is `failed`, ERROR is `broken`.")
     reason: str = Field(default="", description="Why it failed or broke; first line short.")
@@ -45,6 +49,7 @@ class JobCase(Model):
     world: str | None = Field(default=None, description="World it drove in.")
     output: str | None = Field(default=None, description="Where its outputs are.")
     requirements: list[Requirement] = Field(default=[], description="What it was judged by.")
+    remarks: list[str] = Field(default=[], description="What it asked for and had to do without, such as a video.")
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
 

@@ -46,6 +46,9 @@ class JobRecord(Model):
     verdict_reason: str | None = Field(
         default=None, description="Why the verdict is FAIL: what was found and what was asked for."
     )
+    remarks: list[str] = Field(
+        default=[], description="What it asked for and could not be made, such as a video; the run went on without."
+    )
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")

@@ -201,6 +201,10 @@ class Collision(Model):
     max_force_N: float = Field(description="Largest normal force.")
 
 
+_WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the recording"}
+"""Entries of `extra` that say why there is something missing, and what."""
+
+
 class RunResult(Model):
     """Content of `result.json`."""
 
@@ -233,3 +237,8 @@ class RunResult(Model):
     )
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
     extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the job asked for and could not be made, without which the run went on; a line each."""
+        return [f"{what}: {self.extra[name]}" for name, what in _WENT_ON_WITHOUT.items() if self.extra.get(name)]

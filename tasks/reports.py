@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..schemas.errors import ObjectNotFoundError, ResourceNotFoundException, StorageError
+from ..schemas.arns import ResourceArn
+from ..schemas.errors import InvalidParameterException, ObjectNotFoundError, ResourceNotFoundException, StorageError
 from ..schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ..schemas.report_summary import ReportSummary
 from ..schemas.run_record import JobRecord, RunRecord, StepRecord
@@ -156,6 +157,7 @@ def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
             failure_code=failure["failureCode"],
             failure_reason=failure["failureReason"],
             world_arn=world_arn(document["request"]["createSimulationJobRequests"][index]),
+            application=_application(document["request"]["createSimulationJobRequests"][index]),
         )
     return [jobs[index] for index in sorted(jobs)]
 
@@ -175,11 +177,23 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         failure_code=job.document.get("failureCode"),
         failure_reason=job.document.get("failureReason"),
         world_arn=world_arn(job.document["request"]),
+        application=_application(job.document["request"]),
+        seed=job.document["seed"],
         result=result,
         poster_png=poster,
         files=files,
         duration_s=None if duration is None else duration / 1000,
     )
+
+
+def _application(request: Mapping[str, Any]) -> str | None:
+    """Name of a request's robot application, else of its simulation application; as it says where that is no ARN."""
+    applications = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
+    said = str(applications[0].get("application") or "") if applications else ""
+    try:
+        return ResourceArn.parse(said).name
+    except InvalidParameterException:
+        return said or None
 
 
 def _outputs(place: Mapping[str, str] | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes]:
@@ -241,6 +255,7 @@ def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Serv
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
         verdict_reason=_why_failed(result),
+        remarks=result.remarks if result else [],
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place["bucket"], place["prefix"]) if place else None,
     )

@@ -84,7 +84,19 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
         lines.append([("  ", ""), *padded])
     if len(jobs) > len(shown):
         lines.append([(f"  … and {len(jobs) - len(shown)} more; the report has them all", "dim")])
-    return lines
+    return lines + _remark_lines(jobs)
+
+
+def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
+    """What jobs had to do without; what many have in common is said once."""
+    by_remark: dict[str, list[str]] = {}
+    for job in jobs:
+        for remark in job.remarks:
+            by_remark.setdefault(_in_one_line(remark), []).append(job.label)
+    return [
+        [(f"  {labels[0] if len(labels) == 1 else f'{len(labels)} jobs'}: ", ""), (_cut(remark), "yellow")]
+        for remark, labels in by_remark.items()
+    ][:_MAX_JOBS]
 
 
 def _job_cells(job: JobRecord) -> list[Cell]:

@@ -2,7 +2,8 @@
 
 A step of the pipeline is a test suite, a job a test case: FAIL is a failure, ERROR an error, a job that was
 cancelled or that nobody judged is skipped. Only what strict readers allow is written: no `properties` in test
-cases, for one. A job's seed, world and outputs are properties of its suite (`<job>.seed`), and its `system-out`.
+cases, for one. A job's id, seed, world and outputs are properties of its suite (`<test case>.seed`), and its
+`system-out`. Test cases have no ids in their names: what collects results from run to run knows tests by their names.
 """
 
 import re
@@ -58,11 +59,11 @@ def _properties(step: StepSuite, summary: ReportSummary) -> Iterator[tuple[str, 
     yield from (("run", summary.run_id), ("operation", step.operation))
     for job in step.jobs:
         for name, value in _facts(job):
-            yield f"{job.name}.{name}", value
+            yield f"{job.test}.{name}", value
 
 
 def _facts(job: JobCase) -> Iterator[tuple[str, str]]:
-    facts = {"seed": job.seed, "world": job.world, "output": job.output, "arn": job.arn}
+    facts = {"job": job.name, "seed": job.seed, "world": job.world, "output": job.output, "arn": job.arn}
     yield from ((name, str(value)) for name, value in facts.items() if value is not None)
 
 
@@ -73,7 +74,7 @@ def _failed_step(step: StepSuite, summary: ReportSummary) -> ElementTree.Element
 
 
 def _case(job: JobCase, owner: str) -> ElementTree.Element:
-    case = _element("testcase", name=job.name, classname=owner, time=_seconds(job.time_s))
+    case = _element("testcase", name=job.test, classname=owner, time=_seconds(job.time_s))
     if job.outcome == "failed":
         case.append(_told("failure", "FAIL", job.reason))
     elif job.outcome == "broken":
@@ -91,6 +92,7 @@ def _lines(job: JobCase) -> Iterator[str]:
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"
         yield f"{word if item.counts else 'does not count'}: {item.name}: {item.detail}"
+    yield from job.remarks
     yield from (f"{name}: {value:g}" for name, value in sorted(job.metrics.items()))
 
 

@@ -1,5 +1,8 @@
 """From a report to its numbers."""
 
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
 from ...schemas.report import Report, ReportedJob, ReportedStep
 from ...schemas.report_summary import JobCase, ReportSummary, StepSuite
 from . import wording
@@ -45,7 +48,8 @@ def folder_of(job: ReportedJob) -> str:
 
 
 def _suite(step: ReportedStep, report: Report, labels: dict[str, str]) -> StepSuite:
-    jobs = sorted((job for job in report.jobs if job.step == step.name), key=lambda job: not outcome_of(job).is_failure)
+    named = _named(job for job in report.jobs if job.step == step.name)
+    jobs = sorted(named, key=lambda each: not outcome_of(each[1]).is_failure)
     has_failed = step.status.endswith("Failed") and not jobs
     return StepSuite(
         name=step.name,
@@ -53,24 +57,36 @@ def _suite(step: ReportedStep, report: Report, labels: dict[str, str]) -> StepSu
         status=step.status,
         error=(step.detail or step.status) if has_failed else "",
         time_s=step.duration_s,
-        jobs=[_case(job, labels) for job in jobs],
+        jobs=[_case(job, test, labels) for test, job in jobs],
     )
 
 
-def _case(job: ReportedJob, labels: dict[str, str]) -> JobCase:
+def _named(jobs: Iterable[ReportedJob]) -> Iterator[tuple[str, ReportedJob]]:
+    """A step's jobs, in request order, by names without ids, so that a run's can be compared with the last one's."""
+    seen: Counter[str] = Counter()
+    for number, job in enumerate(jobs, start=1):
+        place = job.world_arn.rpartition("/")[2] if job.world_arn else f"request {number}"
+        name = f"{place} {job.application}" if job.application else place
+        seen[name] += 1
+        yield (name if seen[name] == 1 else f"{name} ({seen[name]})"), job
+
+
+def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
     outcome, result = outcome_of(job), job.result
     return JobCase(
         name=job.label,
+        test=test,
         arn=job.arn,
         outcome=outcome.value,
         reason="" if outcome is Outcome.PASSED else why_broken(job),
         failure_code=job.failure_code,
         time_s=job.duration_s or 0.0,
         sim_time_s=result.sim_time_s if result else None,
-        seed=result.seed if result else None,
+        seed=result.seed if result else job.seed,
         world=labels.get(job.world_arn, job.world_arn) if job.world_arn else None,
         output=folder_of(job) or None,
         requirements=result.requirements if result else [],
+        remarks=result.remarks if result else [],
         tools=result.tools if result else [],
         metrics=result.metrics if result else {},
     )

@@ -140,6 +140,15 @@ def lines(shown: RunRecord) -> list[str]:
     return ["".join(text for text, _ in line) for line in summary_lines(shown, command)]
 
 
+def test_what_jobs_had_to_do_without_is_said_once() -> None:
+    wish = "no camera in the recording: ROBOMAKER_RECORD_CAMERA: there is no camera 'frnt'"
+    first, second, third = record().jobs
+    jobs = [first.model_copy(update={"remarks": [wish, "no video: no driver"]}), second, third]
+    assert lines(record(jobs=jobs))[9:12] == [f"  sim-1: {wish}", "  sim-1: no video: no driver", ""]
+    jobs[1] = second.model_copy(update={"remarks": [wish]})
+    assert lines(record(jobs=jobs))[9:12] == [f"  2 jobs: {wish}", "  sim-1: no video: no driver", ""]
+
+
 def test_the_final_block() -> None:
     assert lines(record()) == [
         "",

@@ -36,7 +36,9 @@ def test_a_step_is_a_suite_and_a_job_a_case(report: Report) -> None:
         "tests": "5", "failures": "1", "errors": "1",
     }  # fmt: skip
     cases = suite.findall("testcase")
-    assert [case.get("name") for case in cases] == ["sim-fail1", "sim-broken1", "sim-pass1", "sim-cancel1", "sim-pass2"]
+    assert [case.get("name") for case in cases] == [
+        "w1 (2)", "w2", "w1", "w2 (2)", "w2 (3)"
+    ]  # fmt: skip
     assert [[child.tag for child in case] for case in cases] == [
         ["failure", "system-out"], ["error", "system-out"], ["system-out"], ["skipped", "system-out"], ["system-out"],
     ]  # fmt: skip
@@ -68,13 +70,32 @@ def test_a_requirement_that_broke_is_an_error(report: Report) -> None:
 def test_seed_world_and_outputs_are_told(report: Report) -> None:
     root = parsed(report)
     properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
-    assert properties["sim-pass1.seed"] == "7"
-    assert properties["sim-pass1.world"] == "generation-1/world-1"
-    assert properties["sim-pass1.output"].startswith("file:///")
+    assert properties["w1.job"] == "sim-pass1"
+    assert properties["w1.seed"] == "7"
+    assert properties["w1.world"] == "generation-1/world-1"
+    assert properties["w1.output"].startswith("file:///")
     assert properties["operation"] == "StartSimulationJobBatch"
-    told = root.find(".//testcase[@name='sim-pass1']/system-out").text
+    told = root.find(".//testcase[@name='w1']/system-out").text
     assert "seed: 7" in told
     assert "PASS: collisions: 0, at most 0 asked" in told
+
+
+def test_test_cases_are_called_the_same_in_every_run(report: Report) -> None:
+    def names(run: str, seed: int) -> list[str]:
+        world = f"arn:aws:robomaker:us-east-1:000000000000:world/generation-{run}/world-3"
+        facts = {"application": "scout", "seed": seed, "step": "drive"}
+        jobs = [
+            report.jobs[0].model_copy(update=facts | {"label": f"sim-{run}1", "world_arn": world}),
+            report.jobs[0].model_copy(update=facts | {"label": f"sim-{run}2", "world_arn": world}),
+            report.jobs[2].model_copy(update=facts | {"label": f"sim-{run}3", "world_arn": None}),
+        ]
+        root = parsed(report.model_copy(update={"jobs": jobs}))
+        properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
+        assert properties["request 3 scout.job"] == f"sim-{run}3"
+        assert properties["request 3 scout.seed"] == str(seed), "what broke before it had a result has a seed too"
+        return [case.get("name") for case in root.iterfind(".//testcase")]
+
+    assert names("q8", 5) == names("z2", 6) == ["request 3 scout", "world-3 scout", "world-3 scout (2)"]
 
 
 def test_a_step_that_failed_without_jobs_is_an_error(report: Report) -> None:

@@ -226,6 +226,17 @@ def test_tools_that_kept_dying_are_told(make_report: Any, make_job: Any, make_re
     assert suite.jobs[0].tools == [tool]
 
 
+def test_what_a_job_went_on_without_is_told(make_report: Any, make_job: Any, make_result: Any) -> None:
+    extra = {"camera_error": "there is no camera 'frnt'", "video_error": "no <driver>", "seen": 7}
+    result = make_result("PASS", 5).model_copy(update={"extra": extra})
+    page = Document(render_report(make_report([], [make_job("sim-1", None, result=result)])))
+    assert "no camera in the recording: there is no camera 'frnt'" in page.text
+    assert "no video: no <driver>" in page.text
+    [suite] = summarize(make_report([], [make_job("sim-1", None, result=result, step="drive")])).steps
+    assert suite.jobs[0].remarks == result.remarks
+    assert len(result.remarks) == 2
+
+
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
