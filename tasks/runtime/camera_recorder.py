@@ -22,7 +22,7 @@ from .camera_frames import (
     find_mount,
     frames_of,
 )
-from .camera_settings import CameraRecording
+from .camera_settings import CAMERA_VARIABLE, CameraRecording
 from .cameras import Image
 from .context import Recorder
 from .display_messages import CompressedImage
@@ -30,6 +30,7 @@ from .filming import RAYS, Filming
 from .physics import raw_physics
 from .results import Findings
 from .video_settings import VideoSettings
+from .views import CameraNameError
 
 TOPIC = "/camera/image_raw/compressed"
 INFO_TOPIC = "/camera/camera_info"
@@ -72,6 +73,10 @@ class CameraRecorder:
             picture = _jpeg(filming.picture(data))
             view = filming.look(data, self._scene)
             mount = find_mount(filming.model, view, self._scene, frames_of(environment, filming.model))
+        except CameraNameError as error:
+            self.next_time_s, self._error = math.inf, str(error)
+            sys.stderr.write(f"No camera in the recording: {error}.\n")
+            return
         except Exception:
             self.next_time_s = math.inf
             self._error = traceback.format_exc(limit=0).strip().splitlines()[-1]
@@ -110,7 +115,7 @@ class CameraRecorder:
             if self._filming is not None:
                 self._filming.close()
             settings = VideoSettings(camera=self._settings.camera or _default_camera(model), size=_SIZE)
-            self._filming = Filming(model, settings, self._backend)
+            self._filming = Filming(model, settings, self._backend, said_by=CAMERA_VARIABLE)
             # Without a renderer: only to learn where the camera stands, and how it projects.
             self._scene = mujoco.MjvScene(model, maxgeom=1)
         return self._filming, data

@@ -10,6 +10,7 @@ from ...schemas.simulation_run import RunPlan
 RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
 CAMERA_VARIABLE = "ROBOMAKER_RECORD_CAMERA"
 _MAX_RATE_HZ = 60.0
+_BOTH = "both"
 _INVALID = "InvalidInput"
 
 
@@ -28,7 +29,7 @@ def camera_recording(plan: RunPlan) -> CameraRecording | None:
     """Returns what a run's variables ask for; None: no pictures, which is the default.
 
     Raises:
-        LaunchError: The rate is not a number above 0 and at most 60.
+        LaunchError: The rate is not a number above 0 and at most 60, or two views are asked for in one picture.
     """
     if not plan.record:
         return None
@@ -46,4 +47,11 @@ def _read(variables: Mapping[str, str]) -> CameraRecording | None:
             f"{_MAX_RATE_HZ:g}, such as 5",
             _INVALID,
         )
-    return CameraRecording(rate_hz, variables.get(CAMERA_VARIABLE) or None)
+    camera = variables.get(CAMERA_VARIABLE) or None
+    if camera == _BOTH:
+        raise LaunchError(
+            f"{CAMERA_VARIABLE} is {camera!r}, but a picture of two views has no camera_info that is true of it; it "
+            "has to be follow, top, or the name of one of the model's cameras (videos may have both)",
+            _INVALID,
+        )
+    return CameraRecording(rate_hz, camera)

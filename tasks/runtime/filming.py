@@ -25,7 +25,12 @@ class Filming:
     """Takes the pictures of one film of one model."""
 
     def __init__(
-        self, model: mujoco.MjModel, settings: VideoSettings, backend: str, environment_camera: str | None = None
+        self,
+        model: mujoco.MjModel,
+        settings: VideoSettings,
+        backend: str,
+        environment_camera: str | None = None,
+        said_by: str = CAMERA_VARIABLE,
     ) -> None:
         """Makes a camera.
 
@@ -34,9 +39,10 @@ class Filming:
             settings: Camera and size.
             backend: `egl`, `osmesa` or `rays`.
             environment_camera: The environment's `video_camera`; the settings go before it.
+            said_by: Where the camera of the settings comes from, for the error.
 
         Raises:
-            ValueError: There is no such camera.
+            CameraNameError: There is no such camera.
             Exception: OpenGL does not work here; the kind depends on the driver.
         """
         self.size = settings.size or (_RAY_SIZE if backend == RAYS else DEFAULT_SIZE)
@@ -44,7 +50,7 @@ class Filming:
         self.model = model
         self.aim(
             settings.camera or environment_camera,
-            CAMERA_VARIABLE if settings.camera else "the environment's video_camera",
+            said_by if settings.camera else "the environment's video_camera",
         )
         self._camera: Camera
         if backend == RAYS:
@@ -60,7 +66,7 @@ class Filming:
             said_by: Where the name comes from, for the error.
 
         Raises:
-            ValueError: There is no such camera.
+            CameraNameError: There is no such camera.
         """
         width, height = self.size
         self._view, self._small_view = choose_views(self.model, name, said_by, width / height)

@@ -28,6 +28,7 @@ from .filming import Filming
 from .state_log import Segment, StateLog
 from .video_files import CLIP_FILE, POSTER_FILE, VIDEO_FILE, FilmRequest
 from .video_settings import VideoSettings
+from .views import CameraNameError
 
 CLIP_S = 10.0
 _PR_SET_PDEATHSIG = 1
@@ -134,6 +135,9 @@ def main() -> int:
     os.nice(_NICENESS)  # runs that are still going on come first
     try:
         make_films(request)
+    except CameraNameError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
     except Exception as error:
         traceback.print_exc()
         sys.stderr.write(f"{type(error).__name__}: {error}\n")

@@ -18,6 +18,7 @@ from .physics import raw_physics
 from .results import Findings
 from .video_files import NO_PHYSICS, POSTER_FILE, VIDEO_FILE
 from .video_settings import DEFAULTS, VideoSettings
+from .views import CameraNameError
 
 POSTER_TIME_S = 2.0
 
@@ -60,6 +61,10 @@ class VideoWatcher:
                 self.next_time_s = self._begins_s + self._film.frames / self._film.rate_hz
             if self._poster is None or time_s <= self._begins_s + POSTER_TIME_S:
                 self._poster = picture
+        except CameraNameError as error:
+            self.next_time_s, self._error = float("inf"), str(error)
+            sys.stderr.write(f"No video: {error}.\n")
+            self._abandon()
         except Exception:
             self._give_up()
 
@@ -114,6 +119,9 @@ class VideoWatcher:
         self._error = traceback.format_exc(limit=0).strip().splitlines()[-1]
         sys.stderr.write(f"No video: it could not be made with {self._backend}.\n")
         traceback.print_exc()
+        self._abandon()
+
+    def _abandon(self) -> None:
         if self._film is not None:
             self._film.abandon()
             self._film = None

@@ -28,6 +28,10 @@ _MARGIN_M = 0.3
 _Vector = NDArray[np.float64]
 
 
+class CameraNameError(ValueError):
+    """A camera was asked for that the model does not have; the message says by what, and which there are."""
+
+
 def choose_views(
     model: mujoco.MjModel, name: str | None, said_by: str = "the environment's video_camera", aspect: float = 4 / 3
 ) -> tuple[View, View | None]:
@@ -40,7 +44,7 @@ def choose_views(
         aspect: Width of the picture divided by its height.
 
     Raises:
-        ValueError: The model has no camera of that name.
+        CameraNameError: The model has no camera of that name.
     """
     if name == BOTH:
         return choose_view(model, FOLLOW, said_by, aspect), choose_view(model, TOP, said_by, aspect)
@@ -52,9 +56,10 @@ def choose_view(
 ) -> View:
     """Returns one view.
 
-    A camera of the model goes first, so a robot may bring its own `follow` (`<robot>/follow` when it is attached)
-    and a world its own `top`. Without a name it is the model's `follow`, else its first camera, else a camera
-    made to follow what the actuators move, else MuJoCo's own view of the whole.
+    A camera of the model goes first, so a robot may bring its own `follow` and a world its own `top`. Cameras of
+    robots are found with and without the robot's name: `front` is `<robot>/front` once it is attached. Without a
+    name it is the model's `follow`, else its first camera, else a camera made to follow what the actuators move,
+    else MuJoCo's own view of the whole.
 
     Args:
         model: The model.
@@ -63,7 +68,7 @@ def choose_view(
         aspect: See `choose_views`.
 
     Raises:
-        ValueError: The model has no camera of that name.
+        CameraNameError: The model has no camera of that name.
     """
     camera = _own_camera(model, name or FOLLOW)
     if camera is None and name is None and model.ncam:
@@ -78,8 +83,8 @@ def choose_view(
     if name is None:
         return _whole(model)
     there = ", ".join(model.camera(i).name for i in range(model.ncam)) or "none"
-    raise ValueError(
-        f"{said_by} is {name!r}, but the model's cameras are: {there}; {FOLLOW}, {TOP} and {BOTH} are always there"
+    raise CameraNameError(
+        f"{said_by}: there is no camera {name!r}; the model's cameras are: {there}; {FOLLOW} and {TOP} are always there"
     )
 
 
@@ -201,7 +206,8 @@ def _own_camera(model: mujoco.MjModel, name: str) -> int | None:
     camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
     if camera >= 0:
         return camera
-    attached = (i for i in range(model.ncam) if name == FOLLOW and model.camera(i).name.endswith(f"/{FOLLOW}"))
+    # Of all that is fixed there is one view from above; a robot's own `top` is asked for with the robot's name.
+    attached = (i for i in range(model.ncam) if name != TOP and model.camera(i).name.endswith(f"/{name}"))
     return next(attached, None)
 
 

@@ -83,10 +83,24 @@ def test_another_camera(environment: Any, tmp_path: Path) -> None:
     assert message.transforms[0].transform.translation.z == 5
 
 
-def test_a_camera_that_is_not_there_is_a_remark(environment: Any, tmp_path: Path) -> None:
+def test_a_robots_camera_needs_no_robots_name(environment: Any, tmp_path: Path) -> None:
+    messages, findings = run(environment, tmp_path, CameraRecording(1.0, "front"))
+    assert (len(messages), findings.extra) == (2, {})
+    picture = np.asarray(Image.open(io.BytesIO(messages[0].data.tobytes())))
+    assert picture[125, 160, 0] > 2 * picture[125, 160, 1]  # the red box ahead of bot/front
+
+
+def test_a_camera_that_is_not_there_is_a_remark(
+    environment: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     messages, findings = run(environment, tmp_path, CameraRecording(1.0, "elsewhere"))
     assert messages == read(tmp_path, "/tf_static") == []
-    assert "'elsewhere'" in findings.extra["camera_error"]
+    why = (
+        "ROBOMAKER_RECORD_CAMERA: there is no camera 'elsewhere'; the model's cameras are: aloft, bot/front; follow "
+        "and top are always there"
+    )
+    assert findings.extra == {"camera_error": why}
+    assert capsys.readouterr().err == f"No camera in the recording: {why}.\n"
 
 
 @pytest.mark.parametrize(
@@ -127,6 +141,12 @@ def test_settings_come_from_variables(make_plan: Callable[..., RunPlan]) -> None
 def test_a_wrong_rate_is_named(make_plan: Callable[..., RunPlan], text: str) -> None:
     with pytest.raises(LaunchError, match=f"ROBOMAKER_RECORD_CAMERA_HZ is '{text}'; it has to be") as caught:
         camera_recording(planned(make_plan, CAMERA_HZ=text))
+    assert caught.value.failure_code == "InvalidInput"
+
+
+def test_a_picture_of_two_views_is_refused(make_plan: Callable[..., RunPlan]) -> None:
+    with pytest.raises(LaunchError, match=r"ROBOMAKER_RECORD_CAMERA is 'both'.* has to be follow, top, or") as caught:
+        camera_recording(planned(make_plan, CAMERA_HZ="2", CAMERA="both"))
     assert caught.value.failure_code == "InvalidInput"
 
 

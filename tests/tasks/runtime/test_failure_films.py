@@ -148,7 +148,7 @@ def test_a_camera_that_is_not_there_is_told(launcher: Launcher, plan_of: PlanOf)
     assert launcher.run(plan, lambda: None).status == "Completed"
     assert films_in(plan) == set()
     assert (
-        "No film of the failure: ValueError: ROBOMAKER_VIDEO_CAMERA is 'chase', but the model's cameras are: side"
+        "No film of the failure: ROBOMAKER_VIDEO_CAMERA: there is no camera 'chase'; the model's cameras are: side"
         in (errors_of(plan))
     )
 

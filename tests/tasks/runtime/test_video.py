@@ -17,7 +17,8 @@ from prefect_robomaker.tasks.runtime.launcher import Launcher
 from prefect_robomaker.tasks.runtime.ray_camera import RayCamera
 from prefect_robomaker.tasks.runtime.video import VideoWatcher
 from prefect_robomaker.tasks.runtime.video_backends import available_video_backends, best_video_backend
-from prefect_robomaker.tasks.runtime.views import choose_view
+from prefect_robomaker.tasks.runtime.video_settings import VideoSettings
+from prefect_robomaker.tasks.runtime.views import CameraNameError, choose_view
 
 MODEL = """
 <mujoco>
@@ -91,7 +92,8 @@ class TestRays:
 
 
 def test_a_camera_that_is_not_there(physics: Any) -> None:
-    with pytest.raises(ValueError, match="video_camera is 'chase', but the model's cameras are: top, side"):
+    wanted = "video_camera: there is no camera 'chase'; the model's cameras are: top, side"
+    with pytest.raises(CameraNameError, match=wanted):
         choose_view(physics.model, "chase")
 
 
@@ -215,6 +217,16 @@ class TestVideoWatcher:
         remarks = self.film(physics, tmp_path / "gone", 0.5)
         assert "No such file or directory" in remarks["video_error"]
         assert "No video: it could not be made with rays." in capsys.readouterr().err
+
+    def test_a_camera_that_is_not_there_is_told_in_one_line(
+        self, physics: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        watcher = VideoWatcher(tmp_path, "rays", VideoSettings(camera="chase"))
+        watcher.watch(SimpleNamespace(physics=physics), 0.0)
+        remarks = watcher.close("environment").extra
+        assert remarks["video_error"].startswith("ROBOMAKER_VIDEO_CAMERA: there is no camera 'chase'")
+        assert capsys.readouterr().err == f"No video: {remarks['video_error']}.\n"
+        assert list(tmp_path.iterdir()) == []
 
     def test_nothing_to_film(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         remarks = VideoWatcher(tmp_path, "rays").close("environment").extra

@@ -7,7 +7,7 @@ import pytest
 from prefect_robomaker.tasks.runtime.filming import RAYS, Filming
 from prefect_robomaker.tasks.runtime.robot_body import radius_of, robot_body
 from prefect_robomaker.tasks.runtime.video_settings import VideoSettings
-from prefect_robomaker.tasks.runtime.views import choose_view, choose_views, fixed_extent
+from prefect_robomaker.tasks.runtime.views import CameraNameError, choose_view, choose_views, fixed_extent
 
 ROVER = """
 <body name="rover" pos="{place}" euler="0 0 {heading}">
@@ -171,6 +171,7 @@ def test_the_picture_in_the_corner_follows_too() -> None:
 def test_a_wish_for_a_camera_that_is_not_there_names_the_variable() -> None:
     model, _ = room()
     with pytest.raises(
-        ValueError, match="ROBOMAKER_VIDEO_CAMERA is 'chase', but the model's cameras are: none; follow"
+        CameraNameError,
+        match="ROBOMAKER_VIDEO_CAMERA: there is no camera 'chase'; the model's cameras are: none; follow",
     ):
         Filming(model, VideoSettings("chase"), RAYS)
