@@ -8,6 +8,7 @@ Bounds, patterns and enumerations are the service's. Three things differ on purp
 """
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
@@ -57,8 +58,20 @@ def _no_reserved_tags(tags: dict[_Text, Any]) -> dict[_Text, Any]:
     return tags
 
 
+_ESCAPE_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def without_escapes(text: str) -> str:
+    """A text without what terminals take for colours and titles (ECMA-48), and without other control characters."""
+    return _ESCAPE_SEQUENCE.sub("", text)
+
+
 def shorten(reason: str, limit: int = 1024) -> str:
-    """Cuts a failure reason to what `GenericString` holds: keeps the beginning and, at greater length, the end."""
+    """Cuts a failure reason to what `GenericString` holds: keeps the beginning and, at greater length, the end.
+
+    What programs print for terminals is left out.
+    """
+    reason = without_escapes(reason)
     if len(reason) <= limit:
         return reason
     mark = "\n[…]\n"

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..schemas.errors import LaunchError
 from ..schemas.simulation_run import ApplicationRole
-from .ros_launching import Ros, is_launch_file, readers_of
+from .ros_launching import Ros, is_launch_file, lacks_launch_file, readers_of
 
 DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
 _LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
@@ -134,6 +134,8 @@ def _find_program(code: Code, name: str, which: Which) -> str:
 
 
 def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: Which, has_master: bool) -> Program:
+    if path is None and code.folder is not None and (lack := lacks_launch_file(code.folder, package, file)):
+        raise LaunchError(f"{code.role} application {code.name}: {lack}", code.crash_code)
     readers = readers_of(file, path)
     what = [str(path)] if path else [part for part in (package, file) if part]
     for ros in readers:

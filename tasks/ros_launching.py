@@ -38,6 +38,8 @@ _MARKS: Mapping[Ros, _Marks] = {
     ),
 }
 _DESCRIBES_A_LAUNCH = re.compile(r"^def generate_launch_description\b", re.MULTILINE)
+_PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+_MOST_NAMED = 8
 _MOST_BYTES = 1 << 20
 """Read of a launch file; those that people write have a few thousand."""
 
@@ -70,6 +72,31 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
         if len(found) == 1:
             return tuple(found)
     return (2, 1) if file.endswith(".launch.xml") else (1, 2)
+
+
+def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
+    """Says that a ROS package of a bundle has no such launch file; `None`: it has, or the bundle has no such package.
+
+    ROS looks for a package's files in all folders of it, and for packages that the bundle does not have elsewhere.
+
+    Args:
+      bundle: the unpacked bundle.
+      package: the package's name, as its `package.xml` says.
+      file: the launch file's name.
+    """
+    folders = [path.parent for path in bundle.rglob("package.xml") if path.is_file() and _name_in(path) == package]
+    found = {path.name: path for folder in folders for path in sorted(folder.rglob("*"))}
+    if not folders or Path(file).name in found:
+        return None
+    others = sorted(name for name, path in found.items() if path.is_file() and is_launch_file(name, path))
+    listed = f"has {', '.join(others[:_MOST_NAMED])}" if others else "has none"
+    return f"the bundle's package {package} has no launch file {file}; it {listed}"
+
+
+def _name_in(manifest: Path) -> str | None:
+    """The name of a package (REP 127, REP 140), whose manifest is XML of a few lines."""
+    name = _PACKAGE_NAME.search(_beginning(manifest).decode(errors="replace"))
+    return name[1] if name else None
 
 
 def _beginning(path: Path) -> bytes:

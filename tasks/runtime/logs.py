@@ -1,11 +1,12 @@
 """The logs of a run: where its output goes, and how they end."""
 
 import os
-import re
 import stat
 import sys
 from io import TextIOWrapper
 from pathlib import Path
+
+from ...schemas.common import without_escapes
 
 LOG_FOLDER = "logs"
 STDOUT_LOG = "stdout.log"
@@ -14,7 +15,8 @@ STDERR_LOG = "stderr.log"
 _TAIL_BYTES = 8192
 _MAX_STEM_CHARACTERS = 240
 """File names have 255 bytes; tools may have longer names than that leaves."""
-_ESCAPE_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|[\x00-\x08\x0b-\x1f\x7f]")
+_SAYS_NOTHING = frozenset({"The traceback for the exception was written to the log file"})
+"""What `roslaunch` prints after the line that says what is wrong, about a file that nobody looks into."""
 
 
 def redirect_output(output_dir: Path) -> None:
@@ -73,5 +75,5 @@ def _last_lines(path: Path) -> list[str]:
     lines = data.decode(errors="replace").splitlines()
     if size > _TAIL_BYTES and len(lines) > 1:
         lines = lines[1:]  # begins in the middle of a line
-    cleaned = (_ESCAPE_SEQUENCE.sub("", line).rstrip() for line in lines)
-    return [line for line in cleaned if line]
+    cleaned = (without_escapes(line).rstrip() for line in lines)
+    return [line for line in cleaned if line and line not in _SAYS_NOTHING]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
+from ...schemas.common import without_escapes
 from ...schemas.run_programs import ToolEnds
 from ...schemas.simulation_run import ApplicationRole, RunPlan
 from .progress import Phase
@@ -130,6 +131,7 @@ def judge(
 
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
     """Returns a reason of at most 1024 characters that ends with as many last log lines as fit."""
+    head = without_escapes(head)
     if len(head) > _MAX_HEAD_CHARACTERS:
         head = head[: _MAX_HEAD_CHARACTERS - 1] + "…"
     if not lines:

@@ -161,3 +161,12 @@ def test_a_cancelled_launch_leaves_no_master(service: Service, launch_config: Ca
     assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Canceled"
     assert not launched(arn)
     assert not working_below(service.settings.home)
+
+
+def test_a_launch_file_that_is_not_there_is_the_reason(
+    service: Service, launch_config: Callable[..., dict[str, Any]]
+) -> None:
+    job = ended(service, ordered(service, robot=launch_config("robot", "wrok.launch")))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "RobotApplicationCrash")
+    assert "package my_robot has no launch file wrok.launch; it has drive.launch" in job["failureReason"]

@@ -5,13 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from prefect_robomaker.schemas.common import Filter, GenericString, exactly_one, filter_values, shorten
+from prefect_robomaker.schemas.common import Filter, GenericString, exactly_one, filter_values, shorten, without_escapes
 
 
 @given(st.text(min_size=1, max_size=50), st.integers(0, 200))
 def test_a_shortened_reason_fits_and_keeps_both_ends(line: str, lines: int) -> None:
-    reason = line * lines
-    short = shorten(reason)
+    reason = without_escapes(line * lines)
+    short = shorten(line * lines)
 
     assert TypeAdapter(GenericString).validate_python(short) == short
     if len(reason) > 1024:
@@ -31,3 +31,8 @@ def test_exactly_one_refuses_none_and_both(given_values: tuple[int | None, int |
 def test_filters_become_names_and_values() -> None:
     assert filter_values([Filter(name="status", values=["Active"])]) == {"status": ["Active"]}
     assert filter_values(None) == {}
+
+
+def test_what_programs_say_to_terminals_is_no_reason() -> None:
+    said = "\x1b]2;/home/me/a.launch\x07\x1b[31mRLException:\x1b[0m no\x1b]0;b\x1b\\ file\x00\n\tat all"
+    assert shorten(said) == "RLException: no file\n\tat all"

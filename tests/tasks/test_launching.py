@@ -117,6 +117,28 @@ def test_what_a_launch_file_says_goes_before_its_name(bundle: Path) -> None:
             resolve(bundle, ("roslaunch",), packageName="ros_pkg", launchFile=file)
 
 
+def test_a_launch_file_that_its_package_does_not_have_is_told_at_once(bundle: Path) -> None:
+    package = bundle / "src/deep/robot_sources"
+    (package / "launch/parts").mkdir(parents=True)
+    (package / "package.xml").write_text('<?xml version="1.0"?>\n<package>\n  <name> my_robot </name>\n</package>')
+    for name in ("work.launch", "parts/arm.launch"):
+        (package / "launch" / name).write_text("<launch/>")
+
+    with pytest.raises(LaunchError) as caught:
+        resolve(bundle, ("roslaunch",), packageName="my_robot", launchFile="wrok.launch")
+
+    assert caught.value.failure_code == "RobotApplicationCrash"
+    assert str(caught.value) == (
+        "robot application mine: the bundle's package my_robot has no launch file wrok.launch; "
+        "it has arm.launch, work.launch"
+    )
+    # ROS finds a package's files wherever they are in it, and packages that are installed here.
+    for name, file in (("my_robot", "arm.launch"), ("installed_here", "wrok.launch")):
+        program = resolve(bundle, ("roslaunch",), packageName=name, launchFile=file)
+        assert isinstance(program, Program)
+        assert program.argv[-3:] == ("/usr/bin/roslaunch", name, file)
+
+
 def test_the_second_application_waits_for_the_firsts_master(bundle: Path) -> None:
     code = Code("robot", "mine", folder=bundle)
     launch = {"packageName": "ros_pkg", "launchFile": "sim.launch"}
