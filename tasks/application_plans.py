@@ -21,7 +21,7 @@ from .sandbox import HOME
 from .surroundings import Surroundings, tool_plan
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
-_SETTINGS = "ROBOMAKER_"
+_SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT")
 """What the names of variables begin with that set how a run goes."""
 
 

@@ -1,5 +1,6 @@
 """Jobs whose robot application is a container: what of its variables sets how the run goes, what it finds."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -57,13 +58,14 @@ def output(service: Service, job: dict[str, Any], name: str) -> str:
 def test_variables_of_a_container_set_how_the_run_goes_and_its_secrets_are_not_written_down(
     service: Service, run: Run
 ) -> None:
-    job = run("sleep 60", ROBOMAKER_AGENT_CONNECT_TIMEOUT_S="0.3", MY_TOKEN="a-secret-of-mine")
+    job = run("sleep 60", ROBOMAKER_AGENT_CONNECT_TIMEOUT_S="0.3", MENAGERIE_ROOT="/there", MY_TOKEN="a-secret-of-mine")
 
     assert job["failureCode"] == "RobotApplicationHealthCheckFailure"
     assert "did not connect within 0.3 s" in job["failureReason"]
     written = output(service, job, "provenance.json")
     assert "a-secret-of-mine" not in written
-    assert '"ROBOMAKER_AGENT_CONNECT_TIMEOUT_S": "0.3"' in written
+    set_by_robot = json.loads(written)["plan"]["robot_application"]["environment_variables"]
+    assert set_by_robot == {"ROBOMAKER_AGENT_CONNECT_TIMEOUT_S": "0.3", "MENAGERIE_ROOT": "/there"}
 
 
 def test_a_setting_that_is_none_is_refused_in_a_container_as_elsewhere(run: Run) -> None:

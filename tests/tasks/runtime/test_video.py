@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from prefect_robomaker.schemas.simulation_run import RunPlan
 from prefect_robomaker.tasks.runtime.cameras import GlCamera
 from prefect_robomaker.tasks.runtime.launcher import Launcher
 from prefect_robomaker.tasks.runtime.ray_camera import RayCamera
@@ -232,6 +234,15 @@ class TestVideoWatcher:
         remarks = VideoWatcher(tmp_path, "rays").close("environment").extra
         assert remarks == {"video_error": "the environment has no `physics` to film"}
         assert "No video" in capsys.readouterr().err
+
+    def test_an_environment_that_was_never_made_is_not_said_to_have_no_physics(
+        self, launcher: Launcher, make_plan: Callable[..., RunPlan]
+    ) -> None:
+        plan = make_plan("unable", video="always")
+        outcome = launcher.run(plan, lambda: None)
+        log = (plan.output_dir / "logs/stderr.log").read_text()
+        assert "no such map" in log
+        assert "No video" not in log + (outcome.failure_reason or "")
 
     def test_a_new_model_gets_a_new_camera(self, physics: Any, tmp_path: Path) -> None:
         watcher = VideoWatcher(tmp_path, "rays")
