@@ -5,11 +5,12 @@ its world, which takes a third of the time until its first step. A rehearsal in 
 before anybody waits for it. It leaves nothing behind, and seeds are set when the run begins.
 """
 
+import io
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +70,8 @@ def rehearse(room: Path | None, is_wanted: IsWanted) -> None:
     if room is None or not _has_idle_processor():
         return
     folder = room / str(os.getpid())
-    with suppress(Exception):
+    # What it says is not for the log of the run that this process will be.
+    with suppress(Exception), redirect_stdout(io.StringIO()):
         folder.mkdir()
         for _ in _parts(room, folder):
             if not is_wanted():

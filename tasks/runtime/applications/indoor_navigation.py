@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+import sys
 from functools import cached_property
 from pathlib import Path
 
@@ -78,7 +79,9 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
             'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
             _INVALID,
         )
-    robot = find_robot(context.plan.robot_application, {**os.environ, **context.environment})
+    found = find_robot(context.plan.robot_application, {**os.environ, **context.environment})
+    sys.stdout.write(f"{found}\n")
+    robot = found.robot
     limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world, robot)
     try:
         physics = assemble(context.world_dir / "world.xml", robot)

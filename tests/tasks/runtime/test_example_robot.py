@@ -74,6 +74,8 @@ def test_the_urdf_robot_of_a_bundle_visits_every_room(
     plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)
     result = carry_out(launcher, plan)
     assert (result.verdict, result.ended_by) == ("PASS", "environment"), result.summary
+    told = (plan.output_dir / "logs" / "stdout.log").read_text()
+    assert told == "Robot: my_rover, from my_rover/robot.yaml of the robot application robot.\n"
     recorded = messages(plan)
     joints = recorded["/joint_states"]
     assert list(joints[-1].name) == ["left_wheel_joint", "right_wheel_joint"]
@@ -140,7 +142,7 @@ def test_menagerie_is_where_the_workers_environment_says(
 def test_the_examples_specification_is_right_and_its_model_is_as_the_urdf_says() -> None:
     path = EXAMPLE / "rover.yaml"
     assert load_spec(path.read_text(), str(path)).order
-    rover = find_robot(robot("my_rover.make_agent", EXAMPLE), {})
+    rover = find_robot(robot("my_rover.make_agent", EXAMPLE), {}).robot
     model = rover.build().compile()
     links = {"base_footprint", "base_link", "left_wheel", "right_wheel", "front_caster", "laser", "imu_link"}
     assert links <= {model.body(index).name for index in range(model.nbody)}
@@ -152,7 +154,7 @@ def test_the_mapping_that_the_documentation_shows_is_a_right_one(unpacked: Path)
     page = (Path(__file__).parents[3] / "docs" / "robots.md").read_text()
     [shown] = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (unpacked / "my_rover" / "robot.yaml").write_text(shown)
-    rover = find_robot(robot("my_rover.make_agent", unpacked), {})
+    rover = find_robot(robot("my_rover.make_agent", unpacked), {}).robot
     assert (rover.limits.radius_m, rover.limits.linear_mps) == (0.23, 0.5)
     assert rover.lidar is not None
     assert rover.lidar.height_m == pytest.approx(0.23)

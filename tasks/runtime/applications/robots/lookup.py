@@ -33,6 +33,7 @@ BUILT_IN: Mapping[str, Robot] = {"scout": SCOUT, "walker": WALKER}
 
 _PACKAGE = __name__.rsplit(".", 2)[0]
 _INVALID_INPUT = "InvalidInput"
+_MAX_NAME = 60
 
 
 class _Package(NamedTuple):
@@ -45,7 +46,19 @@ class _Package(NamedTuple):
     """The folder that holds everything it may use."""
 
 
-def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> Robot:
+class FoundRobot(NamedTuple):
+    """A job's robot, and how it came to it."""
+
+    robot: Robot
+    why: str
+    """Part of a sentence for people: `as ROBOMAKER_ROBOT says`."""
+
+    def __str__(self) -> str:
+        """One line: `Robot: scout, as ROBOMAKER_ROBOT says.`."""
+        return f"Robot: {self.robot.name}, {self.why}."
+
+
+def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
     """The robot of a job.
 
     Args:
@@ -57,16 +70,35 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
     """
     named = variables.get(ROBOT_VARIABLE)
     if named is not None:
-        return _named_robot(named, application, variables)
+        return FoundRobot(_named_robot(named, application, variables), f"as {ROBOT_VARIABLE} says ({named})")
     if application is None:
-        return SCOUT
+        return FoundRobot(SCOUT, "since there is no robot application")
     package = _package_of(application)
     if package is not None:
         for folder in package.folders:
-            if (folder / MAPPING_FILE).is_file():
-                return _from_file(folder / MAPPING_FILE, package.root, variables)
+            file = folder / MAPPING_FILE
+            if file.is_file():
+                robot = _from_file(file, package.root, variables, application)
+                where = file.relative_to(package.root).as_posix()
+                return FoundRobot(robot, f"from {where} of the robot application {application.name}")
     module = (application.attribute or "").removeprefix(f"{_PACKAGE}.").split(".")[0]
-    return BUILT_IN.get(module, SCOUT)
+    if module in BUILT_IN:
+        return FoundRobot(BUILT_IN[module], f"which the robot application {application.name} drives")
+    return FoundRobot(SCOUT, f"since {_why_it_has_none(application, package)}")
+
+
+def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
+    """Why an application brings no robot; names a file that looks as if it was meant."""
+    owner = f"the robot application {application.name}"
+    if package is None:
+        is_container = application.attribute is None and application.package is None
+        return f"{owner} {'is a container' if is_container else f'has no {MAPPING_FILE}'}"
+    places = [f"{folder.relative_to(package.root).as_posix()}/" for folder in package.folders[:-1]]
+    found = next(
+        (file for depth in ("*", "*/*") for file in sorted(package.root.glob(f"{depth}/{MAPPING_FILE}"))), None
+    )
+    hint = f" (but {found.relative_to(package.root).as_posix()}, which {ROBOT_VARIABLE} may name)" if found else ""
+    return f"{owner} has no {MAPPING_FILE} in {', '.join([*places, 'its top folder'])}{hint}"
 
 
 def _named_robot(named: str, application: ApplicationPlan | None, variables: Mapping[str, str]) -> Robot:
@@ -87,17 +119,28 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
         raise LaunchError(
             f"{ROBOT_VARIABLE}: {named!r} is outside of the robot application; give a path within it", _INVALID_INPUT
         )
-    if application is not None and (package := _package_of(application)) is not None:
-        for folder in package.folders:
-            if (folder / named).is_file():
-                return _from_file(folder / named, package.root, variables)
+    package = _package_of(application) if application is not None else None
+    for folder in package.folders if package is not None else ():
+        if (folder / named).is_file():
+            assert package is not None
+            return _from_file(folder / named, package.root, variables, application)
     name = application.name if application else "scout"
-    raise LaunchError(f"{ROBOT_VARIABLE}: the robot application {name} has no file {named!r}", _INVALID_INPUT)
+    hint = "" if package is not None else "; files are looked for in bundles and installed packages, not in containers"
+    raise LaunchError(f"{ROBOT_VARIABLE}: the robot application {name} has no file {named!r}{hint}", _INVALID_INPUT)
 
 
-def _from_file(path: Path, root: Path, variables: Mapping[str, str]) -> Robot:
+def _from_file(
+    path: Path, root: Path, variables: Mapping[str, str], application: ApplicationPlan | None = None
+) -> Robot:
     mapping = read_mapping(path)
-    return make_robot(mapping, _files(mapping, path, root, variables), _name_from(path))
+    # The folder that a bundle was unpacked into has a name of the cache's.
+    is_top = application is not None and path.parent == application.path
+    folder = application.name if application is not None and is_top else path.parent.name
+    return make_robot(
+        mapping,
+        _files(mapping, path, root, variables),
+        _short_name(folder if path.name == MAPPING_FILE else path.stem),
+    )
 
 
 def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, str]) -> RobotFiles:
@@ -109,15 +152,17 @@ def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, 
     return RobotFiles(path, path.parent / mapping.model, root)
 
 
-def _name_from(path: Path) -> str:
-    """A short name for a robot that has none: that of its folder, or of its file."""
-    text = path.parent.name if path.name == MAPPING_FILE else path.stem
-    return re.sub(r"[^a-z0-9_]+|^(?![a-z])", "_", text.lower()).strip("_") or "robot"
+def _short_name(text: str) -> str:
+    """A name for a robot that has none, in the form that `name` has to have."""
+    name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
+    name = name if re.match("[a-z]", name) else f"robot_{name}"
+    return name[:_MAX_NAME].strip("_")
 
 
 def _package_of(application: ApplicationPlan) -> _Package | None:
     """Where an application's files are, without importing any of them: whose fault that would be is not known yet."""
-    parts = (application.attribute or "").split(".")[:-1]
+    module = application.package or (application.attribute or "").rpartition(".")[0]
+    parts = module.split(".") if module else []
     if application.path is not None:
         return _Package([*_inwards(application.path, parts)[::-1], application.path], application.path)
     if not parts or (application.attribute or "").startswith(f"{_PACKAGE}."):

@@ -14,6 +14,6 @@ def make_cart(tmp_path: Path) -> Callable[..., Robot]:
     """Makes the cart with members of its mapping replaced, and files of its package."""
 
     def make(files: dict[str, str] | None = None, **members: Any) -> Robot:
-        return find_robot(write_robot(tmp_path, CART_MAPPING | members, **(files or {})), {})
+        return find_robot(write_robot(tmp_path, CART_MAPPING | members, **(files or {})), {}).robot
 
     return make

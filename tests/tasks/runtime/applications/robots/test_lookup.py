@@ -18,16 +18,16 @@ def plan(attribute: str | None, path: Path | None = None) -> ApplicationPlan:
 
 def test_without_anything_else_it_is_scout(tmp_path: Path) -> None:
     (tmp_path / "nav").mkdir()
-    assert find_robot(None, {}).name == "scout"
-    assert find_robot(plan(f"{BUILT_IN}.scout.make_agent"), {}).name == "scout"
-    assert find_robot(plan("nav.make_agent", tmp_path), {}).name == "scout"
-    assert find_robot(plan("no_such_package_here.make_agent"), {}).name == "scout"
+    assert find_robot(None, {}).robot.name == "scout"
+    assert find_robot(plan(f"{BUILT_IN}.scout.make_agent"), {}).robot.name == "scout"
+    assert find_robot(plan("nav.make_agent", tmp_path), {}).robot.name == "scout"
+    assert find_robot(plan("no_such_package_here.make_agent"), {}).robot.name == "scout"
 
 
 def test_the_walker_comes_with_its_application_or_by_its_name() -> None:
-    assert find_robot(plan(f"{BUILT_IN}.walker.make_agent"), {}).name == "walker"
-    assert find_robot(plan(f"{BUILT_IN}.scout.make_agent"), {"ROBOMAKER_ROBOT": "walker"}).name == "walker"
-    assert find_robot(plan(f"{BUILT_IN}.walker.make_agent"), {"ROBOMAKER_ROBOT": "scout"}).name == "scout"
+    assert find_robot(plan(f"{BUILT_IN}.walker.make_agent"), {}).robot.name == "walker"
+    assert find_robot(plan(f"{BUILT_IN}.scout.make_agent"), {"ROBOMAKER_ROBOT": "walker"}).robot.name == "walker"
+    assert find_robot(plan(f"{BUILT_IN}.walker.make_agent"), {"ROBOMAKER_ROBOT": "scout"}).robot.name == "scout"
 
 
 def test_the_innermost_package_with_a_mapping_counts(tmp_path: Path) -> None:
@@ -36,12 +36,53 @@ def test_the_innermost_package_with_a_mapping_counts(tmp_path: Path) -> None:
     inner.mkdir()
     for name in ("robot.yaml", "cart.xml"):
         (inner / name).write_text((tmp_path / "my_cart" / name).read_text().replace("outer", "inner"))
-    assert find_robot(plan("my_cart.small.agent.make_agent", tmp_path), {}).name == "inner"
-    assert find_robot(plan("my_cart.agent.make_agent", tmp_path), {}).name == "outer"
-    assert find_robot(plan(None, tmp_path), {}).name == "scout"
+    assert find_robot(plan("my_cart.small.agent.make_agent", tmp_path), {}).robot.name == "inner"
+    assert find_robot(plan("my_cart.agent.make_agent", tmp_path), {}).robot.name == "outer"
+    assert find_robot(plan(None, tmp_path), {}).robot.name == "scout"
     (inner / "robot.yaml").rename(tmp_path / "robot.yaml")
     (inner / "cart.xml").rename(tmp_path / "cart.xml")
-    assert find_robot(plan(None, tmp_path), {}).name == "inner"
+    assert find_robot(plan(None, tmp_path), {}).robot.name == "inner"
+
+
+@pytest.mark.parametrize(
+    ("name", "short"), [("My-Cart.v2", "my_cart_v2"), ("3po", "robot_3po"), ("-", "robot"), ("x" * 80, "x" * 60)]
+)
+def test_a_robot_at_the_top_of_a_bundle_is_called_as_its_application(tmp_path: Path, name: str, short: str) -> None:
+    folder = tmp_path / "c496c1a5e07a"
+    write_robot(folder, CART_MAPPING)
+    (folder / "my_cart").rename(tmp_path / "moved")
+    for file in (tmp_path / "moved").iterdir():
+        file.rename(folder / file.name)
+    application = ApplicationPlan(role="robot", name=name, path=folder)
+    assert find_robot(application, {}).robot.name == short
+    assert find_robot(application, {"ROBOMAKER_ROBOT": "robot.yaml"}).robot.name == short
+
+
+def test_it_says_which_robot_it_is_and_why(tmp_path: Path) -> None:
+    cart = write_robot(tmp_path, CART_MAPPING)
+    assert str(find_robot(cart, {})) == "Robot: my_cart, from my_cart/robot.yaml of the robot application cart."
+    assert str(find_robot(cart, {"ROBOMAKER_ROBOT": "walker"})) == "Robot: walker, as ROBOMAKER_ROBOT says (walker)."
+    assert str(find_robot(None, {})) == "Robot: scout, since there is no robot application."
+    walker = plan(f"{BUILT_IN}.walker.make_agent")
+    assert str(find_robot(walker, {})) == "Robot: walker, which the robot application mine drives."
+    assert str(find_robot(plan(None), {})) == "Robot: scout, since the robot application mine is a container."
+    program = plan(None, tmp_path)
+    assert str(find_robot(program, {})) == (
+        "Robot: scout, since the robot application mine has no robot.yaml in its top folder "
+        "(but my_cart/robot.yaml, which ROBOMAKER_ROBOT may name)."
+    )
+    assert find_robot(program, {"ROBOMAKER_ROBOT": "my_cart/robot.yaml"}).robot.name == "my_cart"
+    (tmp_path / "nav").mkdir()
+    said = str(find_robot(plan("nav.make_agent", tmp_path), {}))
+    assert "has no robot.yaml in nav/, its top folder (but my_cart/robot.yaml, which" in said
+
+
+def test_a_container_cannot_bring_a_file(tmp_path: Path) -> None:
+    assert find_robot(plan(None), {"ROBOMAKER_ROBOT": "walker"}).robot.name == "walker"
+    with pytest.raises(
+        LaunchError, match=r"mine has no file 'arm.yaml'; files are looked for in bundles .* not in con"
+    ):
+        find_robot(plan(None), {"ROBOMAKER_ROBOT": "arm.yaml"})
 
 
 def test_an_installed_package_brings_its_robot_without_being_imported(
@@ -50,7 +91,9 @@ def test_an_installed_package_brings_its_robot_without_being_imported(
     write_robot(tmp_path, CART_MAPPING)
     (tmp_path / "my_cart" / "__init__.py").write_text("raise RuntimeError('imported too early')")
     monkeypatch.syspath_prepend(tmp_path)
-    assert find_robot(plan("my_cart.make_agent"), {}).name == "my_cart"
+    assert find_robot(plan("my_cart.make_agent"), {}).robot.name == "my_cart"
+    program = ApplicationPlan(role="robot", name="mine", package="my_cart")
+    assert find_robot(program, {}).robot.name == "my_cart"
     assert "my_cart" not in sys.modules
 
 
@@ -59,8 +102,8 @@ def test_the_variable_names_a_file_of_the_application(tmp_path: Path) -> None:
     (tmp_path / "my_cart" / "robots").mkdir()
     (tmp_path / "my_cart" / "robot.yaml").rename(tmp_path / "my_cart" / "robots" / "cart-2.yaml")
     (tmp_path / "my_cart" / "cart.xml").rename(tmp_path / "my_cart" / "robots" / "cart.xml")
-    assert find_robot(application, {}).name == "scout"
-    assert find_robot(application, {"ROBOMAKER_ROBOT": "robots/cart-2.yaml"}).name == "cart_2"
+    assert find_robot(application, {}).robot.name == "scout"
+    assert find_robot(application, {"ROBOMAKER_ROBOT": "robots/cart-2.yaml"}).robot.name == "cart_2"
 
 
 @pytest.mark.parametrize(
@@ -101,7 +144,7 @@ def menagerie(tmp_path: Path) -> dict[str, str]:
 def test_a_model_of_menagerie_with_a_mapping_drives(menagerie: dict[str, str], tmp_path: Path) -> None:
     write_robot(tmp_path, CART_MAPPING)
     (tmp_path / "my_cart" / "robot.yaml").rename(tmp_path / "menagerie" / "acme_cart" / "robot.yaml")
-    robot = find_robot(None, menagerie)
+    robot = find_robot(None, menagerie).robot
     assert robot.name == "acme_cart"
     stand = Stand(robot)
     stand.drive((0.3, 0.0), 1.5)
@@ -111,7 +154,7 @@ def test_a_model_of_menagerie_with_a_mapping_drives(menagerie: dict[str, str], t
 def test_a_bundles_mapping_may_take_its_model_from_menagerie(menagerie: dict[str, str], tmp_path: Path) -> None:
     application = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/cart.xml"})
     variables = {"MENAGERIE_ROOT": menagerie["MENAGERIE_ROOT"]}
-    assert find_robot(application, variables).joints == ("left", "right", "lift")
+    assert find_robot(application, variables).robot.joints == ("left", "right", "lift")
     wrong = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/card.xml"})
     with pytest.raises(LaunchError, match=r"acme_cart has no file 'card.xml'; did you mean 'cart.xml'\?"):
         find_robot(wrong, variables)
@@ -124,7 +167,7 @@ def test_a_model_of_menagerie_without_a_mapping_says_what_to_write(menagerie: di
     assert "spawn: {height_m: 0.05, keyframe: up}" in begin
     assert begin.startswith("version: 1\nmodel: cart.xml\nbase: chassis\n")
     (tmp_path / "menagerie" / "acme_cart" / "robot.yaml").write_text(begin)
-    assert find_robot(None, menagerie).home["lift"] == 0.5  # what it says is right
+    assert find_robot(None, menagerie).robot.home["lift"] == 0.5  # what it says is right
 
 
 @pytest.mark.parametrize(
