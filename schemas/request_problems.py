@@ -12,6 +12,10 @@ from pydantic_core import ErrorDetails
 
 Location = tuple[str | int, ...]
 
+_LEAST_LIKENESS = 0.6
+_PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
+"""Of a name in camel or snake case."""
+
 
 @dataclass(frozen=True)
 class RequestProblem:
@@ -38,9 +42,18 @@ class RequestProblem:
 
 def nearest(word: str, words: Iterable[str]) -> str:
     """The most similar of some words as a question to add to a message, or nothing."""
-    by_folded = {each.lower(): each for each in words}
-    close = difflib.get_close_matches(word.lower(), by_folded, n=1, cutoff=0.6)
-    return f"; did you mean {by_folded[close[0]]!r}?" if close else ""
+    scored = [(_likeness(word, each), each) for each in words]
+    likeness, close = max(scored, default=(0.0, ""))
+    return f"; did you mean {close!r}?" if likeness >= _LEAST_LIKENESS else ""
+
+
+def _likeness(word: str, other: str) -> float:
+    """0 to 1, whatever the case; a name with its parts in another order, `max_range` for `range_max`, is like it."""
+    parts, others = _PART.findall(word), _PART.findall(other)
+    texts = [(word, other)]
+    if len(parts) > 1 and len(parts) == len(others):
+        texts.append((" ".join(sorted(map(str.lower, parts))), " ".join(sorted(map(str.lower, others)))))
+    return max(difflib.SequenceMatcher(None, there.lower(), said.lower()).ratio() for said, there in texts)
 
 
 def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestProblem]:

@@ -178,7 +178,8 @@ class RobotModelHead(Model):
     sensors: RobotSensors = Field(default=RobotSensors(), description="What it senses.")
     sliding: list[PartName] = Field(
         default=[],
-        description="Bodies (links) that slide over the floor, such as casters made of balls: next to no friction.",
+        description="Bodies (links) or geoms that slide over the floor, such as casters made of balls: next to no "
+        "friction.",
     )
     joints: list[PartName] | None = Field(
         default=None, description="Joints to observe and to record; absent: all hinges and slides."

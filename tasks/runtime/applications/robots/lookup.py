@@ -21,7 +21,7 @@ from .....schemas.simulation_run import ApplicationPlan
 from ..robot_scout import SCOUT
 from .mapped import make_robot
 from .mapped_model import RobotFiles
-from .mapping import MAPPING_FILE, read_mapping
+from .mapping import MAPPING_FILE, placed, read_mapping
 from .menagerie import MENAGERIE, menagerie_file, menagerie_mapping, menagerie_root
 from .problems import alternatives, invalid
 from .robot import Robot
@@ -136,11 +136,11 @@ def _from_file(
     # The folder that a bundle was unpacked into has a name of the cache's.
     is_top = application is not None and path.parent == application.path
     folder = application.name if application is not None and is_top else path.parent.name
-    return make_robot(
-        mapping,
-        _files(mapping, path, root, variables),
-        _short_name(folder if path.name == MAPPING_FILE else path.stem),
-    )
+    name = _short_name(folder if path.name == MAPPING_FILE else path.stem)
+    try:
+        return make_robot(mapping, _files(mapping, path, root, variables), name)
+    except LaunchError as error:
+        raise placed(error, path) from error
 
 
 def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, str]) -> RobotFiles:

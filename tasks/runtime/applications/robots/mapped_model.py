@@ -76,7 +76,9 @@ class ModelBuilder:
         self._add_actuators(spec)
         self._add_sensors(spec)
         for index, name in enumerate(self._mapping.sliding):
-            for geom in self.find(spec.bodies, name, f"sliding[{index}]", "bodies").geoms:
+            part = self.find([*spec.geoms, *spec.bodies], name, f"sliding[{index}]", "bodies and geoms")
+            for geom in part.geoms if isinstance(part, mujoco.MjsBody) else [part]:
+                # By priority: of two geoms MuJoCo would take the larger friction, which is the floor's.
                 geom.friction, geom.priority = _SLIDING_FRICTION, 1
         self._add_cameras(spec, base)
         carrier = self.find(spec.bodies, self.carrier, "base", "bodies")

@@ -1,5 +1,6 @@
 """Reads `robot.yaml`."""
 
+import re
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -11,6 +12,26 @@ from .....schemas.spec_text import MappingNode, child, key_place, parse, plain, 
 from .problems import INVALID_ROBOT, alternatives, invalid
 
 MAPPING_FILE = "robot.yaml"
+
+
+_MEMBER = re.compile(r"([a-z]\w*(?:\.\w+|\[[0-9]+\])*): ")
+_STEP = re.compile(r"\w+")
+
+
+def placed(error: LaunchError, path: Path) -> LaunchError:
+    """An error about a member of a mapping that can be read, with the line and column where the member stands.
+
+    Args:
+      error: its message begins with the file's name and the member, as `invalid` writes it; others are as they were.
+      path: the YAML file.
+    """
+    said = str(error).removeprefix(f"{path.name}: ")
+    member = _MEMBER.match(said)
+    if member is None or said == str(error):
+        return error
+    steps = tuple(int(step) if step.isdigit() else step for step in _STEP.findall(member[1]))
+    place = value_place(parse(path.read_text(encoding="utf-8"), path.name), steps)
+    return LaunchError(f"{place}: {said}", error.failure_code)
 
 
 def read_mapping(path: Path) -> RobotModel:

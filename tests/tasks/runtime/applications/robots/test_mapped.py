@@ -1,5 +1,7 @@
+import json
 import logging
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,12 +10,13 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from robot_stands import CART_MAPPING, Stand
+from robot_stands import CART_MAPPING, Stand, write_robot
 
 from prefect_robomaker.schemas.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications import lidar
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation
 from prefect_robomaker.tasks.runtime.applications.navigation_task import NavigationTask
+from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.applications.robots.robot import Lidar, Robot
 from prefect_robomaker.tasks.runtime.applications.scene import assemble
 from prefect_robomaker.tasks.runtime.context import ActionError
@@ -174,8 +177,36 @@ def test_actions_of_a_robot_without_a_drive_are_its_actuators_controls(make_cart
 def test_what_is_wrong_is_named_with_what_would_be_right(make_cart: MakeCart, members: Any, message: str) -> None:
     with pytest.raises(LaunchError, match=message) as error:
         make_cart(**members)
-    assert str(error.value).startswith("robot.yaml: ")
+    assert re.match(r"robot\.yaml:\d+:\d+: ", str(error.value))
     assert error.value.failure_code == "InvalidBundleRobotApplication"
+
+
+@pytest.mark.parametrize("sliding", [["knob_front", "knob_rear"], ["chassis"]])
+def test_geoms_and_bodies_slide_whatever_the_floor_is_of(make_cart: MakeCart, sliding: list[str]) -> None:
+    from robot_stands import CART
+
+    # Without a priority MuJoCo takes the larger friction of the two, the floor's.
+    sticky = CART.replace(' friction="0.01" priority="1"', ' friction="0.01"')
+
+    def grip(robot: Robot) -> set[float]:
+        stand = Stand(robot)
+        stand.drive((0.0, 0.0), 0.2)
+        knobs = {stand.model.geom(f"my_cart/knob_{each}").id for each in ("front", "rear")}
+        touching = [each for each in stand.data.contact if knobs & set(each.geom.tolist())]
+        return {round(float(each.friction[0]), 3) for each in touching}
+
+    assert grip(make_cart({"cart_xml": sticky})) == {0.7}
+    assert grip(make_cart({"cart_xml": sticky}, sliding=sliding)) == {0.01}
+
+
+def test_a_wrong_name_is_told_with_its_line(tmp_path: Path) -> None:
+    lines = [f"{name}: {json.dumps(value)}" for name, value in CART_MAPPING.items() if name != "drive"]
+    text = "\n".join([*lines, "drive:", *(f"  {name}: {json.dumps(value)}" for name, value in DRIVE.items())])
+    application = write_robot(tmp_path, text.replace('["right"]', '["right", "rigth"]'))
+    line = next(number for number, each in enumerate(text.splitlines(), start=1) if "right" in each)
+    wanted = rf"^robot.yaml:{line}:20: drive.right\[1\]: there is no joint .* 'rigth'; did you mean 'right'"
+    with pytest.raises(LaunchError, match=wanted):
+        find_robot(application, {})
 
 
 def test_a_joint_without_an_actuator_says_how_to_add_one(make_cart: MakeCart) -> None:

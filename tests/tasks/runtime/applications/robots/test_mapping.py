@@ -54,6 +54,11 @@ def test_every_member_says_what_it_is() -> None:
             "wheel_radius",
             "robot.yaml:10:3: drive.wheel_radius: is not known; did you mean 'wh",
         ),
+        (
+            "spawn: {height_m: 0.05}",
+            "spawn: {height_m: 0.05}\nsensors: {lidar: {at: eye, max_range_m: 5}}",
+            r"robot.yaml:6:28: sensors.lidar.max_range_m: is not known; did you mean 'range_max_m'\?",
+        ),
         ("radius_m: 0.16", "radius_m: -1", "robot.yaml:4:23: footprint.radius_m: is -1; it has to be above 0"),
         ("radius_m: 0.16", "radius_m: wide", "footprint.radius_m: is 'wide'; it has to be a number"),
         ("kind: differential", "kind: diferential", "drive.kind: is 'diferential'; did you mean 'differential'"),
