@@ -49,7 +49,10 @@ class ApplicationPlan(Model):
         default=None,
         description="Installed package that a program is of; absent: it is a bundle, an image or no program.",
     )
-    environment_variables: dict[str, str] = Field(default={}, description="The launch configuration's variables.")
+    environment_variables: dict[str, str] = Field(
+        default={},
+        description="The launch configuration's variables; of a container those that set how a run goes.",
+    )
 
 
 class RecordedActions(Model):

@@ -130,6 +130,24 @@ def test_a_command_finds_its_folders_and_who_it_is(service: Service, order_comma
     assert [source.get("destination") for source in job["dataSources"]] == [None, "/home/robomaker/there"]
 
 
+def test_destinations_are_below_the_jobs_root_and_nobody_may_write_there(
+    service: Service, order_command: Order, run: Any
+) -> None:
+    service.store.put_bytes("applications", "maps/one.txt", b"one\n")
+    source = {"s3Bucket": "applications", "s3Keys": ["maps/one.txt"]}
+    places = ("/etc/maps", "/tmp/x")
+    sources = [{**source, "name": f"n{index}", "destination": place} for index, place in enumerate(places)]
+    script = """
+      cat $ROBOMAKER_JOB_ROOT/etc/maps/maps/one.txt $TMPDIR/x/maps/one.txt
+      find $ROBOMAKER_JOB_ROOT/etc/maps $TMPDIR/x -perm /222
+    """
+
+    job = run(order_command(script, dataSources=sources))
+
+    assert job["status"] == "Completed", job.get("failureReason")
+    assert log(service, job) == "one\none\n"
+
+
 def test_a_job_knows_no_secret_of_whoever_performs_it(
     service: Service, order_command: Order, run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
