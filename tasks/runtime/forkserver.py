@@ -86,7 +86,7 @@ class _Supervisors:
         rehearse: What processes do until there is a run for them.
     """
 
-    def __init__(self, control: socket.socket, rehearse: Callable[[Callable[[], bool]], None]) -> None:
+    def __init__(self, control: socket.socket, rehearse: Callable[[Callable[[float], bool]], None]) -> None:
         self._control = control
         self._rehearse = rehearse
         self._alive: dict[int, tuple[int, int]] = {}

@@ -23,10 +23,11 @@ from .context import SimulationContext
 from .digest import digest_of_model
 from .recording import McapRecorder
 
-IsWanted = Callable[[], bool]
-"""Whether to go on; not, once there is a run."""
+HasRun = Callable[[float], bool]
+"""Waits for so many seconds for a run, and says whether there is one."""
 
 _LOADAVG = Path("/proc/loadavg")
+_LOOK_AGAIN_S = 0.25
 _SHELVES = 12
 _BOARDS = 24
 _CELL_M = 0.05
@@ -57,24 +58,27 @@ def _furnish(folder: Path) -> None:
     )
 
 
-def rehearse(room: Path | None, is_wanted: IsWanted) -> None:
-    """Makes a world, senses, plans and steps once, as long as that is wanted.
+def rehearse(room: Path | None, has_run: HasRun) -> None:
+    """Makes a world, senses, plans and steps once, as long as there is no run.
 
-    Nothing is done where the processors have other things to do, and nothing that fails is told: the run will fail in
+    Nothing is done while the processors have other things to do, and nothing that fails is told: the run will fail in
     the same way, and say so.
 
     Args:
         room: From `rehearsal_room`.
-        is_wanted: Asked between the parts, each of which takes some milliseconds.
+        has_run: Asked between the parts, each of which takes some milliseconds.
     """
-    if room is None or not _has_idle_processor():
+    if room is None:
         return
+    while not _has_idle_processor():
+        if has_run(_LOOK_AGAIN_S):
+            return
     folder = room / str(os.getpid())
     # What it says is not for the log of the run that this process will be.
     with suppress(Exception), redirect_stdout(io.StringIO()):
         folder.mkdir()
         for _ in _parts(room, folder):
-            if not is_wanted():
+            if has_run(0.0):
                 break
     shutil.rmtree(folder, ignore_errors=True)
 

@@ -19,8 +19,8 @@ from .run_request import RunRequest
 RunChild = Callable[[RunRequest, Progress], int]
 """Carries out the run described by a request; returns the exit code."""
 
-Rehearse = Callable[[Callable[[], bool]], None]
-"""See `rehearsal.rehearse`: is given whether to go on."""
+Rehearse = Callable[[Callable[[float], bool]], None]
+"""See `rehearsal.rehearse`: is given what waits for a run."""
 
 _BEGIN = b"!"
 _INTERNAL_ERROR = 70  # EX_SOFTWARE: the runtime itself failed
@@ -89,7 +89,7 @@ def _become_run(
         die_with_parent()
         request = None
         if os.getppid() == supervisor:
-            rehearse(lambda: not select.select([pipe], [], [], 0)[0])
+            rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))
             with pipe, cast(BinaryIO, pipe.makefile("rb")) as stream:
                 request = _awaited_request(stream)
         if request is None:

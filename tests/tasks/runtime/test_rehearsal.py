@@ -23,22 +23,22 @@ def test_all_that_comes_before_the_first_step_is_rehearsed(tmp_path: Path, caplo
 
 
 def test_it_ends_when_there_is_a_run_and_leaves_nothing() -> None:
-    asked: list[bool] = []
+    asked: list[float] = []
 
-    def is_wanted() -> bool:
-        asked.append(True)
-        return len(asked) < 3
+    def has_run(wait_s: float) -> bool:
+        asked.append(wait_s)
+        return len(asked) == 3
 
     with rehearsal.rehearsal_room() as room:
         assert room is not None
         before = sorted(room.iterdir())
-        rehearsal.rehearse(room, is_wanted)
+        rehearsal.rehearse(room, has_run)
         assert sorted(room.iterdir()) == before
-    assert len(asked) == 3
+    assert asked == [0.0, 0.0, 0.0]
 
 
 def test_what_fails_is_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rehearsal.rehearse(tmp_path, lambda: True)  # there is no world
+    rehearsal.rehearse(tmp_path, lambda _: False)  # there is no world
     assert list(tmp_path.iterdir()) == []
     assert capsys.readouterr() == ("", "")
 
@@ -47,7 +47,7 @@ def test_runs_begin_where_nothing_can_be_rehearsed(make_plan: Any, monkeypatch: 
     monkeypatch.setattr(rehearsal.tempfile, "tempdir", "/no/such/folder")
     with rehearsal.rehearsal_room() as room:
         assert room is None
-        rehearsal.rehearse(room, lambda: True)
+        rehearsal.rehearse(room, lambda _: False)
     monkeypatch.setenv("TMPDIR", "/proc")
     with Launcher() as launcher:
         assert launcher.run(make_plan("Judging"), lambda: None).status == "Completed"
