@@ -68,6 +68,7 @@ def test_containers_of_a_performer_that_died_here_are_ended(
         ("elsewhere:1:1", -1.0),
         (None, 0.0),  # it was given back to be taken over
     ],
+    ids=["held up", "perhaps not seen", "elsewhere", "given back"],
 )
 def test_other_containers_of_jobs_that_go_on_are_left_alone(
     service: Service, fake: FakeEngine, job: dict[str, Any], owner: str | None, lease_s: float
