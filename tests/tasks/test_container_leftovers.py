@@ -21,13 +21,6 @@ PlanIn = Callable[[Path], ProgramPlan]
 
 
 @pytest.fixture
-def fake(tmp_path: Path) -> FakeEngine:
-    engine = FakeEngine(tmp_path / "engine")
-    engine.add_image("sleeper", command=["sleep", "60"])
-    return engine
-
-
-@pytest.fixture
 def plan_in(fake: FakeEngine, service: Service, environ: dict[str, str]) -> PlanIn:
     """Plans one and the same run in a folder: its robot is a container."""
     arn = Applications.of("Robot", service).create("sleeper", environment={"uri": "sleeper"})["arn"]

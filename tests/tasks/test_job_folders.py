@@ -5,7 +5,6 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,13 +18,6 @@ from prefect_robomaker.tasks.service import Service
 
 Order = Callable[..., dict[str, Any]]
 RUN = "2026-01-02T03-04-05-000000Z"
-
-
-@pytest.fixture
-def fake(tmp_path: Path) -> FakeEngine:
-    engine = FakeEngine(tmp_path / "engine")
-    engine.add_image("sleeper", command=["sleep", "60"])
-    return engine
 
 
 @pytest.fixture

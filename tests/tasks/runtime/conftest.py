@@ -9,6 +9,7 @@ from remote_jobs import Job
 from prefect_robomaker.schemas.run_programs import ProgramPlan
 from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video_backends import available_video_backends
 
 TROUBLE = Path(__file__).parent / "bundles" / "trouble"
 
@@ -102,3 +103,11 @@ def start(launcher: Launcher, make_plan: Callable[..., RunPlan]) -> Iterator[Cal
         job.cancel = True
         job.outcome()
         assert not job.path.exists()
+
+
+@pytest.fixture
+def egl() -> None:
+    """Is there for tests that draw with EGL, which not every machine can; rays are tested on all of them."""
+    [backend] = [item for item in available_video_backends() if item.name == "egl"]
+    if not backend.works:
+        pytest.skip(f"egl does not work on this machine: {backend.problem}")

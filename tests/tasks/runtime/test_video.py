@@ -172,11 +172,9 @@ for size in ((320, 240), (640, 480)):
 """
 
 
+@pytest.mark.usefixtures("egl")
 @pytest.mark.parametrize(("light", "specular"), [("directional", 0.0), ("directional", 0.5), ("spot", 0.0)])
 def test_fast_settings_are_not_seen(light: str, specular: float, tmp_path: Path) -> None:
-    [egl] = [item for item in available_video_backends() if item.name == "egl"]
-    if not egl.works:
-        pytest.skip(f"egl does not work on this machine: {egl.problem}")
     (tmp_path / "draw.py").write_text(DRAW_TWICE)
     arguments = [
         sys.executable,

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.video_backends import available_video_backends
 from prefect_robomaker.tasks.runtime.view_culling import MODEL_BORROWED, outside, without_unseen
 
 ASPECT = 4 / 3
@@ -111,10 +110,8 @@ print(sum(drawn[::2]) / sum(drawn[1::2]))
 """
 
 
+@pytest.mark.usefixtures("egl")
 def test_pictures_are_the_same(tmp_path: Path) -> None:
-    [egl] = [item for item in available_video_backends() if item.name == "egl"]
-    if not egl.works:
-        pytest.skip(f"egl does not work on this machine: {egl.problem}")
     (tmp_path / "draw.py").write_text(DRAW)
     done = subprocess.run(
         [sys.executable, str(tmp_path / "draw.py")],
