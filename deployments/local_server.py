@@ -118,9 +118,14 @@ def _start(settings: Settings) -> str:
     folder = _state_file(settings).parent
     log = folder / "server.log"
     port = _port(folder / "port")
+    api_url = f"http://127.0.0.1:{port}/api"
     environ = {
         **os.environ,
         "PREFECT_HOME": str(folder),
+        # `--port` alone does not reach the settings, and the page would look for its API at port 4200.
+        "PREFECT_SERVER_API_HOST": "127.0.0.1",
+        "PREFECT_SERVER_API_PORT": str(port),
+        "PREFECT_SERVER_UI_API_URL": api_url,
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,
     }
@@ -135,7 +140,6 @@ def _start(settings: Settings) -> str:
             start_new_session=True,
             cwd=folder,
         )
-    api_url = f"http://127.0.0.1:{port}/api"
     try:
         _wait_until_healthy(process, api_url, log)
         status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))

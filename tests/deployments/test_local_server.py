@@ -3,7 +3,9 @@ import json
 import socket
 import subprocess
 import threading
+import time
 import urllib.request
+import uuid
 from pathlib import Path
 
 import pytest
@@ -28,6 +30,36 @@ def test_the_server_is_started_once_and_reused(prefect_server: str) -> None:
     assert prefect_server.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(f"{prefect_server}/health") as answer:
         assert answer.status == 200
+
+
+def test_the_page_of_the_server_is_told_where_its_api_is(prefect_server: str) -> None:
+    with urllib.request.urlopen(f"{prefect_server.removesuffix('/api')}/ui-settings") as answer:
+        assert json.load(answer)["api_url"] == prefect_server
+
+
+@pytest.mark.slow
+def test_an_active_schedule_gets_runs(prefect_server: str) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.actions import DeploymentScheduleCreate
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterId
+    from prefect.client.schemas.schedules import CronSchedule
+
+    with get_client(sync_client=True) as client:
+        flow_id = client.create_flow_from_name(f"nightly-{uuid.uuid4().hex}")
+        schedule = DeploymentScheduleCreate(schedule=CronSchedule(cron="* * * * *", timezone="UTC"), active=True)
+        deployment_id = client.create_deployment(flow_id, "nightly", schedules=[schedule])
+        wanted = DeploymentFilter(id=DeploymentFilterId(any_=[deployment_id]))
+        try:
+            deadline = time.monotonic() + 60  # the server looks for schedules every few seconds, slower under load
+            while not (runs := client.read_flow_runs(deployment_filter=wanted)) and time.monotonic() < deadline:
+                time.sleep(0.5)
+        finally:
+            client.delete_deployment(deployment_id)
+
+    assert runs, "the server's scheduler made no run of an active cron"
+    assert {run.state_name for run in runs} <= {"Scheduled", "Late"}
+    log = Path(str(server_settings().home / "prefect" / "server.log")).read_text()
+    assert "bulk DML" not in log
 
 
 def test_a_state_file_of_a_dead_server_is_not_believed(settings: Settings) -> None:
