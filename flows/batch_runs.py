@@ -10,8 +10,8 @@ from ..schemas.errors import ServiceError
 from ..schemas.lifecycles import batch_outcome, is_terminal
 from ..schemas.simulation_jobs import SimulationJobRequest
 from ..tasks.catalog import ClientToken, Resource
+from ..tasks.job_leases import Lease
 from ..tasks.job_runs import stop_idle_job
-from ..tasks.performing import Lease
 from ..tasks.service import Progress, Service
 from .simulation_jobs import store_job
 

@@ -24,7 +24,8 @@ from ..schemas.world_export_jobs import (
     ListWorldExportJobsResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import Lease, perform_once
+from ..tasks.job_leases import Lease
+from ..tasks.performing import perform_once
 from ..tasks.service import Progress, Service
 from ..tasks.uploads import check_output_location
 from ..tasks.world_jobs import archive_place, cancel_world_job, end_canceled, move_on

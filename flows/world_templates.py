@@ -4,7 +4,7 @@ from typing import Any
 
 from ..schemas.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ..schemas.ids import new_id
-from ..schemas.world_template_body import parse_template_body, unwrapped_text
+from ..schemas.world_template_parsing import parse_template_body, unwrapped_text
 from ..schemas.world_templates import (
     CreateWorldTemplateRequest,
     CreateWorldTemplateResponse,

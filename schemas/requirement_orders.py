@@ -1,15 +1,12 @@
 """The requirements that an order for a job asks for: by its member, or by a launch variable."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from .errors import InvalidParameterException
 from .requirements import JobRequirement, parse_requirements, rooms_of
 from .simulation_job_configs import RobotApplicationConfig, SimulationApplicationConfig
 from .strict_json import load_strict
-
-if TYPE_CHECKING:
-    from .simulation_jobs import SimulationJobOrder
 
 REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 """Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
@@ -17,7 +14,26 @@ REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 _MAX_CHARACTERS = 1024
 
 
-def ordered_requirements(order: "SimulationJobOrder") -> list[JobRequirement]:
+class JobRequirementsSource(Protocol):
+    """The members of a request that requirements can be given in."""
+
+    @property
+    def requirements(self) -> list[JobRequirement] | None:
+        """The extension member."""
+        ...
+
+    @property
+    def robotApplications(self) -> list[RobotApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The robot application, whose launch variables may hold requirements."""
+        ...
+
+    @property
+    def simulationApplications(self) -> list[SimulationApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The simulation application, likewise."""
+        ...
+
+
+def ordered_requirements(order: JobRequirementsSource) -> list[JobRequirement]:
     """The requirements that an order asks for.
 
     Raises:
@@ -26,7 +42,7 @@ def ordered_requirements(order: "SimulationJobOrder") -> list[JobRequirement]:
     return _placed_requirements(order)[1]
 
 
-def rooms_asked(order: "SimulationJobOrder") -> list[tuple[str, str]]:
+def rooms_asked(order: JobRequirementsSource) -> list[tuple[str, str]]:
     """The rooms that an order's goals ask for, each with the path of the member that does.
 
     Raises:
@@ -36,7 +52,7 @@ def rooms_asked(order: "SimulationJobOrder") -> list[tuple[str, str]]:
     return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
 
 
-def _placed_requirements(order: "SimulationJobOrder") -> tuple[str, list[JobRequirement]]:
+def _placed_requirements(order: JobRequirementsSource) -> tuple[str, list[JobRequirement]]:
     """The path of the member that holds an order's requirements, and these."""
     given: dict[str, list[JobRequirement]] = {}
     if order.requirements is not None:
@@ -52,7 +68,7 @@ def _placed_requirements(order: "SimulationJobOrder") -> tuple[str, list[JobRequ
     return first, requirements
 
 
-def check_requirements(order: "SimulationJobOrder") -> None:
+def check_requirements(order: JobRequirementsSource) -> None:
     """Finds out what of an order's requirements cannot be judged, as far as the order says it.
 
     Raises:
@@ -89,11 +105,11 @@ def no_such_room(room: str, rooms: Sequence[str]) -> str:
     return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
 
 
-def _has_world(order: "SimulationJobOrder") -> bool:
+def _has_world(order: JobRequirementsSource) -> bool:
     return any(config.worldConfigs for config in order.simulationApplications or ())
 
 
-def _variables(order: "SimulationJobOrder") -> Iterator[tuple[str, str]]:
+def _variables(order: JobRequirementsSource) -> Iterator[tuple[str, str]]:
     """Where the launch variable is set, and what it holds."""
     configs: Mapping[str, list[RobotApplicationConfig] | list[SimulationApplicationConfig] | None] = {
         "simulationApplications": order.simulationApplications,

@@ -46,7 +46,7 @@ from .spec_text import (
     plain,
     value_place,
 )
-from .world_template_body import parse_template_body
+from .world_template_parsing import parse_template_body
 
 Scope: TypeAlias = Mapping[str, Kind]
 

@@ -12,7 +12,7 @@ from .references import ReferenceMistake, parse_template
 from .requirement_orders import no_such_room
 from .spec import FOR_EACH, CheckedStep, for_each_of, variable_of
 from .spec_text import ListNode, Location, MappingNode, Node, ScalarNode, child, path_text, plain
-from .world_template_body import parse_template_body
+from .world_template_parsing import parse_template_body
 
 _REQUESTS = "createSimulationJobRequests"
 _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")

@@ -7,24 +7,16 @@ nothing that came with version 2.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .strict_json import show
-
-if TYPE_CHECKING:
-    from .world_template_body import DesiredConnection, WorldTemplateBody
-    from .world_template_targets import TemplateTargetSet
+from .world_template_body import FLOORPLAN_PATH, INTERIOR_PATH, DesiredConnection, WorldTemplateBody
+from .world_template_targets import TemplateTargetSet
 
 MAX_CONNECTIONS_PER_ROOM = 4
 
-FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
-"""JSON path of the floor plan in a body."""
 
-INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
-"""JSON path of the interior in a body."""
-
-
-def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
+def rule_problems(body: WorldTemplateBody) -> Iterator[str]:
     """The rules that the guide gives in prose."""
     if body.Version == "1":
         yield from _version_problems(body)
@@ -43,7 +35,7 @@ def rule_problems(body: "WorldTemplateBody") -> Iterator[str]:
 _LATER = 'only in bodies of version 2; leave it out, or set Version to "2"'
 
 
-def _version_problems(body: "WorldTemplateBody") -> Iterator[str]:
+def _version_problems(body: WorldTemplateBody) -> Iterator[str]:
     """What version 1 does not have."""
     for index, room in enumerate(body.floorplan.Rooms):
         if room.OriginalName is not None:
@@ -56,7 +48,7 @@ def _version_problems(body: "WorldTemplateBody") -> Iterator[str]:
                 yield f"{INTERIOR_PATH}.{section}[{index}].TargetSet: {show(item.TargetSet)}: {_LATER}"
 
 
-def _sets(body: "WorldTemplateBody") -> Iterator[tuple[str, Sequence[Any]]]:
+def _sets(body: WorldTemplateBody) -> Iterator[tuple[str, Sequence[Any]]]:
     """The sets for rooms, by where they stand in the interior."""
     interior = body.interior
     yield "Flooring.MaterialSets", interior.Flooring.MaterialSets
@@ -64,7 +56,7 @@ def _sets(body: "WorldTemplateBody") -> Iterator[tuple[str, Sequence[Any]]]:
     yield "Furniture.FurnitureArrangements", interior.Furniture.FurnitureArrangements
 
 
-def _room_targets(body: "WorldTemplateBody") -> "Iterator[tuple[str, TemplateTargetSet]]":
+def _room_targets(body: WorldTemplateBody) -> Iterator[tuple[str, TemplateTargetSet]]:
     """Everything that names rooms, with its path; not what is for all of them."""
     for section, sets in _sets(body):
         for index, item in enumerate(sets):
@@ -78,7 +70,7 @@ def _room_targets(body: "WorldTemplateBody") -> "Iterator[tuple[str, TemplateTar
             yield f"{path}.To", item.TargetSet.To
 
 
-def _target_problems(target: "TemplateTargetSet", names: tuple[str, ...], path: str) -> Iterator[str]:
+def _target_problems(target: TemplateTargetSet, names: tuple[str, ...], path: str) -> Iterator[str]:
     if (target.RoomNames is None) == (target.RoomTypes is None):
         has = "neither RoomNames nor" if target.RoomNames is None else "both RoomNames and"
         yield f"{path}: has {has} RoomTypes; one of the two would be right"
@@ -93,7 +85,7 @@ def _no_such_room(path: str, name: str, names: tuple[str, ...]) -> str:
     return f"{path}: {show(name)}: no such room; {advice}"
 
 
-def _connection_problems(connections: "list[DesiredConnection]", names: tuple[str, ...]) -> Iterator[str]:
+def _connection_problems(connections: list[DesiredConnection], names: tuple[str, ...]) -> Iterator[str]:
     kinds: dict[frozenset[str], set[str]] = {}
     degree: Counter[str] = Counter()
     for index, connection in enumerate(connections):

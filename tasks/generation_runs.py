@@ -11,7 +11,7 @@ from ..schemas.common import shorten
 from ..schemas.errors import StateConflictError
 from ..schemas.ids import world_id
 from ..schemas.world_generation_jobs import too_many_worlds
-from .performing import Lease
+from .job_leases import Lease
 from .service import Progress, Service
 from .world_jobs import end_canceled, move_on
 

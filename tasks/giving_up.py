@@ -4,13 +4,11 @@ A simulation runs in a process of its own, which its performer outlives. What st
 along, again and again, would do so for ever: for want of memory, or through a defect. Such a job fails.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..schemas.lifecycles import LIFECYCLES
+from .job_leases import Lease
 from .service import Service
-
-if TYPE_CHECKING:
-    from .performing import Lease
 
 MOST_LOST_PERFORMERS = 3
 _MOST_OF_BATCHES = 10
@@ -19,7 +17,7 @@ _MOST_OF_BATCHES = 10
 _EVENTS = ("terminate", "fail", "canceled")
 
 
-def why_hopeless(lease: "Lease", service: Service) -> str | None:
+def why_hopeless(lease: Lease, service: Service) -> str | None:
     """Why a job is not to be begun again, if so."""
     most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MOST_LOST_PERFORMERS
     lost = service.catalog.lost_performers(lease.job.arn)
@@ -28,7 +26,7 @@ def why_hopeless(lease: "Lease", service: Service) -> str | None:
     return f"{lost} performers died, one after the other, while they performed this job; it is not begun again"
 
 
-def give_up(lease: "Lease", reason: str, service: Service) -> None:
+def give_up(lease: Lease, reason: str, service: Service) -> None:
     """Ends a job as failed, or as canceled if it was being canceled; the jobs of a batch are to be canceled."""
     transitions = LIFECYCLES[lease.job.kind].transitions
     changes: dict[str, Any] = {"failureCode": "InternalServiceError", "failureReason": reason}

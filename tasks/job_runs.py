@@ -18,7 +18,8 @@ from .container_leftovers import remove_containers_of_job, remove_run
 from .container_outputs import settle_containers
 from .job_endings import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
 from .job_folders import KIND, clean_up_job, clear_containers_of_the_dead, kept_runs
-from .performing import Lease, perform_if_idle, perform_once
+from .job_leases import Lease
+from .performing import perform_if_idle, perform_once
 from .resuming import plan_to_resume
 from .ros_domains import DOMAIN_VARIABLE, own_domain
 from .run_outputs import RunOutputs, failure_code_of

@@ -7,7 +7,8 @@ from typing import Any
 from ..schemas.errors import StateConflictError
 from ..schemas.lifecycles import is_terminal
 from .catalog import Resource
-from .performing import Lease, perform_if_idle
+from .job_leases import Lease
+from .performing import perform_if_idle
 from .service import Service
 from .worldforge.export_key import export_key
 

@@ -15,10 +15,10 @@ from prefect_robomaker.tasks.service import Service
 _PERFORM = """
 import os, sys
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks import job_runs, performing
+from prefect_robomaker.tasks import job_leases, job_runs
 from prefect_robomaker.tasks.service import Service
 
-performing.LEASE_S = 2.0
+job_leases.LEASE_S = 2.0
 job_runs.perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
 """
 

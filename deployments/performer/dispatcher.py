@@ -20,7 +20,8 @@ from ...flows.operation import registry
 from ...schemas.errors import ConfigurationError, ServiceUnavailableException
 from ...tasks.catalog import Resource
 from ...tasks.giving_up import give_up
-from ...tasks.performing import LEASE_S, perform_once
+from ...tasks.job_leases import LEASE_S
+from ...tasks.performing import perform_once
 from ...tasks.service import Service
 from .lanes import Lane
 from .prefect_watch import PrefectWatch

@@ -17,7 +17,8 @@ from ...schemas.lifecycles import is_terminal
 from ...tasks.catalog import Resource
 from ...tasks.giving_up import give_up
 from ...tasks.held_leases import HELD, PerformerEnding
-from ...tasks.performing import LEASE_S, perform_once
+from ...tasks.job_leases import LEASE_S
+from ...tasks.performing import perform_once
 from ...tasks.service import Service
 from .flow_runs import mark_crashed
 from .lanes import Lane

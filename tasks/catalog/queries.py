@@ -68,7 +68,7 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
 
 def list_query(
     kinds: Sequence[str], filters: Mapping[str, Sequence[str]], before: int | None, limit: int
-) -> Select[*tuple[Any, ...]]:
+) -> Select[Any]:
     """The query for a page of a list, newest first, with each row's `sequence`.
 
     Args:
@@ -78,7 +78,7 @@ def list_query(
       limit: how many rows at most.
     """
     kind, order = resources.c.kind, resources.c.sequence
-    query: Select[*tuple[Any, ...]] = select(resources.c.sequence, *COLUMNS)
+    query: Select[Any] = select(resources.c.sequence, *COLUMNS)
     query = query.where(kind == kinds[0] if len(kinds) == 1 else kind.in_(kinds))
     for name, values in filters.items():
         if (column := _FILTERS.get(name)) is not None:
@@ -99,7 +99,7 @@ def list_query(
     return query.order_by(order.desc()).limit(limit)
 
 
-def only_members(query: Select[*tuple[Any, ...]], members: Sequence[str]) -> Select[*tuple[Any, ...]]:
+def only_members(query: Select[Any], members: Sequence[str]) -> Select[Any]:
     """The same query, for which the database takes a few members out of each document."""
     columns = (column for column in COLUMNS if column is not resources.c.document)
     document = (resources.c.document[member].label(_member(member)) for member in members)

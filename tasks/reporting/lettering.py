@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from markupsafe import Markup
 
+from ...schemas.polygons import contains
 from ...schemas.world import Point
 from .frame import Frame
 from .svg import element
@@ -47,9 +48,7 @@ def largest_box(polygon: Sequence[Point]) -> Box:
     whole = Box(xs[0], ys[0], xs[-1], ys[-1])
     if len(xs) * len(ys) > _MOST_COORDINATES:
         return whole
-    inside = [
-        [_contains(polygon, ((x0 + x1) / 2, (y0 + y1) / 2)) for y0, y1 in pairwise(ys)] for x0, x1 in pairwise(xs)
-    ]
+    inside = [[contains(polygon, (x0 + x1) / 2, (y0 + y1) / 2) for y0, y1 in pairwise(ys)] for x0, x1 in pairwise(xs)]
     boxes = (
         Box(xs[i], ys[k], xs[j], ys[m])
         for i in range(len(xs))
@@ -59,14 +58,6 @@ def largest_box(polygon: Sequence[Point]) -> Box:
         if all(all(column[k:m]) for column in inside[i:j])
     )
     return max(boxes, key=lambda box: (box.right - box.left) * (box.top - box.bottom), default=whole)
-
-
-def _contains(polygon: Sequence[Point], point: Point) -> bool:
-    crossings = 0
-    for (x0, y0), (x1, y1) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
-        if (y0 > point[1]) != (y1 > point[1]) and point[0] < x0 + (point[1] - y0) * (x1 - x0) / (y1 - y0):
-            crossings += 1
-    return crossings % 2 == 1
 
 
 def draw_label(

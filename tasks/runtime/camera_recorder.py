@@ -24,10 +24,10 @@ from .camera_frames import (
 )
 from .camera_settings import CAMERA_VARIABLE, CameraRecording
 from .cameras import Image
-from .context import Recorder
 from .display_messages import CompressedImage
 from .filming import RAYS, Filming
 from .physics import raw_physics
+from .recorder import Recorder
 from .results import Findings
 from .video_settings import VideoSettings
 from .views import CameraNameError

@@ -25,7 +25,7 @@ from .checkpoints import Checkpointer
 from .context import SimulationContext
 from .loading import LoadError, load_factory
 from .logs import redirect_output
-from .loop import RunStopped, run_episode
+from .loop import run_episode
 from .observers import Observer, make_observers
 from .progress import AGENT_GONE, Phase, Progress
 from .provenance import machine_facts
@@ -36,6 +36,7 @@ from .remote_robot import RemoteRobot
 from .requirement_checks import RequirementError
 from .results import RESULT_FILE, Episode, make_result, versions, write_result
 from .run_request import RunRequest
+from .stops import RunStopped
 
 RECORDING_FILE = "recording.mcap"
 BUILT_IN_ENVIRONMENT = ApplicationPlan(

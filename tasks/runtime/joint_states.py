@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from .context import Recorder
 from .physics import raw_physics
+from .recorder import Recorder
 from .state_series import STATE_RATE_HZ, StateSeries, hinges_and_slides
 
 

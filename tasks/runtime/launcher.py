@@ -25,7 +25,8 @@ from .failure_films import film_failure
 from .logs import log_tail
 from .outcomes import Exit, Judgement, judge
 from .run_notes import note_screens
-from .run_request import DEFAULT_VARIABLES, RunRequest, kept_environment, make_request
+from .run_request import RunRequest
+from .run_requests import DEFAULT_VARIABLES, kept_environment, make_request, program_environment
 from .watch import Watch
 
 _WARM_UP_TIMEOUT_S = 120.0
@@ -236,7 +237,7 @@ def _clean_up(request: RunRequest) -> None:
             with suppress(OSError, subprocess.TimeoutExpired):
                 subprocess.run(
                     program.cleanup_argv,
-                    env=request.program_environment(program),
+                    env=program_environment(request, program),
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,

@@ -12,11 +12,13 @@ import mujoco
 from dm_control.rl.control import PhysicsError
 
 from .checkpoints import Checkpointer, LoopState, RunParts
-from .context import ActionError, ObservationError, Recorder
+from .context import ActionError, ObservationError
 from .joint_states import JointStateWatcher
 from .physics import raw_physics
 from .progress import Phase
+from .recorder import Recorder
 from .results import EnvironmentReport, Episode, read_report
+from .stops import RunEnded, RunStopped, Stop
 
 Agent = Callable[[dm_env.TimeStep], Any]
 
@@ -25,25 +27,6 @@ _BAD_STATE_WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
 )
-
-
-class RunStopped(BaseException):
-    """Raised in application code that does not return after the run was told to stop."""
-
-
-class RunEnded(Exception):
-    """Raised by an observer that has seen enough; the run ends as one that came to its end by itself."""
-
-    def __init__(self, ended_by: str = "requirements") -> None:
-        super().__init__(ended_by)
-        self.ended_by = ended_by
-
-
-class Stop(Protocol):
-    """Whether the run was told to stop."""
-
-    reason: str
-    """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
 
 
 class PhysicsWatcher(Protocol):

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 from ...schemas.simulation_run import ApplicationPlan, RunPlan
 from .failure_state import FailureKeeper
 from .live_view import LiveView
-from .loop import RunEnded
 from .provenance import Actions, ProvenanceKeeper
 from .requirements import RequirementsObserver
 from .results import Findings
 from .state_log_writer import StateLogger
+from .stops import RunEnded
 from .video import VideoWatcher
 from .video_files import STATE_LOG_FOLDER
 from .video_settings import settings_of

@@ -12,10 +12,10 @@ from .action_log import ActionLog, ActionLogError, ActionLogHeader, header_of
 from .agent_client import ACTION_HEADER
 from .agent_protocol import ActionReader
 from .context import ActionError, SimulationContext
-from .loop import RunEnded
 from .remote_agent import RobotProgramError
 from .remote_robot import action_layout
 from .results import Findings
+from .stops import RunEnded
 
 _INVALID = "InvalidInput"
 _NO_NUMBER = ACTION_HEADER.pack(0)

@@ -15,8 +15,8 @@ from .agent_layout import Layout
 from .agent_protocol import ActionReader, ObservationWriter, RobotHello, read_words
 from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
 from .context import ActionError
-from .loop import RunStopped
 from .results import Findings
+from .stops import RunStopped
 
 
 class RobotProgramError(ActionError):

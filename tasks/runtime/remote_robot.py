@@ -19,9 +19,9 @@ from .agent_layout import Layout
 from .agent_protocol import MAX_WORDS_BYTES
 from .agent_socket import AgentLink, AgentSocket, Clock, Stop, Stopped
 from .context import SimulationContext
-from .loop import RunStopped
 from .remote_agent import RemoteAgent
 from .results import Findings
+from .stops import RunStopped
 
 CONNECT_TIMEOUT_S = 60.0
 

@@ -14,11 +14,11 @@ import mujoco
 import numpy as np
 
 from ...schemas.errors import LaunchError
+from ...schemas.polygons import contains
 from ...schemas.request_problems import nearest
 from ...schemas.requirements import BodyName, JobRequirement, PredicateRequirement
 from ...schemas.simulation_run import RunPlan
 from ...schemas.world import Point, World
-from .applications.mission import contains
 from .clearance import ClearanceMeter
 from .contact_forces import ContactForces, floor_geoms, geom_names, robot_geoms
 from .loading import LoadError, load_factory

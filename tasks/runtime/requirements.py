@@ -8,11 +8,11 @@ from ...schemas.errors import InvalidParameterException
 from ...schemas.requirements import JobRequirement, parse_requirements, rooms_of
 from ...schemas.simulation_run import RunPlan
 from ...schemas.world import World
-from .loop import RunEnded
 from .physics import raw_physics
 from .requirement_checks import Look, RequirementError, Scene, bind, make_rules
 from .requirement_rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule
 from .results import Findings
+from .stops import RunEnded
 
 _NO_PHYSICS = "the environment has no `physics` to judge it by"
 _ROUNDING_S = 5e-7

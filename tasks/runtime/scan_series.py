@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from . import messages as ros
 from .columns import AnyNumbers, Columns, Numbers, laser_scan
-from .context import Recorder
+from .recorder import Recorder
 
 _MAX_BYTES = 256 * 1024
 """What waits for a chunk at most, as messages."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columns import Columns, Numbers, clock, joint_states, odometry, transforms
-from .context import Recorder
 from .links import Links
+from .recorder import Recorder
 
 STATE_RATE_HZ = 50.0
 """How often states are recorded, if the environment steps as often."""

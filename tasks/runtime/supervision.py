@@ -23,6 +23,7 @@ from .processes import descendants_of, kill_children
 from .programs import Program, StartError
 from .progress import AGENT_GONE, Phase, Progress
 from .run_request import RunRequest
+from .run_requests import program_environment
 
 END_GRACE_S = 1.0
 """Time that processes get to end once the run has ended."""
@@ -100,7 +101,7 @@ class Supervision:
         if plan.has_episode:
             self._logs = [CappedLog(folder / STDOUT_LOG), CappedLog(folder / STDERR_LOG)]
         for program in plan.programs:
-            environment = self._request.program_environment(program)
+            environment = program_environment(self._request, program)
             limits = plan.compute
             if program.cleanup_argv is not None:
                 # What it starts has its limits from elsewhere, and may be about to set a higher one.

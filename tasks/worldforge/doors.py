@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...schemas.polygons import contains
 from ...schemas.world import Door, Floorplan, Passage, Point, Room, RoomType
 from .leaves import HANDLE_M, Box, box_between, leaf_outlines, open_box
 from .occupancy import occupancy_grid, reachable, room_cells, wall_corners
-from .placement import contains
 
 THICKNESS_M = 0.04
 """Of the leaf."""
@@ -193,7 +193,7 @@ def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[H
         along = (float(round(along[0])), float(round(along[1])))
         for into in ((along[1], along[0]), (-along[1], -along[0])):
             middle = ((x0 + x1) / 2 + into[0] * 2 * half, (y0 + y1) / 2 + into[1] * 2 * half)
-            room = next((room for room in rooms if contains(room, middle)), None)
+            room = next((room for room in rooms if contains(room.polygon, *middle)), None)
             if room is None:
                 continue
             hinge = tuple(jamb[axis] + along[axis] * GAP_M + into[axis] * half for axis in (0, 1))

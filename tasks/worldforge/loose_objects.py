@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import cos, hypot, pi, sin
 
+from ...schemas.polygons import contains
 from ...schemas.world import Furniture, RoomType
 from .arrangement import Density
 from .boxes import Box, box_of, pose_of
 from .candidates import against_walls
 from .furniture import parts_of, styles_of
 from .parts import Style
-from .placement import contains
 from .room_furnishing import RoomFurnishing
 from .tops import height_at
 
@@ -145,7 +145,7 @@ def _on_floor(furnished: RoomFurnishing) -> list[Furniture]:
     owners = [item.id for item in furnished.items] if kind in _ANCHORS else []
     for x, y, yaw in _floor_spots(kind, replace(style, width_m=across), furnished):
         box = (x - half, y - half, x + half, y + half)
-        if contains(furnished.room, (x, y)) and space.admits(box, partners=owners) and space.stays_open(box):
+        if contains(furnished.room.polygon, x, y) and space.admits(box, partners=owners) and space.stays_open(box):
             things = [
                 _thing(kind, style, furnished, (x - side * sin(yaw), y + side * cos(yaw), yaw), 0.0)
                 for side in ((across - style.width_m) / 2, (style.width_m - across) / 2)[: 2 if kind == "Shoe" else 1]

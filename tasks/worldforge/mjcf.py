@@ -19,11 +19,12 @@ A robot is attached with a prefix of its own, which no name here has.
 from collections.abc import Iterator
 from math import cos, hypot, radians, sin, sqrt, tan
 
+from ...schemas.polygons import contains
 from ...schemas.world import Furniture, Room, Wall, Window, World
 from .door_model import door_lines
 from .materials import FLOORS, surface_finish, surface_name
 from .parts import Axis
-from .placement import contains, room_rects
+from .placement import room_rects
 from .solids import Solid, solids_of
 from .textures import texture_size_m
 
@@ -167,7 +168,7 @@ def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
     def face(side: float) -> str:
         spot = (x - v * side, y + u * side)
         for room in rooms:
-            if contains(room, spot):
+            if contains(room.polygon, *spot):
                 return surface_name("wall", room)
         return "wall_outside"
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...schemas.polygons import contains
 from ...schemas.world import Floorplan, Passage, Point, Room, Wall
 from .boxes import FRONTS, Box, Pose, hits, left_over
 from .leaves import open_box, swept_box
@@ -90,7 +91,7 @@ class RoomSpace:
         leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
         self._ways = Ways(self.bounds, half, [*walls, *leaves], outside)
         gates = [_gate(room, passage.start, passage.end) for passage in passages]
-        self._ways.join([*gates, *([(0.0, 0.0)] if contains(room, (0.0, 0.0)) else [])])
+        self._ways.join([*gates, *([(0.0, 0.0)] if contains(room.polygon, 0.0, 0.0) else [])])
 
     def admits(self, box: Box, *, tall: bool = False, partners: Sequence[str] = (), tucked: Box | None = None) -> bool:
         """Whether a piece may cover a rectangle, its own clearances and the ways aside.
@@ -193,48 +194,34 @@ def _gate(room: Room, start: Point, end: Point) -> Point:
     x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
     along_x = abs(end[0] - start[0]) > abs(end[1] - start[1])
     sides = [(x, y + _GATE_M), (x, y - _GATE_M)] if along_x else [(x + _GATE_M, y), (x - _GATE_M, y)]
-    return next((side for side in sides if contains(room, side)), sides[0])
+    return next((side for side in sides if contains(room.polygon, *side)), sides[0])
 
 
 def _complement(room: Room) -> list[Box]:
     """What lies inside a room's bounding box but not in the room."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
-    edges = _edges(room)
     return [
         (x0, y0, x1, y1)
         for x0, x1 in itertools.pairwise(xs)
         for y0, y1 in itertools.pairwise(ys)
-        if not _inside(((x0 + x1) / 2, (y0 + y1) / 2), edges)
+        if not contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
     ]
 
 
 def room_rects(room: Room) -> Rects:
     """A room's floor as rectangles that do not overlap: rows of the grid its corners span."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
-    edges = _edges(room)
     rows: list[Box] = []
     for y0, y1 in itertools.pairwise(ys):
         start: float | None = None
         for x0, x1 in itertools.pairwise(xs):
-            inside = _inside(((x0 + x1) / 2, (y0 + y1) / 2), edges)
+            inside = contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
             if inside and start is None:
                 start = x0
             if start is not None and (not inside or x1 == xs[-1]):
                 rows.append((start, y0, x1 if inside else x0, y1))
                 start = None
     return np.array(rows)
-
-
-def contains(room: Room, point: Point) -> bool:
-    """Whether a point lies inside a room's polygon."""
-    return _inside(point, _edges(room))
-
-
-def _inside(point: Point, edges: Iterable[tuple[Point, Point]]) -> bool:
-    """Crossing test; only upright sides cross an eastward ray."""
-    x, y = point
-    crossings = sum(a[0] == b[0] and x < a[0] and min(a[1], b[1]) <= y < max(a[1], b[1]) for a, b in edges)
-    return crossings % 2 == 1
 
 
 def _walls_near(bounds: Box, floorplan: Floorplan) -> list[Box]:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...schemas.polygons import contains
 from ...schemas.world import Room, Window, World
 from .materials import surface_finish
 from .mjcf import WINDOW_HEAD_M, WINDOW_SILL_M, world_mjcf
-from .placement import contains, room_rects
+from .placement import room_rects
 from .ray_picture import Camera, Hits, Lamp, RayPicture
 from .textures import sample
 
@@ -87,7 +88,7 @@ def _corners(room: Room) -> list[tuple[float, float]]:
         spots += [(x, y) for x in (low_x, high_x) for y in (low_y, high_y)]
         spots += [((low_x + high_x) / 2, y) for y in (low_y, high_y)]
         spots += [(x, (low_y + high_y) / 2) for x in (low_x, high_x)]
-    return [spot for spot in spots if contains(room, spot)]
+    return [spot for spot in spots if contains(room.polygon, *spot)]
 
 
 def _middle(room: Room) -> tuple[float, float]:
@@ -102,8 +103,8 @@ def _inward(window: Window, room: Room) -> tuple[float, float]:
     """Unit vector from a window into its room."""
     x, y = (window.start[0] + window.end[0]) / 2, (window.start[1] + window.end[1]) / 2
     if abs(window.end[0] - window.start[0]) > abs(window.end[1] - window.start[1]):
-        return (0.0, 1.0) if contains(room, (x, y + 0.3)) else (0.0, -1.0)
-    return (1.0, 0.0) if contains(room, (x + 0.3, y)) else (-1.0, 0.0)
+        return (0.0, 1.0) if contains(room.polygon, x, y + 0.3) else (0.0, -1.0)
+    return (1.0, 0.0) if contains(room.polygon, x + 0.3, y) else (-1.0, 0.0)
 
 
 def _lamps(world: World, room: Room) -> list[list[Lamp]]:

@@ -18,7 +18,7 @@ import traceback
 from pathlib import Path
 
 from ...schemas.errors import RobomakerError
-from ...schemas.world_template_body import parse_template_body
+from ...schemas.world_template_parsing import parse_template_body
 from .bundle import write_bundle
 from .generator import generate_world
 

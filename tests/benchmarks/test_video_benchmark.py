@@ -23,7 +23,7 @@ from prefect_robomaker.tasks.runtime.applications.scene import assemble
 from prefect_robomaker.tasks.runtime.child import run_child
 from prefect_robomaker.tasks.runtime.filming import Filming
 from prefect_robomaker.tasks.runtime.progress import Progress
-from prefect_robomaker.tasks.runtime.run_request import make_request
+from prefect_robomaker.tasks.runtime.run_requests import make_request
 from prefect_robomaker.tasks.runtime.state_log_writer import StateLogWriter
 from prefect_robomaker.tasks.runtime.video_settings import VideoSettings
 from prefect_robomaker.tasks.worldforge.bundle import write_bundle

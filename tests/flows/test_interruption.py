@@ -25,10 +25,10 @@ PERFORM = """
 import os, sys
 from prefect_robomaker.flows.operation import registry
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks import performing
+from prefect_robomaker.tasks import job_leases
 from prefect_robomaker.tasks.service import Service
 
-performing.LEASE_S = 3.0
+job_leases.LEASE_S = 3.0
 registry()["StartSimulationJobBatch"].perform(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
 """
 

@@ -13,7 +13,8 @@ from prefect_robomaker.schemas.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.tasks import performing
 from prefect_robomaker.tasks.giving_up import MOST_LOST_PERFORMERS
 from prefect_robomaker.tasks.held_leases import HeldLeases, PerformerEnding, owners_of
-from prefect_robomaker.tasks.performing import Lease, perform_once
+from prefect_robomaker.tasks.job_leases import Lease
+from prefect_robomaker.tasks.performing import perform_once
 from prefect_robomaker.tasks.service import Service
 
 KIND = "world-generation-job"

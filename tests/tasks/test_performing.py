@@ -4,8 +4,9 @@ import pytest
 
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.errors import ServiceUnavailableException, StateConflictError
-from prefect_robomaker.tasks import performing
-from prefect_robomaker.tasks.performing import Lease, perform_if_idle, perform_once
+from prefect_robomaker.tasks import job_leases
+from prefect_robomaker.tasks.job_leases import Lease
+from prefect_robomaker.tasks.performing import perform_if_idle, perform_once
 from prefect_robomaker.tasks.service import Service
 
 KIND = "world-generation-job"
@@ -21,7 +22,7 @@ def job(service: Service, template: str) -> str:
 def test_a_performer_that_was_held_up_learns_that_another_took_over(
     service: Service, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(performing, "LEASE_S", 0.3)
+    monkeypatch.setattr(job_leases, "LEASE_S", 0.3)
 
     def unavailable(*_: object) -> bool:
         raise ServiceUnavailableException("the catalog does not answer")
@@ -49,8 +50,8 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(
     service: Service, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One that was asleep, with its machine, changes the job before it next renews its lease."""
-    monkeypatch.setattr(performing, "LEASE_S", 0.2)
-    monkeypatch.setattr(performing, "_RENEWALS", 0.001)
+    monkeypatch.setattr(job_leases, "LEASE_S", 0.2)
+    monkeypatch.setattr(job_leases, "_RENEWALS", 0.001)
     was_lost = []
 
     def work(lease: Lease) -> None:
@@ -72,7 +73,7 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(
 def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(
     service: Service, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(performing, "LEASE_S", 0.6)
+    monkeypatch.setattr(job_leases, "LEASE_S", 0.6)
 
     def work(lease: Lease) -> None:
         time.sleep(1.0)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from ....schemas.polygons import contains
 from ....schemas.simulation_run import Collision, Requirement, RoomVisit
 from ....schemas.world import Point, Room
 from ..results import EnvironmentReport
@@ -135,18 +136,6 @@ class Mission(KeepsAttributes):
                 detail="the robot tipped over" if self.tipped_over else "the robot stayed upright",
             ),
         ]
-
-
-def contains(polygon: Sequence[Point], x: float, y: float) -> bool:
-    """Whether a point lies inside a simple polygon (even-odd rule)."""
-    inside = False
-    previous_x, previous_y = polygon[-1]
-    for corner_x, corner_y in polygon:
-        if (corner_y > y) != (previous_y > y):
-            crossing = corner_x + (y - corner_y) / (previous_y - corner_y) * (previous_x - corner_x)
-            inside ^= x < crossing
-        previous_x, previous_y = corner_x, corner_y
-    return inside
 
 
 def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:

@@ -20,7 +20,7 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from ....schemas.world import World
-from ..context import Recorder
+from ..recorder import Recorder
 from ..results import EnvironmentReport
 from . import lidar
 from .collisions import CollisionMonitor

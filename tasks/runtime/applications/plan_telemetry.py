@@ -2,8 +2,8 @@
 
 from ....schemas.world import Point
 from .. import messages as ros
-from ..context import Recorder
 from ..display_messages import Path, PoseStamped
+from ..recorder import Recorder
 from .planner import Path as Points
 
 _EVERY_POINTS = 4

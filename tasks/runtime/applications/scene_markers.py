@@ -15,8 +15,8 @@ import numpy as np
 from ....schemas.world import Room
 from .. import messages as ros
 from ..contact_forces import floor_geoms, geom_names, robot_geoms
-from ..context import Recorder
 from ..display_messages import ColorRGBA, Marker, MarkerArray, MarkerType
+from ..recorder import Recorder
 
 CONTACT_RATE_HZ = 50.0
 ARROW_M_PER_N = 0.01

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ....schemas.world import Room
 from .. import messages as ros
-from ..context import Recorder
 from ..foxglove import WORLD_TOPIC
 from ..links import Links
+from ..recorder import Recorder
 from ..resumable import KeepsAttributes
 from ..scan_series import ScanSeries
 from ..state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries

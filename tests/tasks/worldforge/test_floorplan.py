@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.errors import WorldGenerationError
 from prefect_robomaker.schemas.world import ROOM_TYPES, Floorplan, Point
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody, parse_template_body
+from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.schemas.world_template_parsing import parse_template_body
 from prefect_robomaker.tasks.worldforge import partition_climb
 from prefect_robomaker.tasks.worldforge.brief import MIN_SIDES_M
 from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan

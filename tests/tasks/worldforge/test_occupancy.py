@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from prefect_robomaker.schemas.world import Floorplan, Furniture
-from prefect_robomaker.schemas.world_template_body import parse_template_body
+from prefect_robomaker.schemas.world_template_parsing import parse_template_body
 from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.occupancy import (
     OccupancyGrid,

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.world import MODEL_TYPES, Floorplan, Furniture, World
-from prefect_robomaker.schemas.world_template_body import parse_template_body
+from prefect_robomaker.schemas.world_template_parsing import parse_template_body
 from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.plan_labels import place_label, widest_box
 from prefect_robomaker.tasks.worldforge.plan_svg import floorplan_svg

@@ -1,0 +1,22 @@
+"""How a run is told to end, from outside and from inside."""
+
+from typing import Protocol
+
+
+class RunStopped(BaseException):
+    """Raised in application code that does not return after the run was told to stop."""
+
+
+class RunEnded(Exception):
+    """Raised by an observer that has seen enough; the run ends as one that came to its end by itself."""
+
+    def __init__(self, ended_by: str = "requirements") -> None:
+        super().__init__(ended_by)
+        self.ended_by = ended_by
+
+
+class Stop(Protocol):
+    """Whether the run was told to stop."""
+
+    reason: str
+    """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
