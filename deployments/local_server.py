@@ -22,9 +22,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ..schemas.errors import ConfigurationError, RobomakerError
 from ..schemas.settings import Settings
-from ..tasks.home import prepare_home
+from ..schemas.wire.errors import ConfigurationError, RobomakerError
+from ..tasks.service.home import prepare_home
 
 START_TIMEOUT_S = 180.0
 # Slots held by a process that was killed come back also when the server was killed with it.

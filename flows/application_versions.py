@@ -7,11 +7,18 @@ themselves; a job that uses a version whose archive has changed since fails and 
 from collections.abc import Mapping
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, ThrottlingException
-from ..schemas.simulation_run import ApplicationRole
-from ..tasks.applications import LATEST, MAX_VERSIONS, find_application, version_arn, version_kind, with_etag
+from ..schemas.runs.plan import ApplicationRole
+from ..schemas.wire.errors import InvalidParameterException, ThrottlingException
 from ..tasks.catalog import NewResource, Resource
-from ..tasks.service import Service
+from ..tasks.service.service import Service
+from ..tasks.simulations.planning.applications import (
+    LATEST,
+    MAX_VERSIONS,
+    find_application,
+    version_arn,
+    version_kind,
+    with_etag,
+)
 from .applications import check_revision, revision
 
 _ATTEMPTS = 10

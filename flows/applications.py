@@ -5,11 +5,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from ..schemas.applications import ApplicationListRequest
-from ..schemas.arns import ResourceArn, application_arn
-from ..schemas.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
-from ..schemas.simulation_run import ApplicationRole
-from ..tasks.applications import (
+from ..schemas.operations.applications import ApplicationListRequest
+from ..schemas.runs.plan import ApplicationRole
+from ..schemas.wire.arns import ResourceArn, application_arn
+from ..schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
+from ..tasks.catalog import Page, Resource
+from ..tasks.service.builtin_applications import is_builtin
+from ..tasks.service.service import Service
+from ..tasks.simulations.planning.applications import (
     LATEST,
     check_environment,
     find_application,
@@ -18,9 +21,6 @@ from ..tasks.applications import (
     version_kind,
     with_etag,
 )
-from ..tasks.builtins import is_builtin
-from ..tasks.catalog import Page, Resource
-from ..tasks.service import Service
 from .listing import page_of
 
 _CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any
 
-from ..schemas.common import shorten
-from ..schemas.errors import ServiceError
 from ..schemas.lifecycles import batch_outcome, is_terminal
-from ..schemas.simulation_jobs import SimulationJobRequest
+from ..schemas.operations.simulation_jobs import SimulationJobRequest
+from ..schemas.wire.common import shorten
+from ..schemas.wire.errors import ServiceError
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.job_leases import Lease
-from ..tasks.job_runs import stop_idle_job
-from ..tasks.service import Progress, Service
+from ..tasks.execution.leases import Lease
+from ..tasks.service.service import Progress, Service
+from ..tasks.simulations.job_runs import stop_idle_job
 from .simulation_jobs import store_job
 
 _WAIT_S = 0.5
@@ -107,9 +107,9 @@ class BatchRun:
         return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
 
     def _run_requests(self, indices: list[int]) -> None:
-        from ..tasks.simulation import simulate_request
-        from ..tasks.slots import Slots
-        from ..tasks.task_pool import run_tasks
+        from ..tasks.execution.slots import Slots
+        from ..tasks.execution.task_pool import run_tasks
+        from ..tasks.simulations.steps import simulate_request
 
         limit = self._batch.document["batchPolicy"]["maxConcurrency"]
         with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from ..schemas.arns import ResourceArn
-from ..schemas.deployment_jobs import (
+from ..schemas.lifecycles import is_terminal
+from ..schemas.operations.deployment_jobs import (
     DEFAULT_ROBOT_TIMEOUT_S,
     CancelDeploymentJobRequest,
     CancelDeploymentJobResponse,
@@ -25,17 +25,17 @@ from ..schemas.deployment_jobs import (
     SyncDeploymentJobRequest,
     SyncDeploymentJobResponse,
 )
-from ..schemas.errors import (
+from ..schemas.wire.arns import ResourceArn
+from ..schemas.wire.errors import (
     ConcurrentDeploymentException,
     InvalidParameterException,
     ResourceNotFoundException,
     StorageError,
 )
-from ..schemas.lifecycles import is_terminal
-from ..tasks.applications import find_application
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.fleets import DEPLOYMENT, end_deployment, fleet_held, last_deployment, robots_of, settle
-from ..tasks.service import Service
+from ..tasks.fleet.records import DEPLOYMENT, end_deployment, fleet_held, last_deployment, robots_of, settle
+from ..tasks.service.service import Service
+from ..tasks.simulations.planning.applications import find_application
 from .listing import page_of
 from .operation import flows_of, operation
 

@@ -5,9 +5,7 @@ from contextlib import suppress
 from datetime import timedelta
 from typing import Any
 
-from ..schemas.arns import ResourceArn, application_arn
-from ..schemas.errors import ResourceAlreadyExistsException, ResourceNotFoundException, ThrottlingException
-from ..schemas.fleets import (
+from ..schemas.operations.fleets import (
     CreateFleetRequest,
     CreateFleetResponse,
     DeleteFleetRequest,
@@ -17,9 +15,11 @@ from ..schemas.fleets import (
     ListFleetsRequest,
     ListFleetsResponse,
 )
+from ..schemas.wire.arns import ResourceArn, application_arn
+from ..schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException, ThrottlingException
 from ..tasks.catalog import Resource
-from ..tasks.fleets import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
-from ..tasks.service import Service
+from ..tasks.fleet.records import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
+from ..tasks.service.service import Service
 from .listing import page_of
 from .operation import flows_of, operation
 from .robots import robot_summaries

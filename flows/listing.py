@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from ..schemas.common import Filter, filter_values
-from ..schemas.errors import InvalidParameterException
-from ..schemas.request_problems import nearest
+from ..schemas.wire.common import Filter, filter_values
+from ..schemas.wire.errors import InvalidParameterException
+from ..schemas.wire.request_problems import nearest
 from ..tasks.catalog import Page
-from ..tasks.service import Service
+from ..tasks.service.service import Service
 
 
 class ListRequest(Protocol):

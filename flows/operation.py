@@ -23,11 +23,11 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from ..schemas.base import Shape
-from ..schemas.deprecations import deprecated_uses
-from ..schemas.errors import InvalidParameterException, ServiceError
-from ..schemas.operations import OPERATIONS, OperationShape, parse_request
-from ..tasks.service import Service
+from ..schemas.operations.deprecations import deprecated_uses
+from ..schemas.operations.registry import OPERATIONS, OperationShape, parse_request
+from ..schemas.wire.base import Shape
+from ..schemas.wire.errors import InvalidParameterException, ServiceError
+from ..tasks.service.service import Service
 
 if TYPE_CHECKING:
     from prefect import Flow
@@ -234,7 +234,7 @@ def _job_id() -> str:
 
 def _perform_shown(entry: Operation, arn: str, service: Service) -> dict[str, Any]:
     """Performs a job with its progress in Prefect's UI."""
-    from ..tasks.artifacts import shown_progress
+    from ..tasks.execution.artifacts import shown_progress
 
     with shown_progress(service, f"{entry.name}: {arn}") as watched, watched.activated():
         return entry.perform(arn, watched)

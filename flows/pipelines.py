@@ -12,15 +12,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..schemas.errors import ConfigurationError, RobomakerError, ServiceError
-from ..schemas.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
-from ..schemas.report import RunState
-from ..schemas.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
+from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
+from ..schemas.reports.report import RunState
+from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
 from ..schemas.settings import Settings
-from ..schemas.spec import CheckedSpec, resolve_input
-from ..schemas.spec_check import load_spec
-from ..schemas.spec_world_counts import check_world_counts
-from ..tasks.service import Progress, Service
+from ..schemas.specs.check import load_spec
+from ..schemas.specs.model import CheckedSpec, resolve_input
+from ..schemas.specs.world_counts import check_world_counts
+from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ..tasks.service.service import Progress, Service
 from .operation import perform_flow, registry
 from .preflight import check_surroundings
 
@@ -277,7 +277,7 @@ class PipelineRun:
 
     def _finish(self) -> RunRecord:
         """Writes the report and the record, whatever happened."""
-        from ..tasks.reports import installed_versions
+        from ..tasks.inspection.reports import installed_versions
 
         ended_at, versions = self._service.clock(), installed_versions()
         jobs, report_path = self._report(ended_at, versions)
@@ -305,7 +305,7 @@ class PipelineRun:
 
     def _report(self, ended_at: datetime, versions: dict[str, str]) -> tuple[list[JobRecord], Path | None]:
         """Writes the report; without one there still is a record."""
-        from ..tasks.reports import publish_report
+        from ..tasks.inspection.reports import publish_report
 
         try:
             return publish_report(

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..schemas.robot_applications import (
+from ..schemas.operations.robot_applications import (
     CreateRobotApplicationRequest,
     CreateRobotApplicationResponse,
     CreateRobotApplicationVersionRequest,
@@ -16,7 +16,7 @@ from ..schemas.robot_applications import (
     UpdateRobotApplicationRequest,
     UpdateRobotApplicationResponse,
 )
-from ..tasks.service import Service
+from ..tasks.service.service import Service
 from .application_versions import create_version
 from .applications import (
     change_application,

@@ -4,9 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from ..schemas.arns import ResourceArn, application_arn
-from ..schemas.errors import InvalidParameterException, ResourceNotFoundException
-from ..schemas.robots import (
+from ..schemas.operations.robots import (
     CreateRobotRequest,
     CreateRobotResponse,
     DeleteRobotRequest,
@@ -20,9 +18,11 @@ from ..schemas.robots import (
     RegisterRobotRequest,
     RegisterRobotResponse,
 )
+from ..schemas.wire.arns import ResourceArn, application_arn
+from ..schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ..tasks.catalog import Resource
-from ..tasks.fleets import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
-from ..tasks.service import Service
+from ..tasks.fleet.records import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
+from ..tasks.service.service import Service
 from .listing import page_of
 from .operation import flows_of, operation
 

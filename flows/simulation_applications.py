@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..schemas.simulation_applications import (
+from ..schemas.operations.simulation_applications import (
     CreateSimulationApplicationRequest,
     CreateSimulationApplicationResponse,
     CreateSimulationApplicationVersionRequest,
@@ -16,7 +16,7 @@ from ..schemas.simulation_applications import (
     UpdateSimulationApplicationRequest,
     UpdateSimulationApplicationResponse,
 )
-from ..tasks.service import Service
+from ..tasks.service.service import Service
 from .application_versions import create_version
 from .applications import (
     change_application,

@@ -3,8 +3,8 @@
 from datetime import datetime
 from typing import Any
 
-from ..schemas.requirement_orders import rooms_asked
-from ..schemas.simulation_job_batches import (
+from ..schemas.operations.requested_requirements import rooms_asked
+from ..schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
     CancelSimulationJobBatchResponse,
     DescribeSimulationJobBatchRequest,
@@ -15,10 +15,10 @@ from ..schemas.simulation_job_batches import (
     StartSimulationJobBatchResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.performing import perform_if_idle, perform_once
-from ..tasks.run_plans import world_arn
-from ..tasks.service import Service
-from ..tasks.world_rooms import check_rooms
+from ..tasks.execution.claims import perform_if_idle, perform_once
+from ..tasks.service.service import Service
+from ..tasks.simulations.inputs.world_rooms import check_rooms
+from ..tasks.simulations.planning.run_plans import world_arn
 from .batch_runs import BatchRun, jobs_by_request
 from .listing import page_of
 from .operation import flows_of, operation

@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, StateConflictError
 from ..schemas.lifecycles import is_terminal
-from ..schemas.operations import seed_of, video_of
-from ..schemas.requirement_orders import ordered_requirements
-from ..schemas.simulation_jobs import (
+from ..schemas.operations.registry import seed_of, video_of
+from ..schemas.operations.requested_requirements import ordered_requirements
+from ..schemas.operations.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
     BatchDescribeSimulationJobResponse,
     CancelSimulationJobRequest,
@@ -24,16 +23,17 @@ from ..schemas.simulation_jobs import (
     SimulationJob,
     SimulationJobOrder,
 )
-from ..schemas.simulation_run import ApplicationRole
-from ..tasks.applications import find_application
+from ..schemas.runs.plan import ApplicationRole
+from ..schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.compute import DEFAULT_COMPUTE
-from ..tasks.data_sources import resolve_data_sources
-from ..tasks.job_runs import stop_idle_job
-from ..tasks.run_plans import world_arn
-from ..tasks.service import Progress, Service
-from ..tasks.uploads import check_output_location
-from ..tasks.world_rooms import check_rooms
+from ..tasks.service.service import Progress, Service
+from ..tasks.simulations.environment.compute import DEFAULT_COMPUTE
+from ..tasks.simulations.inputs.data_sources import resolve_data_sources
+from ..tasks.simulations.inputs.world_rooms import check_rooms
+from ..tasks.simulations.job_runs import stop_idle_job
+from ..tasks.simulations.outputs.locations import check_output_location
+from ..tasks.simulations.planning.applications import find_application
+from ..tasks.simulations.planning.run_plans import world_arn
 from .listing import page_of
 from .operation import flows_of, operation
 
@@ -48,8 +48,8 @@ _FILTERS = {
 
 def perform_simulation_job(arn: str, service: Service) -> None:
     """Runs the job's simulation in a process of its own and stores its outputs."""
-    from ..tasks.simulation import simulate
-    from ..tasks.task_pool import run_tasks
+    from ..tasks.execution.task_pool import run_tasks
+    from ..tasks.simulations.steps import simulate
 
     run_tasks(simulate, [{"arn": arn}], workers=1, job_arn=arn, service=service)
     status = service.catalog.get(arn).status

@@ -2,9 +2,7 @@
 
 from typing import Any, get_args
 
-from ..schemas.arns import Kind, ResourceArn
-from ..schemas.errors import ResourceNotFoundException
-from ..schemas.tags import (
+from ..schemas.operations.tags import (
     ListTagsForResourceRequest,
     ListTagsForResourceResponse,
     TagResourceRequest,
@@ -12,8 +10,10 @@ from ..schemas.tags import (
     UntagResourceRequest,
     UntagResourceResponse,
 )
+from ..schemas.wire.arns import Kind, ResourceArn
+from ..schemas.wire.errors import ResourceNotFoundException
 from ..tasks.catalog import Resource
-from ..tasks.service import Service
+from ..tasks.service.service import Service
 from .operation import flows_of, operation
 
 

@@ -4,16 +4,7 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
-from ..schemas.common import shorten
-from ..schemas.errors import (
-    BucketNotFoundError,
-    InvalidParameterException,
-    ObjectNotFoundError,
-    ResourceNotFoundException,
-    StorageAccessDeniedError,
-    StorageError,
-)
-from ..schemas.world_export_jobs import (
+from ..schemas.operations.world_export_jobs import (
     CancelWorldExportJobRequest,
     CancelWorldExportJobResponse,
     CreateWorldExportJobRequest,
@@ -23,12 +14,21 @@ from ..schemas.world_export_jobs import (
     ListWorldExportJobsRequest,
     ListWorldExportJobsResponse,
 )
+from ..schemas.wire.common import shorten
+from ..schemas.wire.errors import (
+    BucketNotFoundError,
+    InvalidParameterException,
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    StorageAccessDeniedError,
+    StorageError,
+)
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.job_leases import Lease
-from ..tasks.performing import perform_once
-from ..tasks.service import Progress, Service
-from ..tasks.uploads import check_output_location
-from ..tasks.world_jobs import archive_place, cancel_world_job, end_canceled, move_on
+from ..tasks.execution.claims import perform_once
+from ..tasks.execution.leases import Lease
+from ..tasks.service.service import Progress, Service
+from ..tasks.simulations.outputs.locations import check_output_location
+from ..tasks.worlds.jobs import archive_place, cancel_world_job, end_canceled, move_on
 from .listing import page_of
 from .operation import flows_of, operation
 
@@ -149,7 +149,7 @@ def _export(lease: Lease, service: Service) -> None:
 
 def _stored_archive(lease: Lease, service: Service) -> bool:
     """Whether the archive is stored; not if the job is cancelled, or performed by another."""
-    from ..tasks.world_export import export_worlds
+    from ..tasks.worlds.export import export_worlds
 
     with service.activated():
         return (

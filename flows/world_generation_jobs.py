@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..schemas.operations import seed_of
-from ..schemas.world_generation_jobs import (
+from ..schemas.operations.registry import seed_of
+from ..schemas.operations.world_generation_jobs import (
     CancelWorldGenerationJobRequest,
     CancelWorldGenerationJobResponse,
     CreateWorldGenerationJobRequest,
@@ -14,10 +14,10 @@ from ..schemas.world_generation_jobs import (
     ListWorldGenerationJobsResponse,
 )
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.generation_runs import NO_FAILURES, in_order, run_generation
-from ..tasks.performing import perform_once
-from ..tasks.service import Service
-from ..tasks.world_jobs import cancel_world_job
+from ..tasks.execution.claims import perform_once
+from ..tasks.service.service import Service
+from ..tasks.worlds.generation_runs import NO_FAILURES, in_order, run_generation
+from ..tasks.worlds.jobs import cancel_world_job
 from .listing import page_of
 from .operation import flows_of, operation
 

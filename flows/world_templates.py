@@ -2,10 +2,7 @@
 
 from typing import Any
 
-from ..schemas.errors import InvalidParameterException, ObjectNotFoundError, StorageError
-from ..schemas.ids import new_id
-from ..schemas.world_template_parsing import parse_template_body, unwrapped_text
-from ..schemas.world_templates import (
+from ..schemas.operations.world_templates import (
     CreateWorldTemplateRequest,
     CreateWorldTemplateResponse,
     DeleteWorldTemplateRequest,
@@ -20,8 +17,11 @@ from ..schemas.world_templates import (
     UpdateWorldTemplateRequest,
     UpdateWorldTemplateResponse,
 )
+from ..schemas.templates.parsing import parse_template_body, unwrapped_text
+from ..schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
+from ..schemas.wire.ids import new_id
 from ..tasks.catalog import ClientToken, Resource
-from ..tasks.service import Service
+from ..tasks.service.service import Service
 from .listing import page_of
 from .operation import flows_of, operation
 

@@ -4,8 +4,7 @@ import json
 import logging
 from typing import Any
 
-from ..schemas.errors import InternalServerException, ResourceNotFoundException, StorageError
-from ..schemas.worlds import (
+from ..schemas.operations.worlds import (
     BatchDeleteWorldsRequest,
     BatchDeleteWorldsResponse,
     DescribeWorldRequest,
@@ -13,9 +12,10 @@ from ..schemas.worlds import (
     ListWorldsRequest,
     ListWorldsResponse,
 )
+from ..schemas.wire.errors import InternalServerException, ResourceNotFoundException, StorageError
 from ..tasks.catalog import Resource
-from ..tasks.service import Service
-from ..tasks.world_bundles import delete_world
+from ..tasks.service.service import Service
+from ..tasks.worlds.bundles import delete_world
 from .listing import page_of
 from .operation import flows_of, operation
 

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from .base import choices
-from .deployment_jobs import DeploymentStatus
-from .errors import StateConflictError
-from .simulation_job_batches import SimulationJobBatchStatus
-from .simulation_jobs import SimulationJobStatus
-from .world_export_jobs import WorldExportJobStatus
-from .world_generation_jobs import WorldGenerationJobStatus
+from .operations.deployment_jobs import DeploymentStatus
+from .operations.simulation_job_batches import SimulationJobBatchStatus
+from .operations.simulation_jobs import SimulationJobStatus
+from .operations.world_export_jobs import WorldExportJobStatus
+from .operations.world_generation_jobs import WorldGenerationJobStatus
+from .wire.base import choices
+from .wire.errors import StateConflictError
 
 State = TypeVar("State", bound=str)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from . import (
+from .operations import (
     deployment_jobs,
     fleets,
     robot_applications,
@@ -16,7 +16,7 @@ from . import (
     world_templates,
     worlds,
 )
-from .operation_shape import OperationShape
+from .wire.operation_shape import OperationShape
 
 OPERATION_GROUPS: Mapping[str, tuple[OperationShape, ...]] = {
     "World templates": world_templates.OPERATIONS,

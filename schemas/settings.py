@@ -25,10 +25,10 @@ from urllib.parse import quote
 import platformdirs
 from pydantic import Field, ValidationError
 
-from .base import Model
-from .errors import ConfigurationError
-from .request_problems import problems_of
-from .run_programs import DISK_BYTES
+from .runs.programs import DISK_BYTES
+from .wire.base import Model
+from .wire.errors import ConfigurationError
+from .wire.request_problems import problems_of
 
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import ServiceError
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import ServiceError
+from prefect_robomaker.tasks.service.service import Service
 
 BUCKET = "applications"
 PACKAGE = {"environment": {"uri": "python://my_robot"}}

@@ -10,7 +10,7 @@ import tarfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
-from prefect_robomaker.tasks.runtime import agent_client
+from prefect_robomaker.tasks.runtime.agents import agent_client
 
 PROGRAMS = ("bash", "cat", "chmod", "chown", "head", "env", "id", "ln", "mkdir", "rm", "sleep", "stat", "tail", "touch")
 USER_ID = 1234

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from processes import started, wait_for
 
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 COMMAND = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "serve", "--port", "0", "-o", "json"]
 

@@ -103,7 +103,7 @@ def main() -> None:
     """Serves until it is told to stop; prints the port."""
     from prefect_robomaker.deployments.endpoint.application import make_application
     from prefect_robomaker.deployments.endpoint.server import run_server
-    from prefect_robomaker.tasks.service import Service
+    from prefect_robomaker.tasks.service.service import Service
 
     if os.environ[BARE]:
         from starlette.applications import Starlette

@@ -10,13 +10,13 @@ import pytest
 from processes import started, wait_for
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 _PERFORM = """
 import os, sys
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks import job_leases, job_runs
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 job_leases.LEASE_S = 2.0
 job_runs.perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))

@@ -8,10 +8,10 @@ import time
 from contextlib import suppress
 from typing import Any
 
-from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.agent_client import HELLO, Simulation, connect, words
-from prefect_robomaker.tasks.runtime.agent_socket import agent_socket_path
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, Simulation, connect, words
+from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 ARENA = "trouble.unusual_arena.{}"
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.base import Shape
+from prefect_robomaker.schemas.wire.base import Shape
 
 Schema = Mapping[str, Any]
 

@@ -6,9 +6,9 @@ from typing import Any
 import mujoco
 from ruamel.yaml import YAML
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime.applications.robots.bases import Base, bind_base, take_home_pose
-from prefect_robomaker.tasks.runtime.applications.robots.robot import CONTROL_TIMESTEP_S, Controller, Robot
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.tasks.runtime.robots.bases import Base, bind_base, take_home_pose
+from prefect_robomaker.tasks.runtime.robots.robot import CONTROL_TIMESTEP_S, Controller, Robot
 
 FLOOR = """<mujoco><option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10"/><worldbody>
 <geom name="ground" type="plane" size="0 0 1" friction="0.7 0.005 0.0001"/></worldbody></mujoco>"""

@@ -12,7 +12,7 @@ from small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 

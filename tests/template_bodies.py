@@ -5,9 +5,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.world import FLOOR_MATERIALS, MODEL_TYPES, ROOM_TYPES, WALL_MATERIALS
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, MODEL_TYPES, ROOM_TYPES, WALL_MATERIALS
 
 AREAS = st.sampled_from([10.0, 12.5, 20.0, 35.0, 80.0]) | st.floats(10, 300)
 SIDES = st.sampled_from([1.0, 4.0]) | st.floats(1, 4)

@@ -14,9 +14,9 @@ from botocore import xform_name
 from endpoint_process import Serve
 
 from prefect_robomaker.deployments.cli.parser import build_parser
-from prefect_robomaker.deployments.sdk.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
-from prefect_robomaker.schemas.spec_check import load_spec
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.service.service import Service
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

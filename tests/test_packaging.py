@@ -38,7 +38,7 @@ def test_every_pydantic_field_has_a_description() -> None:
     """`Field(...)` without `description=` anywhere in the schemas."""
     missing = [
         f"{path.name}:{node.lineno}"
-        for path in (ROOT / "schemas").glob("*.py")
+        for path in (ROOT / "schemas").rglob("*.py")
         for statement in ast.walk(ast.parse(path.read_text()))
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.value, ast.Call)
         for node in [statement.value]

@@ -7,8 +7,8 @@ from typing import get_args
 import pytest
 import yaml
 
-from prefect_robomaker.schemas.simulation_job_configs import SimulationApplicationConfig
-from prefect_robomaker.schemas.simulation_jobs import SimulationJobErrorCode, SimulationJobStatus
+from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobErrorCode, SimulationJobStatus
+from prefect_robomaker.schemas.wire.job_configs import SimulationApplicationConfig
 
 PAGE = (Path(__file__).parents[1] / "docs" / "simulation-jobs.md").read_text()
 

@@ -5,10 +5,10 @@ import os
 import sys
 from typing import Any
 
-from ...schemas.operations import OPERATIONS
+from ...schemas.operations.registry import OPERATIONS
 from ...schemas.settings import Settings
-from ...schemas.spec import resolve_input
-from ...schemas.spec_check import load_request
+from ...schemas.specs.check import load_request
+from ...schemas.specs.model import resolve_input
 from .answers import print_answer
 from .perform import perform
 from .specs import read_text
@@ -48,6 +48,6 @@ def _input(given: str) -> tuple[str, str]:
 
 def _stored(operation: str, request: dict[str, Any], settings: Settings) -> dict[str, Any]:
     from ...flows.operation import call
-    from ...tasks.service import Service
+    from ...tasks.service.service import Service
 
     return call(operation, request, Service.open(settings))

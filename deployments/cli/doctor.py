@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from ...schemas.errors import RobomakerError
 from ...schemas.settings import Settings
+from ...schemas.wire.errors import RobomakerError
 from ..local_server import server_status
 from .server import described
 
@@ -148,7 +148,7 @@ def check_home(home: Path) -> Finding:
 
 def check_catalog(settings: Settings) -> Finding:
     """Whether the catalog opens."""
-    from ...tasks.service import Service
+    from ...tasks.service.service import Service
 
     service = Service.open(settings)
     service.catalog.close()
@@ -184,7 +184,7 @@ def check_server(settings: Settings) -> Finding:
 
 def check_video() -> Finding:
     """What pictures are rendered with."""
-    from ...tasks.runtime.video_backends import available_video_backends
+    from ...tasks.runtime.rendering.backends import available_video_backends
 
     backends = available_video_backends()
     working = [backend.name for backend in backends if backend.works]
@@ -199,8 +199,8 @@ def check_video() -> Finding:
 
 def check_extras() -> Finding:
     """What only some jobs need: container images, ROS launch files, a GPU."""
-    from ...tasks.compute import has_gpu
-    from ...tasks.containers import find_engine
+    from ...tasks.simulations.containers.engines import find_engine
+    from ...tasks.simulations.environment.compute import has_gpu
 
     try:
         containers = f"container images by {find_engine(os.environ, shutil.which).program}"
@@ -214,8 +214,8 @@ def check_extras() -> Finding:
 
 def check_containers(settings: Settings) -> Finding:
     """Whether runs that nobody performs any more have left containers."""
-    from ...tasks.job_folders import runs_of_nobody
-    from ...tasks.service import Service
+    from ...tasks.service.service import Service
+    from ...tasks.simulations.job_folders import runs_of_nobody
 
     service = Service.open(settings)
     left = [str(run) for run, _ in runs_of_nobody(service)]

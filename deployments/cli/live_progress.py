@@ -12,7 +12,7 @@ from rich.spinner import Spinner
 from rich.table import Table
 from rich.text import Text
 
-from ...schemas.progress import ProgressEvent
+from ...schemas.reports.progress import ProgressEvent
 from .durations import duration
 from .progress import Watcher
 from .step_states import BAD_STATUSES, StepState, StepStates

@@ -53,7 +53,7 @@ def _execute(chosen: argparse.Namespace) -> int:
 
 def _report(error: Exception, *, debug: bool) -> int:
     """Says what went wrong; answers the exit code."""
-    from ...schemas.errors import RobomakerError, ServiceError, SpecError
+    from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 
     if debug:
         traceback.print_exception(error)

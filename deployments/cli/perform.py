@@ -3,9 +3,9 @@
 import argparse
 import os
 
-from ...schemas.arns import ResourceArn
-from ...schemas.errors import InvalidParameterException
 from ...schemas.settings import Settings
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import InvalidParameterException
 from .answers import print_answer
 
 _OPERATIONS = {
@@ -35,8 +35,8 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
     use_server(settings)
     from ...flows.operation import perform_flow
-    from ...tasks.reports import simulation_jobs
-    from ...tasks.service import Service
+    from ...tasks.inspection.reports import simulation_jobs
+    from ...tasks.service.service import Service
 
     service = Service.open(settings)
     with service.activated():

@@ -6,9 +6,9 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ...schemas.references import ReferenceMistake, parse_template
-from ...schemas.spec import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
-from ...schemas.spec_text import ListNode, Node, ScalarNode, child, plain
+from ...schemas.specs.model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
+from ...schemas.specs.references import ReferenceMistake, parse_template
+from ...schemas.specs.text import ListNode, Node, ScalarNode, child, plain
 from .durations import duration
 from .specs import read_spec
 

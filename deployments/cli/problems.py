@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ...schemas.errors import Problem
+from ...schemas.wire.errors import Problem
 
 
 def print_problems(problems: Sequence[Problem]) -> None:

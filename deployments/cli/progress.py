@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Self, TextIO
 
-from ...schemas.progress import Note, ProgressEvent, StepEnded, StepStarted
+from ...schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
 from .durations import duration
 from .step_states import StepState, StepStates
 

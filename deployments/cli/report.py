@@ -5,8 +5,8 @@ import os
 import sys
 from pathlib import Path
 
-from ...schemas.errors import ConfigurationError
 from ...schemas.settings import Settings
+from ...schemas.wire.errors import ConfigurationError
 from .browser import open_file
 
 
@@ -18,15 +18,15 @@ def execute(arguments: argparse.Namespace) -> int:
 
     from pydantic import ValidationError
 
-    from ...schemas.run_record import RunRecord
+    from ...schemas.reports.run_record import RunRecord
 
     try:
         record = RunRecord.model_validate_json(record_file.read_bytes())
     except ValidationError as error:
         raise ConfigurationError(f"{record_file} is not a run's record: {error.errors()[0]['msg']}") from error
 
-    from ...tasks.reports import rebuild_report
-    from ...tasks.service import Service
+    from ...tasks.inspection.reports import rebuild_report
+    from ...tasks.service.service import Service
 
     summary = rebuild_report(record, Service.open(settings), junit)
     if arguments.output == "json":

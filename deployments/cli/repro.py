@@ -5,14 +5,14 @@ import os
 import sys
 from pathlib import Path
 
+from ...schemas.runs.verification import ROBOT_IN_WORDS
 from ...schemas.settings import Settings
-from ...schemas.verification import ROBOT_IN_WORDS
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the folder and says what to run."""
-    from ...tasks.replays import reproduce_run
-    from ...tasks.service import Service
+    from ...tasks.inspection.replays import reproduce_run
+    from ...tasks.service.service import Service
 
     folder = Path(arguments.to or f"repro-{_name_of(arguments.run)}")
     service = Service.open(Settings.from_environment(os.environ))

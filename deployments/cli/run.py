@@ -7,10 +7,10 @@ import shutil
 import sys
 from pathlib import Path
 
-from ...schemas.errors import ConfigurationError
-from ...schemas.run_record import RunRecord
+from ...schemas.reports.run_record import RunRecord
 from ...schemas.settings import Settings
-from ...schemas.spec import CheckedSpec, is_spec_name, with_seed
+from ...schemas.specs.model import CheckedSpec, is_spec_name, with_seed
+from ...schemas.wire.errors import ConfigurationError
 from .browser import open_file, wanted
 from .prefect_server import use_server
 from .progress import watcher

@@ -5,15 +5,15 @@ import json
 import sys
 from pathlib import Path
 
-from ...schemas import __file__ as schemas_file
+from ...schemas.specs import __file__ as specs_file
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints a schema."""
     if arguments.operation is None:
-        sys.stdout.write(Path(schemas_file).with_name("pipeline.schema.json").read_text())
+        sys.stdout.write(Path(specs_file).with_name("pipeline.schema.json").read_text())
         return 0
-    from ...schemas.operations import operation_shape
+    from ...schemas.operations.registry import operation_shape
     from .call import operation_name
 
     schema = operation_shape(operation_name(arguments.operation)).request.model_json_schema()

@@ -6,8 +6,8 @@ import os
 import shlex
 import sys
 
-from ...schemas.errors import ConfigurationError
-from ..sdk.installation import MODEL_FOLDER, Installation, data_path, install, installed_folder, uninstall
+from ...schemas.wire.errors import ConfigurationError
+from ..service_model.installation import MODEL_FOLDER, Installation, data_path, install, installed_folder, uninstall
 
 
 def execute(arguments: argparse.Namespace) -> int:

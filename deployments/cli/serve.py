@@ -10,13 +10,13 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ...schemas.errors import ConfigurationError
 from ...schemas.settings import Settings
-from ...tasks.home import prepare_home
-from ..access_keys import read_access_keys
+from ...schemas.wire.errors import ConfigurationError
+from ...tasks.service.home import prepare_home
+from ..endpoint.access_keys import read_access_keys
 from ..endpoint.origins import is_loopback
-from ..performer.child import ChildPerformer, in_words
-from ..sdk.installation import data_path
+from ..service_model.installation import data_path
+from ..worker.child import ChildPerformer, in_words
 from .prefect_server import use_server
 
 _READY_S = 120.0
@@ -73,7 +73,7 @@ def _run_server(
     performer_status: Callable[[], Mapping[str, object]],
 ) -> None:
     # Imported late, while the performer already starts.
-    from ...tasks.service import Service
+    from ...tasks.service.service import Service
     from ..endpoint.access_log import write_access_log
     from ..endpoint.application import make_application
     from ..endpoint.server import run_server

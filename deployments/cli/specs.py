@@ -3,11 +3,11 @@
 import os
 from pathlib import Path
 
-from ...schemas.errors import ConfigurationError, Place, Problem, SpecError
 from ...schemas.settings import max_worlds_per_job
-from ...schemas.spec import CheckedSpec
-from ...schemas.spec_check import load_spec
-from ...schemas.spec_world_counts import check_world_counts
+from ...schemas.specs.check import load_spec
+from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.world_counts import check_world_counts
+from ...schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 
 
 class InputFileError(ConfigurationError):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...schemas.progress import FINISHED, Note, ProgressEvent, StepEnded, StepProgress, StepStarted
+from ...schemas.reports.progress import FINISHED, Note, ProgressEvent, StepEnded, StepProgress, StepStarted
 from .durations import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})

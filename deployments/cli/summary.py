@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 from typing import TextIO
 
-from ...schemas.run_record import JobRecord, RunRecord, StepRecord
+from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from .durations import duration
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}

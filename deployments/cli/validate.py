@@ -5,7 +5,7 @@ import json
 import sys
 from typing import Any
 
-from ...schemas.errors import ConfigurationError, Problem, SpecError
+from ...schemas.wire.errors import ConfigurationError, Problem, SpecError
 from .problems import print_problems
 from .specs import InputFileError, read_spec
 

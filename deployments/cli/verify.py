@@ -4,14 +4,14 @@ import argparse
 import os
 import sys
 
+from ...schemas.runs.verification import EXIT_CODES
 from ...schemas.settings import Settings
-from ...schemas.verification import EXIT_CODES
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what came of it; the exit code says the same."""
-    from ...tasks.replays import verify_run
-    from ...tasks.service import Service
+    from ...tasks.inspection.replays import verify_run
+    from ...tasks.service.service import Service
 
     service = Service.open(Settings.from_environment(os.environ))
     verification = verify_run(arguments.run, service, run_program=arguments.run_program)

@@ -3,13 +3,13 @@
 from collections import Counter
 from typing import Any
 
-from ...schemas.world import Passage, Room, World
+from ...schemas.worlds.world import Passage, Room, World
 from .world_source import FoundWorld
 
 
 def world_facts(found: FoundWorld) -> dict[str, Any]:
     """The facts in the form of the JSON answer; lengths in metres, areas in square metres."""
-    from ...tasks.worldforge.guarantees import proof_lines, violations
+    from ...tasks.worldforge.proofs.guarantees import proof_lines, violations
 
     world = found.world
     proofs = [line._asdict() for line in proof_lines(world)]

@@ -8,24 +8,24 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...schemas.arns import ResourceArn
-from ...schemas.errors import StorageError
 from ...schemas.settings import Settings
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import StorageError
 from . import browser
 from .world_source import output_file
 
 if TYPE_CHECKING:
     from ...tasks.catalog import Resource
-    from ...tasks.service import Service
-    from ...tasks.worldforge.contact_sheet import Sheet, SheetWorld
+    from ...tasks.service.service import Service
+    from ...tasks.worldforge.viewer.contact_sheet import Sheet, SheetWorld
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the sheet as a picture and as a page; prints where they are."""
     job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
-    from ...tasks.service import Service
-    from ...tasks.worldforge.contact_sheet import sheet_page, sheet_png
-    from ...tasks.worldforge.page_files import write_whole
+    from ...tasks.service.service import Service
+    from ...tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png
+    from ...tasks.worldforge.viewer.page_files import write_whole
 
     service = Service.open(Settings.from_environment(os.environ))
     job = service.catalog.get(arguments.job, kind="world-generation-job")
@@ -42,7 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def job_sheet(job: "Resource", service: "Service") -> "Sheet":
     """The sheet of a job's worlds that there are now; those that cannot be read are on it as such."""
-    from ...tasks.worldforge.contact_sheet import Sheet, SheetFailure, problems_first
+    from ...tasks.worldforge.viewer.contact_sheet import Sheet, SheetFailure, problems_first
 
     worlds = sorted(
         service.catalog.children(job.arn, kind="world"), key=lambda world: int(world.arn.rpartition("-")[2])
@@ -77,9 +77,9 @@ _TROUBLES = (("broken", "with broken guarantees"), ("not checked", "never checke
 
 
 def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
-    from ...schemas.world import World
-    from ...tasks.worldforge.bundle import PREVIEW_FILE, WORLD_FILE
-    from ...tasks.worldforge.contact_sheet import SheetWorld, sheet_world
+    from ...schemas.worlds.world import World
+    from ...tasks.worldforge.bundle.bundle import PREVIEW_FILE, WORLD_FILE
+    from ...tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
 
     name = resource.id.rpartition("/")[2]
     bucket, prefix = resource.document["bundle"]["bucket"], resource.document["bundle"]["prefix"]

@@ -16,7 +16,7 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_world(arguments.world)
     facts: dict[str, Any] = world_facts(found)
     if arguments.pictures:
-        from ...tasks.worldforge.pictures import write_pictures
+        from ...tasks.worldforge.viewer.pictures import write_pictures
 
         facts["pictures"] = [str(path) for path in write_pictures(found.world, found.folder, Path(arguments.pictures))]
     if arguments.output == "json":

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...schemas.arns import ResourceArn
-from ...schemas.errors import (
+from ...schemas.settings import Settings
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import (
     BucketNotFoundError,
     ConfigurationError,
     ObjectNotFoundError,
     ResourceNotFoundException,
     StorageError,
 )
-from ...schemas.settings import Settings
-from ...schemas.world import World
+from ...schemas.worlds.world import World
 
 if TYPE_CHECKING:
     from ...tasks.catalog import Resource
-    from ...tasks.service import Service
+    from ...tasks.service.service import Service
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def output_file(name: str, folder: str, suffix: str) -> Path:
 
 def _of_arn(arn: str) -> FoundWorld:
     ResourceArn.parse(arn, "world")
-    from ...tasks.service import Service
+    from ...tasks.service.service import Service
 
     service = Service.open(Settings.from_environment(os.environ))
     resource = service.catalog.get(arn, kind="world")
@@ -100,7 +100,7 @@ def _of_arn(arn: str) -> FoundWorld:
 
 
 def _fetched(resource: "Resource", service: "Service") -> Path:
-    from ...tasks.bundles import world_bundle
+    from ...tasks.simulations.inputs.bundles import world_bundle
 
     try:
         return world_bundle(resource, service)
@@ -117,7 +117,7 @@ def _named(arn: str | None, service: "Service") -> "Resource | None":
 
 
 def _found(folder: Path, name: str | None = None, **origin: str | int | None) -> FoundWorld:
-    from ...tasks.worldforge.bundle import content_hash, read_world
+    from ...tasks.worldforge.bundle.bundle import content_hash, read_world
 
     try:
         world = read_world(folder)

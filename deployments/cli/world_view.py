@@ -16,8 +16,8 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_world(arguments.world)
     if arguments.html is None and arguments.open is None and has_display() and _mujoco_viewer(found):
         return 0
-    from ...tasks.worldforge.page_files import write_whole
-    from ...tasks.worldforge.viewer_page import viewer_page
+    from ...tasks.worldforge.viewer.page_files import write_whole
+    from ...tasks.worldforge.viewer.viewer_page import viewer_page
 
     path = Path(arguments.html) if arguments.html else output_file(found.name, "views", ".html")
     write_whole(viewer_page(found.folder, _title(found)), path)

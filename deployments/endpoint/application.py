@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 from ...flows.operation import registry
-from ...schemas.errors import ThrottlingException
-from ...schemas.operation_shape import OperationShape
-from ...tasks.service import Service
+from ...schemas.wire.errors import ThrottlingException
+from ...schemas.wire.operation_shape import OperationShape
+from ...tasks.service.service import Service
 from .access_log import log_access
 from .authentication import Authenticator
 from .failures import Failures

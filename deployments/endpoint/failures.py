@@ -5,15 +5,15 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...schemas.errors import (
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import (
     InternalServerException,
     RobomakerError,
     ServiceError,
     ServiceUnavailableException,
     StorageError,
 )
-from ...schemas.operation_shape import OperationShape
-from ...schemas.settings import Settings
+from ...schemas.wire.operation_shape import OperationShape
 from .messages import Headers, HttpAnswer, ProtocolError
 from .wire import error_answer
 

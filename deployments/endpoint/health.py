@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
-from ...tasks.service import Service
+from ...tasks.service.service import Service
 from .messages import HttpAnswer, HttpRequest, MethodNotAllowedException
 
 _METHODS = ("GET", "HEAD")

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ...schemas.errors import ThrottlingException
+from ...schemas.wire.errors import ThrottlingException
 from .messages import ASGIReceive, RequestEntityTooLargeException, RequestTimeoutException
 
 SMALL_BODY_BYTES = 64 * 1024

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from urllib.parse import unquote
 
-from ...schemas.operation_shape import OperationShape
-from ...schemas.request_problems import nearest
+from ...schemas.wire.operation_shape import OperationShape
+from ...schemas.wire.request_problems import nearest
 from .messages import MethodNotAllowedException, SerializationException, UnknownOperationException
 
 _MEMBER = re.compile(r"\{(\w+)\}")

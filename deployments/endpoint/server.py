@@ -10,7 +10,7 @@ from types import FrameType
 
 import uvicorn
 
-from ...schemas.errors import ConfigurationError
+from ...schemas.wire.errors import ConfigurationError
 from .messages import ASGIApplication
 from .origins import is_address, is_loopback
 

@@ -7,10 +7,10 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 from urllib.parse import parse_qsl
 
-from ...schemas.common import shorten
-from ...schemas.errors import InvalidParameterException
-from ...schemas.operation_shape import OperationShape
-from ...schemas.strict_json import load_strict
+from ...schemas.wire.common import shorten
+from ...schemas.wire.errors import InvalidParameterException
+from ...schemas.wire.operation_shape import OperationShape
+from ...schemas.wire.strict_json import load_strict
 from .messages import Headers, HttpAnswer, HttpRequest, SerializationException, UnsupportedMediaTypeException
 from .routes import Route
 

@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from types import ModuleType
 
 from ...flows.operation import registry
-from ...schemas import errors
 from ...schemas.behaviour import Behaviour, Kind
 from ...schemas.behaviours import BEHAVIOURS, behaviours_of
 from ...schemas.differences import ANYTHING, DIFFERENCES, LINE_BREAKS
-from ...schemas.errors import RobomakerError
 from ...schemas.operation_groups import OPERATION_GROUPS
-from ...schemas.operation_shape import OperationShape
-from ...schemas.operations import OPERATIONS
+from ...schemas.operations.registry import OPERATIONS
+from ...schemas.wire import errors
+from ...schemas.wire.errors import RobomakerError
+from ...schemas.wire.operation_shape import OperationShape
 from ..endpoint import messages
-from ..sdk.shapes import WIDEST
+from ..service_model.shapes import WIDEST
 from .examples import EXAMPLES
 from .tables import Tables
 

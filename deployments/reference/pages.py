@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...schemas.errors import ConfigurationError
+from ...schemas.wire.errors import ConfigurationError
 from .guide import with_tables
 from .operations_page import operations_page
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ...schemas.differences import changed_bounds
-from ..sdk.service_model import service_model
+from ..service_model.model import service_model
 
 Definition = Mapping[str, Any]
 

@@ -7,10 +7,10 @@ from typing import Any
 from sqlalchemy import Connection, RowMapping, and_, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from ...schemas.arns import ResourceArn
-from ...schemas.common import MAX_TAGS
-from ...schemas.errors import InvalidParameterException, LimitExceededException, StateConflictError
 from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.common import MAX_TAGS
+from ...schemas.wire.errors import InvalidParameterException, LimitExceededException, StateConflictError
 from .leases import CatalogLeases
 from .queries import (
     changed_one,

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
-from ...schemas.errors import ConfigurationError
+from ...schemas.wire.errors import ConfigurationError
 from .tables import metadata, schema_version
 from .world_labels import label_worlds
 

@@ -5,7 +5,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 
-from ...schemas.errors import InvalidParameterException
+from ...schemas.wire.errors import InvalidParameterException
 
 Filters = Mapping[str, Sequence[str]]
 

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 from sqlalchemy import Connection, CursorResult, RowMapping, Select, and_, bindparam, delete, insert, null, or_, select
 
-from ...schemas.errors import (
+from ...schemas.wire.errors import (
     IdempotentParameterMismatchException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,

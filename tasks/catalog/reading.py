@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
-from ...schemas.errors import ServiceUnavailableException
+from ...schemas.wire.errors import ServiceUnavailableException
 from .engine import open_engine, writing
 from .pages import decode_page_token, encode_page_token
 from .queries import COLUMNS, list_query, not_found, one_row, only_members, repeated, resource_of, resource_with

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from ...schemas.base import Shape
+from ...schemas.wire.base import Shape
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 from enum import Enum
 
-from ...schemas.report import Report, ReportedJob
+from ...schemas.reports.report import Report, ReportedJob
 
 
 class Outcome(Enum):

@@ -7,7 +7,7 @@ from xml.parsers import expat
 
 from PIL import Image, UnidentifiedImageError
 
-from ...schemas.errors import RobomakerError
+from ...schemas.wire.errors import RobomakerError
 
 _BUDGET_BYTES = 6_000_000
 _WIDTHS_PX = (960, 720, 540, 400, 280)

@@ -9,7 +9,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-from ...schemas.report import Report
+from ...schemas.reports.report import Report
 from . import wording
 from .view import view_report
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 
-from ...schemas.report import ReportedJob
-from ...schemas.report_summary import Share
-from ...schemas.simulation_run import Requirement
+from ...schemas.reports.report import ReportedJob
+from ...schemas.reports.summary import Share
+from ...schemas.runs.plan import Requirement
 from .outcomes import Outcome, outcome_of
 from .statistics import wilson_interval
 

@@ -3,8 +3,8 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
-from ...schemas.report import Report, ReportedJob, ReportedStep
-from ...schemas.report_summary import JobCase, ReportSummary, StepSuite
+from ...schemas.reports.report import Report, ReportedJob, ReportedStep
+from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
 from . import wording
 from .outcomes import Outcome, count_outcomes, outcome_of
 from .shares import by_requirement, by_room, by_world, of_jobs

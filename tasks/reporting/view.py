@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from ...schemas.report import Report, ReportedFile, ReportedJob
-from ...schemas.report_summary import ReportSummary, Share
-from ...schemas.simulation_run import RunResult
+from ...schemas.reports.report import Report, ReportedFile, ReportedJob
+from ...schemas.reports.summary import ReportSummary, Share
+from ...schemas.runs.plan import RunResult
 from . import plan, wording
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from markupsafe import Markup
 from pydantic import ValidationError
 
-from ...schemas.report import Report, ReportedWorld
-from ...schemas.world import Wish, World
+from ...schemas.reports.report import Report, ReportedWorld
+from ...schemas.worlds.world import Wish, World
 from . import plan
 from .frame import Frame
 from .pictures import Picture, PictureError, embed_picture, embed_svg

@@ -1,1 +1,4 @@
-"""The processes that run one simulation job."""
+"""The processes that run one simulation job.
+
+May import: nothing of this package.
+"""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from ...schemas.errors import BundleError
+from ...schemas.wire.errors import BundleError
 
 BROKEN_ARCHIVE = (
     tarfile.TarError,

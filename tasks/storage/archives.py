@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO
 from uuid import uuid4
 
-from ...schemas.errors import BundleError
+from ...schemas.wire.errors import BundleError
 from .archive_members import BROKEN_ARCHIVE, Member, members
 from .failures import os_failures
 from .folders import open_regular, regular_files

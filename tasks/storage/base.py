@@ -29,7 +29,7 @@ class ObjectStore(Protocol):
     """Buckets of objects, as S3 has them.
 
     Writes are atomic: a reader sees the whole old or the whole new content. Every method raises a
-    `StorageError` of `prefect_robomaker.schemas.errors`, never a client library's own.
+    `StorageError` of `prefect_robomaker.schemas.wire.errors`, never a client library's own.
     """
 
     def ensure_bucket(self, bucket: str) -> None:

@@ -5,7 +5,7 @@ import zlib
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
-from ...schemas.errors import ChecksumMismatchError
+from ...schemas.wire.errors import ChecksumMismatchError
 
 _CHUNK_BYTES = 1 << 20
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
 
-from ...schemas.errors import (
+from ...schemas.wire.errors import (
     BucketNotFoundError,
     ObjectExistsError,
     ObjectNotFoundError,

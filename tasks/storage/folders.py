@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 
-from ...schemas.errors import StorageError
+from ...schemas.wire.errors import StorageError
 from .failures import os_failures
 
 # Nothing there, a file where a folder should be, a symbolic link, a socket.

@@ -7,7 +7,7 @@ allowed but NUL, lone surrogates, and the backslash: some S3 servers take it for
 
 import re
 
-from ...schemas.errors import StorageError
+from ...schemas.wire.errors import StorageError
 
 _BUCKET = re.compile(r"[a-z0-9][a-z0-9.\-]{1,61}[a-z0-9]")
 _ADDRESS = re.compile(r"[0-9]+(\.[0-9]+){3}")

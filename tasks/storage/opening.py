@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from ...schemas.errors import ConfigurationError
 from ...schemas.settings import Settings
+from ...schemas.wire.errors import ConfigurationError
 from .base import ObjectStore
 from .directory import DirectoryStore
 

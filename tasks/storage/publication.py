@@ -15,14 +15,14 @@ from pathlib import Path
 
 from pydantic import JsonValue, ValidationError
 
-from ...schemas.errors import (
+from ...schemas.runs.manifest import Manifest, ManifestFile
+from ...schemas.wire.errors import (
     ChecksumMismatchError,
     ObjectExistsError,
     ObjectNotFoundError,
     StorageAccessDeniedError,
     StorageError,
 )
-from ...schemas.manifest import Manifest, ManifestFile
 from .base import ObjectStore
 from .failures import os_failures
 from .folders import FolderFile, open_regular, regular_files, version_of

@@ -24,7 +24,7 @@ from botocore.exceptions import ClientError, IncompleteReadError, ReadTimeoutErr
 from s3transfer.exceptions import CancelledError, S3DownloadFailedError
 from s3transfer.subscribers import BaseSubscriber
 
-from ...schemas.errors import BucketNotFoundError, ObjectNotFoundError, TransferStoppedError
+from ...schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError, TransferStoppedError
 from .base import ObjectInfo, Stopped, never
 from .checksums import compare, crc32_of, measure
 from .naming import check_bucket, check_key, check_prefix

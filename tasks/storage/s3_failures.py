@@ -19,7 +19,7 @@ from botocore.exceptions import (
 )
 from s3transfer.exceptions import RetriesExceededError, S3DownloadFailedError, S3UploadFailedError, S3ValidationError
 
-from ...schemas.errors import (
+from ...schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
     ObjectExistsError,

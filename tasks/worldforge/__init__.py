@@ -1,1 +1,6 @@
-"""WorldForge: furnished indoor worlds from a template body."""
+"""WorldForge: furnished indoor worlds from a template body.
+
+May import: `schemas`, `.doors`, `.floorplans`, `.geometry`, `.interiors`, `.model`, `.proofs`.
+"""
+
+__all__ = ["generator", "seeds"]

@@ -8,17 +8,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...schemas.errors import WorldGenerationError
-from ...schemas.world import World
-from ...schemas.world_template_body import WorldTemplateBody
-from .checks import check_world
-from .door_wishes import dress_doors
-from .floorplan import generate_floorplan
-from .guarantees import SETTLE_S, violations
-from .interior import furnish
-from .leaves import leaf_outlines
-from .mjcf import world_mjcf
-from .occupancy import occupancy_grid
+from ...schemas.templates.body import WorldTemplateBody
+from ...schemas.wire.errors import WorldGenerationError
+from ...schemas.worlds.world import World
+from .doors.leaves import leaf_outlines
+from .doors.preferences import dress_doors
+from .floorplans.floorplan import generate_floorplan
+from .geometry.occupancy import occupancy_grid
+from .interiors.interior import furnish
+from .model.mjcf import world_mjcf
+from .proofs.checks import check_world
+from .proofs.guarantees import SETTLE_S, violations
 from .seeds import seeds_for
 
 __all__ = ["GENERATOR_VERSION", "MAX_ATTEMPTS", "generate_world", "seeds_for"]

@@ -9,7 +9,7 @@ import pytest
 from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import ObjectNotFoundError
-from prefect_robomaker.schemas.manifest import Manifest
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.runs.manifest import Manifest
+from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
 SIMULATION, ROBOT, OURS = "SimulationApplicationCrash", "RobotApplicationCrash", "InternalServiceError"

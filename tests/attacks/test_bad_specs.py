@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.errors import SpecError
-from prefect_robomaker.schemas.spec_check import load_spec
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.wire.errors import SpecError
 
 QUICKSTART = Path(__file__).parents[2] / "deployments" / "specs" / "quickstart.yaml"
 SUCCEEDED = "${{ worlds.finishedWorldsSummary.succeededWorlds }}"

@@ -11,9 +11,9 @@ from small_flat import BODY, ROLE
 from sqlalchemy import create_engine, func, select
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.errors import ServiceError
+from prefect_robomaker.schemas.wire.errors import ServiceError
 from prefect_robomaker.tasks.catalog.tables import metadata
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000"
 JOB: dict[str, Any] = {

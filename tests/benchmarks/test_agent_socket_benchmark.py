@@ -28,34 +28,34 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 
 from small_flat import BODY
 
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime import agent_client
-from prefect_robomaker.tasks.runtime.agent_socket import agent_socket_path
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.context import SimulationContext
-from prefect_robomaker.tasks.runtime.loop import run_episode
-from prefect_robomaker.tasks.runtime.progress import Phase
-from prefect_robomaker.tasks.runtime.recording import NullRecorder
-from prefect_robomaker.tasks.runtime.remote_robot import RemoteRobot
-from prefect_robomaker.tasks.runtime.results import Episode
-from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.agents import agent_client
+from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
+from prefect_robomaker.tasks.runtime.agents.remote_robot import RemoteRobot
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
+from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
+from prefect_robomaker.tasks.runtime.episode.progress import Phase
+from prefect_robomaker.tasks.runtime.episode.results import Episode
+from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 EXAMPLE = Path(__file__).parent.parent.parent / "deployments" / "specs" / "examples" / "agent_process" / "robot.c"
 CLIENT = """
-from prefect_robomaker.tasks.runtime.agent_client import connect
+from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 with connect() as simulation:
     simulation.run(lambda step: (0.0,))
 """
 SCOUT = """
 import pathlib, types
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.runtime.agent_client import connect
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.progress import Phase
-from prefect_robomaker.tasks.runtime.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.episode.progress import Phase
+from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
 
 with connect() as simulation:
     world_dir = pathlib.Path(simulation.hello["world_dir"])

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.flows.operation import call, perform_flow
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.job_runs import launcher
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.job_runs import launcher
 
 JOBS = 50
 WORKERS = 2

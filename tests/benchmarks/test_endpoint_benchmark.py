@@ -17,7 +17,7 @@ from sqlalchemy import create_engine, insert
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.catalog.tables import resource_labels, resources
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(900)]
 

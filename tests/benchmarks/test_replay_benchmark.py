@@ -20,18 +20,18 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.applications.scene import assemble
-from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.checkpoints import Checkpointer, LoopState, RunParts
-from prefect_robomaker.tasks.runtime.context import SimulationContext
-from prefect_robomaker.tasks.runtime.loop import run_episode
-from prefect_robomaker.tasks.runtime.observers import make_observers
-from prefect_robomaker.tasks.runtime.provenance import ProvenanceKeeper
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
-from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
+from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
+from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.observers import make_observers
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.states.checkpoints import Checkpointer, LoopState, RunParts
+from prefect_robomaker.tasks.runtime.states.provenance import ProvenanceKeeper
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 QUICKSTART = Path(__file__).parent.parent.parent / "deployments" / "specs" / "quickstart.yaml"

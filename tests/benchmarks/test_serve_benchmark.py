@@ -12,7 +12,7 @@ from endpoint_process import Serve, Served
 from processes import wait_for
 from small_flat import ROLE
 
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 CALLS = 60
 SUBMISSIONS = 8

@@ -26,21 +26,21 @@ from ruamel.yaml import YAML
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation
-from prefect_robomaker.tasks.runtime.applications.navigation_task import NavigationTask
-from prefect_robomaker.tasks.runtime.applications.robot_scout import SCOUT
-from prefect_robomaker.tasks.runtime.applications.robots.robot import Robot
-from prefect_robomaker.tasks.runtime.applications.robots.walker import WALKER
-from prefect_robomaker.tasks.runtime.applications.scene import CONTACT_SAMPLE_STEPS, assemble
-from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.context import SimulationContext
-from prefect_robomaker.tasks.runtime.loop import run_episode
-from prefect_robomaker.tasks.runtime.progress import Phase, Progress
-from prefect_robomaker.tasks.runtime.recording import McapRecorder, NullRecorder
-from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import IndoorNavigation
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import CONTACT_SAMPLE_STEPS, assemble
+from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
+from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
+from prefect_robomaker.tasks.runtime.episode.progress import Phase, Progress
+from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder
+from prefect_robomaker.tasks.runtime.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.robots.scout import SCOUT
+from prefect_robomaker.tasks.runtime.robots.walker import WALKER
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 QUICKSTART = Path(__file__).parent.parent.parent / "deployments" / "specs" / "quickstart.yaml"

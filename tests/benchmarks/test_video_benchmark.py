@@ -17,16 +17,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.applications.scene import assemble
-from prefect_robomaker.tasks.runtime.child import run_child
-from prefect_robomaker.tasks.runtime.filming import Filming
-from prefect_robomaker.tasks.runtime.progress import Progress
-from prefect_robomaker.tasks.runtime.run_requests import make_request
-from prefect_robomaker.tasks.runtime.state_log_writer import StateLogWriter
-from prefect_robomaker.tasks.runtime.video_settings import VideoSettings
-from prefect_robomaker.tasks.worldforge.bundle import write_bundle
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.episode.progress import Progress
+from prefect_robomaker.tasks.runtime.process.child import run_child
+from prefect_robomaker.tasks.runtime.states.state_log_writer import StateLogWriter
+from prefect_robomaker.tasks.runtime.supervision.run_requests import make_request
+from prefect_robomaker.tasks.runtime.video.recorder import Filming
+from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
+from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 ROUNDS = 3

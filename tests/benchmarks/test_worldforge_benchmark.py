@@ -21,16 +21,16 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.world import Floorplan, World
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.applications.robot_scout import PREFIX, build_scout
-from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.worldforge.bundle import write_bundle
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.world import Floorplan, World
+from prefect_robomaker.tasks.runtime.robots.scout import PREFIX, build_scout
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
-from prefect_robomaker.tasks.worldforge.interior import furnish
-from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
-from prefect_robomaker.tasks.worldforge.preview import render_preview
+from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
+from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
+from prefect_robomaker.tasks.worldforge.pictures.preview import render_preview
 
 WORLDS = 12
 STEPS = 20_000

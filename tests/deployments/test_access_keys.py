@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.deployments.access_keys import read_access_keys
-from prefect_robomaker.schemas.errors import ConfigurationError
+from prefect_robomaker.deployments.endpoint.access_keys import read_access_keys
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 SECRET = "wJalr%XUtn#FEMI/K7;MDENG=bPx"  # what a parser might take for something else
 

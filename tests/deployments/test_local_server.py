@@ -18,8 +18,8 @@ from prefect_robomaker.deployments.local_server import (
     server_status,
     stop_server,
 )
-from prefect_robomaker.schemas.errors import ConfigurationError
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 
 def test_the_server_is_started_once_and_reused(prefect_server: str) -> None:

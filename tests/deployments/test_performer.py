@@ -9,17 +9,17 @@ from typing import Any
 import pytest
 from processes import wait_for
 
-from prefect_robomaker.deployments.performer import dispatcher, jobs
-from prefect_robomaker.deployments.performer.child import in_words
-from prefect_robomaker.deployments.performer.dispatcher import Dispatcher
-from prefect_robomaker.deployments.performer.jobs import Jobs
-from prefect_robomaker.deployments.performer.lanes import Lane, lanes
-from prefect_robomaker.deployments.performer.prefect_watch import PrefectWatch
+from prefect_robomaker.deployments.worker import dispatcher, jobs
+from prefect_robomaker.deployments.worker.child import in_words
+from prefect_robomaker.deployments.worker.dispatcher import Dispatcher
+from prefect_robomaker.deployments.worker.jobs import Jobs
+from prefect_robomaker.deployments.worker.pools import Lane, lanes
+from prefect_robomaker.deployments.worker.prefect_watch import PrefectWatch
 from prefect_robomaker.flows.operation import call, perform_flow, registry
-from prefect_robomaker.schemas.errors import ConfigurationError, ServiceUnavailableException
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.held_leases import HeldLeases
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, ServiceUnavailableException
+from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
 

@@ -16,7 +16,7 @@ from small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "deployments" / "prefect.yaml"

@@ -10,13 +10,13 @@ from application_calls import BUCKET, PACKAGE, Applications, at_once
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
     LimitExceededException,
     ResourceNotFoundException,
 )
-from prefect_robomaker.tasks.applications import MAX_VERSIONS
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.planning.applications import MAX_VERSIONS
 from prefect_robomaker.tasks.storage.base import ObjectInfo
 
 DIGEST = "sha256:" + "0123456789abcdef" * 4

@@ -7,12 +7,12 @@ import pytest
 from application_calls import BUCKET, PACKAGE, Applications, at_once
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
 )
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 BUILTIN = {"Robot": ("walker", "scout"), "Simulation": ("indoor-navigation",)}
 OGRE = {"name": "OGRE", "version": "1.x"}

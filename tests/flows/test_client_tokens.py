@@ -9,9 +9,9 @@ import pytest
 from small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import IdempotentParameterMismatchException, InvalidParameterException
+from prefect_robomaker.schemas.wire.errors import IdempotentParameterMismatchException, InvalidParameterException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 COUNT = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
 

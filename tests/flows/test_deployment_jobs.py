@@ -6,13 +6,13 @@ import pytest
 from application_calls import BUCKET, Applications, at_once
 from fleet_calls import LAUNCH, Fleets
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     ConcurrentDeploymentException,
     IdempotentParameterMismatchException,
     InvalidParameterException,
     ResourceNotFoundException,
 )
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 PREFIX = "arn:aws:robomaker:us-east-1:000000000000"
 FIVE_HOURS_S = 18000

@@ -10,14 +10,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import (
     ConcurrentDeploymentException,
     InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
 )
-from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 
 class FleetMachine(RuleBasedStateMachine):

@@ -13,9 +13,9 @@ import pytest
 from processes import process_worker, started, wait_for, working_below
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.run_record import RunRecord
+from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.service import Progress, Service
+from prefect_robomaker.tasks.service.service import Progress, Service
 
 pytestmark = pytest.mark.slow
 Order = Callable[..., dict[str, Any]]
@@ -26,7 +26,7 @@ import os, sys
 from prefect_robomaker.flows.operation import registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks import job_leases
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 job_leases.LEASE_S = 3.0
 registry()["StartSimulationJobBatch"].perform(sys.argv[1], Service.open(Settings.from_environment(os.environ)))

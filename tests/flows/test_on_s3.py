@@ -12,10 +12,10 @@ from s3_server import S3Server
 from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.errors import InvalidParameterException
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.job_runs import perform_job
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]

@@ -7,9 +7,9 @@ import pytest
 
 from prefect_robomaker.flows import operation
 from prefect_robomaker.flows.operation import call, operation_flow, perform_flow, registry
-from prefect_robomaker.schemas.errors import InvalidParameterException
-from prefect_robomaker.schemas.operations import OPERATIONS
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+from prefect_robomaker.tasks.service.service import Service
 
 
 def test_every_operation_is_registered() -> None:

@@ -11,16 +11,16 @@ from small_flat import BODY, ROLE
 
 from prefect_robomaker.flows import operation
 from prefect_robomaker.flows.pipelines import PipelineRun, RunInterrupted, run_spec
-from prefect_robomaker.schemas.errors import WorldGenerationError
-from prefect_robomaker.schemas.progress import Note, ProgressEvent, StepEnded, StepStarted
-from prefect_robomaker.schemas.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.schemas.spec_check import load_spec
-from prefect_robomaker.tasks import reports
-from prefect_robomaker.tasks.reports import rebuild_report
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.tasks.inspection import reports
+from prefect_robomaker.tasks.inspection.reports import rebuild_report
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
-from prefect_robomaker.tasks.world_builders import WorldBuilders
+from prefect_robomaker.tasks.worlds.builders import WorldBuilders
 
 Run = Callable[..., RunRecord]
 SOURCES = [{"s3Bucket": "applications", "s3Key": "sleeper.tar.gz"}]

@@ -10,10 +10,10 @@ from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.flows.preflight import check_surroundings
-from prefect_robomaker.schemas.errors import InvalidParameterException, SpecError, StorageUnavailableError
-from prefect_robomaker.schemas.simulation_run import RunResult
-from prefect_robomaker.schemas.spec_check import load_spec
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.runs.plan import RunResult
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError, StorageUnavailableError
+from prefect_robomaker.tasks.service.service import Service
 
 Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]
 

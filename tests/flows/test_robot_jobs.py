@@ -8,10 +8,10 @@ import pytest
 from small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.pipelines import run_spec
-from prefect_robomaker.schemas.run_record import RunRecord
+from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.schemas.spec_check import load_spec
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 EXAMPLE = Path(__file__).parents[2] / "deployments" / "specs" / "examples" / "urdf_robot_bundle"

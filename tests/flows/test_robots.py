@@ -7,12 +7,12 @@ from application_calls import at_once
 from fleet_calls import Fleets
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
 )
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 PREFIX = "arn:aws:robomaker:us-east-1:000000000000"
 

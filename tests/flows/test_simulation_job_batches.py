@@ -8,11 +8,11 @@ import pytest
 
 from prefect_robomaker.flows.batch_runs import BatchRun
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.errors import InternalServerException
 from prefect_robomaker.schemas.lifecycles import ACTIVE
+from prefect_robomaker.schemas.wire.errors import InternalServerException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.performing import perform_once
-from prefect_robomaker.tasks.service import Progress, Service
+from prefect_robomaker.tasks.execution.claims import perform_once
+from prefect_robomaker.tasks.service.service import Progress, Service
 
 Order = Callable[..., dict[str, Any]]
 

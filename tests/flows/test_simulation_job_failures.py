@@ -12,8 +12,8 @@ from application_calls import Applications
 
 from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.job_runs import perform_job
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.job_runs import perform_job
 
 Order = Callable[..., dict[str, Any]]
 ROLES = pytest.mark.parametrize("role", ["Robot", "Simulation"])

@@ -7,9 +7,9 @@ import pytest
 from small_flat import ROLE
 
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException
-from prefect_robomaker.schemas.simulation_run import RunResult
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.runs.plan import RunResult
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]

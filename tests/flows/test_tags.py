@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.arns import Kind
-from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.schemas.wire.arns import Kind
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 PREFIX = "arn:aws:robomaker:us-east-1:000000000000"
 OPERATIONS = {"ListTagsForResource": {}, "TagResource": {"tags": {"a": "b"}}, "UntagResource": {"tagKeys": ["a"]}}

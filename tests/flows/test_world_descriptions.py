@@ -8,10 +8,10 @@ import pytest
 from small_flat import BODY
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import InternalServerException, InvalidParameterException
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.schemas.world_description import WorldDescription
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import InternalServerException, InvalidParameterException
+from prefect_robomaker.schemas.worlds.description import WorldDescription
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.service.service import Service
 
 Generate = Callable[..., dict[str, Any]]
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 Generate = Callable[..., dict[str, Any]]
 

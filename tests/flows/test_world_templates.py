@@ -9,8 +9,8 @@ import pytest
 from small_flat import BODY
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.tasks.service.service import Service
 
 OTHER = {"Buildings": [{"Floors": [{"Floorplan": {"Ceiling": {"Height": 2.8}}}]}]}
 NOWHERE = "arn:aws:robomaker:us-east-1:000000000000:world-template/template-000000000000"

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException, StorageError
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest
-from prefect_robomaker.tasks.world_bundles import bundle_held, bundle_label
+from prefect_robomaker.tasks.worlds.bundles import bundle_held, bundle_label
 
 Generate = Callable[..., dict[str, Any]]
 BUNDLE = {"bucket": "robomaker", "prefix": "worlds/abc"}

@@ -4,7 +4,7 @@ import os
 import sys
 import time
 
-from prefect_robomaker.tasks.runtime.agent_client import connect
+from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 
 mode, factor, break_at = (os.environ.get(name) for name in ("MODE", "FACTOR", "BREAK_AT"))
 with connect(mode=mode or "lockstep", real_time_factor=float(factor or 1)) as simulation:

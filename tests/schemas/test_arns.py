@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.arns import Kind, ResourceArn, application_arn, resource_arn
-from prefect_robomaker.schemas.errors import InvalidParameterException
-from prefect_robomaker.schemas.ids import IdPrefix, new_id, world_id
+from prefect_robomaker.schemas.wire.arns import Kind, ResourceArn, application_arn, resource_arn
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+from prefect_robomaker.schemas.wire.ids import IdPrefix, new_id, world_id
 
 
 @pytest.mark.parametrize(

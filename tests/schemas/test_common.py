@@ -5,7 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from prefect_robomaker.schemas.common import Filter, GenericString, exactly_one, filter_values, shorten, without_escapes
+from prefect_robomaker.schemas.wire.common import (
+    Filter,
+    GenericString,
+    exactly_one,
+    filter_values,
+    shorten,
+    without_escapes,
+)
 
 
 @given(st.text(min_size=1, max_size=50), st.integers(0, 200))

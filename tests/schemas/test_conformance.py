@@ -9,7 +9,7 @@ import pytest
 from published_model import Model, published_files
 
 from prefect_robomaker.schemas.differences import changed_bounds, changed_members
-from prefect_robomaker.schemas.operations import OPERATIONS, OperationShape
+from prefect_robomaker.schemas.operations.registry import OPERATIONS, OperationShape
 
 Schema = dict[str, Any]
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.deprecations import deprecated_uses
-from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.schemas.operations.deprecations import deprecated_uses
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
 
 
 def job(**config: Any) -> dict[str, Any]:

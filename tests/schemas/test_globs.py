@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.globs import Glob, GlobError
+from prefect_robomaker.schemas.wire.globs import Glob, GlobError
 
 
 @pytest.mark.parametrize(

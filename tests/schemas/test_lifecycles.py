@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import StateConflictError
 from prefect_robomaker.schemas.lifecycles import ACTIVE, LIFECYCLES, Lifecycle, batch_outcome, is_terminal, next_state
+from prefect_robomaker.schemas.wire.errors import StateConflictError
 
 NEVER_REACHED = {"simulation-job": {"Terminated"}}
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import InvalidParameterException
-from prefect_robomaker.schemas.operations import (
+from prefect_robomaker.schemas.operations.registry import (
     OPERATIONS,
     check_request,
     operation_shape,
@@ -19,6 +18,7 @@ from prefect_robomaker.schemas.operations import (
     seed_of,
     video_of,
 )
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 ROLE = "arn:aws:iam::111122223333:role/sim"
 APP = "arn:aws:robomaker:us-east-1:111122223333:simulation-application/MyApp/1551203427605"
@@ -339,7 +339,7 @@ def test_any_input_is_parsed_or_refused_with_a_place(case: tuple[str, dict[str, 
 
 
 def test_importing_the_operations_needs_neither_prefect_nor_a_database() -> None:
-    program = "import sys, prefect_robomaker.schemas.operations; print(*sys.modules)"
+    program = "import sys, prefect_robomaker.schemas.operations.registry; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
 
     assert not {"prefect", "sqlalchemy", "mujoco", "dm_control", "boto3", "numpy"} & set(loaded)

@@ -3,17 +3,17 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import InvalidParameterException, SpecError
-from prefect_robomaker.schemas.operations import check_request, parse_request
-from prefect_robomaker.schemas.requirement_orders import ordered_requirements, unknown_room
-from prefect_robomaker.schemas.requirements import (
+from prefect_robomaker.schemas.operations.registry import check_request, parse_request
+from prefect_robomaker.schemas.operations.requested_requirements import ordered_requirements, unknown_room
+from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
+from prefect_robomaker.schemas.runs.requirements import (
     ClearanceRequirement,
     GoalRequirement,
     TimeLimitRequirement,
     parse_requirements,
 )
-from prefect_robomaker.schemas.simulation_jobs import CreateSimulationJobRequest
-from prefect_robomaker.schemas.spec_check import load_spec
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
 LIMIT = {"kind": "time_limit", "name": "quick", "limit_s": 60}
 WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/w-1"

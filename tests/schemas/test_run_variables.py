@@ -1,8 +1,8 @@
 import math
 from pathlib import Path
 
-from prefect_robomaker.schemas.run_variables import number_in, variables_of
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.variables import number_in, variables_of
 
 
 def test_the_simulation_application_goes_before_the_robots_and_the_services_variables() -> None:

@@ -9,12 +9,12 @@ from typing import Any
 import jsonschema
 import pytest
 
-from prefect_robomaker.schemas.errors import InvalidParameterException, SpecError
-from prefect_robomaker.schemas.operations import OPERATIONS
-from prefect_robomaker.schemas.spec import output_model, resolve_input, with_seed
-from prefect_robomaker.schemas.spec_check import load_request, load_spec
-from prefect_robomaker.schemas.spec_schema import SCHEMA_FILE, schema_text
-from prefect_robomaker.schemas.spec_text import parse, plain
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.specs.check import load_request, load_spec
+from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE, schema_text
+from prefect_robomaker.schemas.specs.model import output_model, resolve_input, with_seed
+from prefect_robomaker.schemas.specs.text import parse, plain
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
 SPECS = Path(__file__).parents[2] / "deployments" / "specs"
 EXAMPLES = sorted(SPECS.glob("*.yaml"))
@@ -285,7 +285,7 @@ def test_the_examples_are_right(path: Path) -> None:
 
 
 def test_the_committed_schema_is_current() -> None:
-    assert SCHEMA_FILE.read_text() == schema_text(), "run python -m prefect_robomaker.schemas.spec_schema"
+    assert SCHEMA_FILE.read_text() == schema_text(), "run python -m prefect_robomaker.schemas.specs.json_schema"
 
 
 @pytest.fixture(scope="module")

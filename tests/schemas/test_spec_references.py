@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.reference_kinds import (
+from prefect_robomaker.schemas.operations.world_generation_jobs import DescribeWorldGenerationJobResponse
+from prefect_robomaker.schemas.specs.reference_kinds import (
     ANYTHING,
     BOOLEAN,
     NUMBER,
@@ -22,9 +23,8 @@ from prefect_robomaker.schemas.reference_kinds import (
     fits,
     kind_of_value,
 )
-from prefect_robomaker.schemas.reference_typing import infer
-from prefect_robomaker.schemas.references import ReferenceMistake, parse_template
-from prefect_robomaker.schemas.world_generation_jobs import DescribeWorldGenerationJobResponse
+from prefect_robomaker.schemas.specs.reference_typing import infer
+from prefect_robomaker.schemas.specs.references import ReferenceMistake, parse_template
 
 KINDS: dict[str, Kind] = {"worlds": Structure(DescribeWorldGenerationJobResponse), "index": WHOLE_NUMBER}
 VALUES: dict[str, Any] = {

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import SpecError
-from prefect_robomaker.schemas.spec_check import load_spec
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.wire.errors import SpecError
 
 ROLE = "arn:aws:iam::000000000000:role/local"
 SUCCEEDED = "${{ worlds.finishedWorldsSummary.succeededWorlds }}"

@@ -6,16 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import SpecError
-from prefect_robomaker.schemas.spec_text import (
-    MAX_BYTES,
-    MAX_DEPTH,
-    key_place,
-    parse,
-    path_text,
-    plain,
-    value_place,
-)
+from prefect_robomaker.schemas.specs.text import MAX_BYTES, MAX_DEPTH, key_place, parse, path_text, plain, value_place
+from prefect_robomaker.schemas.wire.errors import SpecError
 
 _json_values = st.recursive(
     st.none()

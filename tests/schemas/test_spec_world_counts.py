@@ -1,8 +1,8 @@
 import pytest
 
-from prefect_robomaker.schemas.errors import SpecError
-from prefect_robomaker.schemas.spec_check import load_spec
-from prefect_robomaker.schemas.spec_world_counts import check_world_counts
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.world_counts import check_world_counts
+from prefect_robomaker.schemas.wire.errors import SpecError
 
 SPEC = """
 version: 1

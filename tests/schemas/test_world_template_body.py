@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import InvalidParameterException
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 FLOORPLAN = "Buildings[0].Floors[0].Floorplan"
 INTERIOR = "Buildings[0].Floors[0].Interior"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
 
 PAGE = Path(__file__).parents[2] / "docs" / "world-templates.md"
 EXAMPLES = re.findall(r"^```json\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import InvalidParameterException
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 DOORWAYS = "Buildings[0].Floors[0].Interior.Doorways"
 ROOMS = [{"Type": "Living", "Name": "A"}, {"Type": "Bedroom", "Name": "B", "OriginalName": "Schlafzimmer für Gäste"}]

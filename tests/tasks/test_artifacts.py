@@ -7,9 +7,9 @@ import pytest
 from prefect import flow
 from prefect.artifacts import Artifact
 
-from prefect_robomaker.tasks import artifacts
-from prefect_robomaker.tasks.artifacts import artifact_key, show_jobs, show_summary, shown_progress
-from prefect_robomaker.tasks.service import Progress, Service
+from prefect_robomaker.tasks.execution import artifacts
+from prefect_robomaker.tasks.execution.artifacts import artifact_key, show_jobs, show_summary, shown_progress
+from prefect_robomaker.tasks.service.service import Progress, Service
 
 
 @pytest.mark.parametrize("name", ["Nightly_Flats", "a--b", "x-", "1.5 m", "_"])

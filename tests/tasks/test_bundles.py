@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.bundles import _once, application_bundle
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.inputs.bundles import _once, application_bundle
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 
@@ -65,7 +65,7 @@ def test_of_several_at_once_one_fills(tmp_path: Path) -> None:
 KILLED = """
 import sys, time
 from pathlib import Path
-from prefect_robomaker.tasks.bundles import _once
+from prefect_robomaker.tasks.simulations.inputs.bundles import _once
 
 def fill(folder):
     folder.mkdir()

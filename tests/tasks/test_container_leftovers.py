@@ -9,13 +9,13 @@ import pytest
 from application_calls import Applications
 from fake_engine import FakeEngine
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.container_leftovers import has_containers, remove_containers, remove_run
-from prefect_robomaker.tasks.container_plans import plan_container
-from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.surroundings import Surroundings, run_sandbox
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.containers.cleanup import has_containers, remove_containers, remove_run
+from prefect_robomaker.tasks.simulations.containers.plans import plan_container
+from prefect_robomaker.tasks.simulations.environment.run_environment import Surroundings, run_sandbox
 
 PlanIn = Callable[[Path], ProgramPlan]
 

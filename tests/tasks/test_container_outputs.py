@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.container_outputs import NOTES, keep_outputs
-from prefect_robomaker.tasks.surroundings import container_sandbox
+from prefect_robomaker.tasks.simulations.containers.outputs import NOTES, keep_outputs
+from prefect_robomaker.tasks.simulations.environment.run_environment import container_sandbox
 
 
 @pytest.fixture

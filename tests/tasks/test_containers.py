@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from fake_engine import FakeEngine
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.run_programs import ComputeLimits
-from prefect_robomaker.tasks.container_argv import (
+from prefect_robomaker.schemas.runs.programs import ComputeLimits
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.simulations.containers.command_lines import (
     Container,
     Mount,
     create_argv,
@@ -21,7 +21,7 @@ from prefect_robomaker.tasks.container_argv import (
     start_argv,
     tool_argv,
 )
-from prefect_robomaker.tasks.containers import Engine, copy_out, find_engine, get_image
+from prefect_robomaker.tasks.simulations.containers.engines import Engine, copy_out, find_engine, get_image
 
 DIGEST, OTHER = f"sha256:{'a' * 64}", f"sha256:{'b' * 64}"
 

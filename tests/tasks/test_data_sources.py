@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from prefect_robomaker.schemas.errors import InvalidParameterException, LaunchError
-from prefect_robomaker.schemas.simulation_job_configs import DataSourceConfig, DataSourceConfigs
-from prefect_robomaker.tasks.data_sources import fetch_data_sources, resolve_data_sources
-from prefect_robomaker.tasks.sandbox import Sandbox, remove
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException, LaunchError
+from prefect_robomaker.schemas.wire.job_configs import DataSourceConfig, DataSourceConfigs
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.environment.folders import Sandbox, remove
+from prefect_robomaker.tasks.simulations.inputs.data_sources import fetch_data_sources, resolve_data_sources
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 

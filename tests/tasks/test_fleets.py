@@ -3,10 +3,14 @@
 import pytest
 from fleet_calls import Fleets
 
-from prefect_robomaker.schemas.errors import InvalidParameterException, ResourceNotFoundException, ThrottlingException
-from prefect_robomaker.tasks import fleets as module
-from prefect_robomaker.tasks.fleets import fleet_held, last_deployment, robots_of
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import (
+    InvalidParameterException,
+    ResourceNotFoundException,
+    ThrottlingException,
+)
+from prefect_robomaker.tasks.fleet import records as module
+from prefect_robomaker.tasks.fleet.records import fleet_held, last_deployment, robots_of
+from prefect_robomaker.tasks.service.service import Service
 
 
 @pytest.fixture

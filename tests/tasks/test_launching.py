@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.launching import Code, Factory, Program, check_pair, resolve_launch
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.simulations.planning.launching import Code, Factory, Program, check_pair, resolve_launch
 
 PYTHON = "/here/python"
 CRASH = "RobotApplicationCrash"

@@ -11,12 +11,11 @@ from container_images import USER_ID
 from image_registry import ImageRegistry, image_registry
 from real_engine import RealEngine
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.run_programs import ComputeLimits
-from prefect_robomaker.tasks.container_argv import Container, create_argv, env_file
-from prefect_robomaker.tasks.container_leftovers import ContainerNote, note_container, remove_containers
-from prefect_robomaker.tasks.container_plans import check_gpu
-from prefect_robomaker.tasks.containers import (
+from prefect_robomaker.schemas.runs.programs import ComputeLimits
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.simulations.containers.cleanup import ContainerNote, note_container, remove_containers
+from prefect_robomaker.tasks.simulations.containers.command_lines import Container, create_argv, env_file
+from prefect_robomaker.tasks.simulations.containers.engines import (
     Engine,
     NameTakenError,
     copy_out,
@@ -24,9 +23,10 @@ from prefect_robomaker.tasks.containers import (
     find_engine,
     get_image,
 )
-from prefect_robomaker.tasks.sandbox import remove
-from prefect_robomaker.tasks.shared_memory import make_shared_memory
-from prefect_robomaker.tasks.surroundings import container_sandbox
+from prefect_robomaker.tasks.simulations.containers.plans import check_gpu
+from prefect_robomaker.tasks.simulations.environment.folders import remove
+from prefect_robomaker.tasks.simulations.environment.run_environment import container_sandbox
+from prefect_robomaker.tasks.simulations.environment.shared_memory import make_shared_memory
 
 pytestmark = pytest.mark.deep
 

@@ -13,13 +13,13 @@ from fake_engine import FakeEngine
 from swing_fixtures import SUITE, outputs_of
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import ConfigurationError
-from prefect_robomaker.schemas.provenance import Provenance
-from prefect_robomaker.tasks.replays import reproduce_run, verify_run
-from prefect_robomaker.tasks.runtime.action_log import ActionLog
-from prefect_robomaker.tasks.runtime.agent_client import SOCKET_VARIABLE
-from prefect_robomaker.tasks.sandbox import AGENT
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.runs.provenance import Provenance
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.runtime.agents.action_log import ActionLog
+from prefect_robomaker.tasks.runtime.agents.agent_client import SOCKET_VARIABLE
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.environment.folders import AGENT
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
 
 ROBOT = Path(__file__).parents[1] / "pushing_robot"

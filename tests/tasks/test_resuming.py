@@ -17,16 +17,16 @@ import pytest
 from swing_fixtures import outputs_of
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import LaunchError, ObjectNotFoundError
-from prefect_robomaker.schemas.provenance import Provenance
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.provenance import Provenance
+from prefect_robomaker.schemas.wire.errors import LaunchError, ObjectNotFoundError
 from prefect_robomaker.tasks.catalog import Catalog, Resource
-from prefect_robomaker.tasks.job_runs import perform_job
-from prefect_robomaker.tasks.replays import verify_run
-from prefect_robomaker.tasks.resuming import checkpoint_every_s, plan_to_resume
-from prefect_robomaker.tasks.ros_domains import own_domain
-from prefect_robomaker.tasks.runtime.checkpoint_files import CheckpointHeader, checkpoint_file
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.inspection.replays import verify_run
+from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointHeader, checkpoint_file
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.job_runs import perform_job
+from prefect_robomaker.tasks.simulations.planning.resuming import checkpoint_every_s, plan_to_resume
+from prefect_robomaker.tasks.simulations.ros.domains import own_domain
 from prefect_robomaker.tasks.storage import read_manifest
 
 Swing = Callable[..., dict[str, Any]]
@@ -34,8 +34,8 @@ SLOW = {"SLEEP_S": "0.01", "TIME_LIMIT_S": "6", "ROBOMAKER_CHECKPOINT_EVERY_S": 
 PERFORM = """
 import os, sys
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.job_runs import perform_job
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.simulations.job_runs import perform_job
+from prefect_robomaker.tasks.service.service import Service
 perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
 """
 
@@ -144,7 +144,7 @@ def test_a_robot_that_is_a_program_begins_anew_with_its_run(
 ) -> None:
     """Nobody can put a program back to where it was."""
     code = (
-        "from prefect_robomaker.tasks.runtime.agent_client import connect\n"
+        "from prefect_robomaker.tasks.runtime.agents.agent_client import connect\n"
         "with connect() as simulation:\n"
         "    simulation.run(lambda step: [0.1])\n"
     )

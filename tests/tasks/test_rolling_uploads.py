@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import StorageUnavailableError
-from prefect_robomaker.schemas.globs import Glob
-from prefect_robomaker.tasks.rolling_uploads import RollingUploads, rolled_files, taken_files
-from prefect_robomaker.tasks.sandbox import Sandbox
-from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.upload_configurations import Upload
+from prefect_robomaker.schemas.wire.errors import StorageUnavailableError
+from prefect_robomaker.schemas.wire.globs import Glob
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.environment.folders import Sandbox
+from prefect_robomaker.tasks.simulations.outputs.rolling_uploads import RollingUploads, rolled_files, taken_files
+from prefect_robomaker.tasks.simulations.outputs.upload_configurations import Upload
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from prefect.client.orchestration import SyncPrefectClient, get_client
 
-from prefect_robomaker.tasks import slots as slots_module
-from prefect_robomaker.tasks.slots import Slots
+from prefect_robomaker.tasks.execution import slots as slots_module
+from prefect_robomaker.tasks.execution.slots import Slots
 
 pytestmark = pytest.mark.usefixtures("prefect_server")
 

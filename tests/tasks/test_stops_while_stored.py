@@ -10,10 +10,10 @@ import pytest
 from processes import wait_for
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.schemas.errors import StorageUnavailableError
-from prefect_robomaker.tasks.job_runs import perform_job
-from prefect_robomaker.tasks.run_outputs import RunOutputs
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import StorageUnavailableError
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.job_runs import perform_job
+from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 
 Order = Callable[..., dict[str, Any]]
 RUN = "2026-01-02T03-04-05-000000Z"

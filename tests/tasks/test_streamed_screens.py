@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]

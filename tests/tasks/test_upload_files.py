@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.globs import Glob
-from prefect_robomaker.tasks.upload_files import is_written_to, link_or_copy, take, visit_matches
+from prefect_robomaker.schemas.wire.globs import Glob
+from prefect_robomaker.tasks.simulations.outputs.upload_files import is_written_to, link_or_copy, take, visit_matches
 
 
 @contextmanager

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import InvalidParameterException
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.uploads import check_output_location, output_place
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.outputs.locations import check_output_location, output_place
 
 
 def job(location: dict[str, str] | None) -> Resource:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.errors import WorldGenerationError
-from prefect_robomaker.tasks.world_builders import WorldBuilders
-from prefect_robomaker.tasks.worldforge.bundle import content_hash, read_world
+from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world
+from prefect_robomaker.tasks.worlds.builders import WorldBuilders
 
 BODY = '{"Buildings": [{"Floors": [{"Interior": {"Furniture": {"FurnitureArrangements": []}}}]}]}'
 

@@ -1,1 +1,4 @@
-"""Applications that come with this package."""
+"""Applications that come with this package.
+
+May import: `.scout`.
+"""

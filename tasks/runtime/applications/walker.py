@@ -4,6 +4,6 @@
 commands as wheels do, so that the same program plans for it, with its radius and its speeds.
 """
 
-from .scout import make_agent
+from .scout.agent import make_agent
 
 __all__ = ["make_agent"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
 
 BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
 

@@ -8,8 +8,8 @@ import pytest
 
 from prefect_robomaker.deployments.cli import call, main
 from prefect_robomaker.deployments.cli.parser import EPILOGUE
-from prefect_robomaker.schemas.operations import OPERATIONS
-from prefect_robomaker.schemas.run_record import EXIT_CODES
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.reports.run_record import EXIT_CODES
 
 
 def test_help_names_every_command_and_exit_code(robomaker) -> None:

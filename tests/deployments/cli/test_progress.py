@@ -9,7 +9,7 @@ import pytest
 from prefect_robomaker.deployments.cli.live_progress import LiveWatcher
 from prefect_robomaker.deployments.cli.progress import PlainWatcher, watcher
 from prefect_robomaker.deployments.cli.step_states import StepStates
-from prefect_robomaker.schemas.progress import Note, StepEnded, StepProgress, StepStarted
+from prefect_robomaker.schemas.reports.progress import Note, StepEnded, StepProgress, StepStarted
 
 STEPS = [("worlds", "CreateWorldGenerationJob"), ("drive", "StartSimulationJobBatch")]
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from swing_fixtures import outputs_of
 
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def test_verify_says_bit_identical(robomaker: Any, swing: Any) -> None:
 def driven(swing: Any) -> dict[str, Any]:
     """A job whose robot is a program."""
     code = (
-        "from prefect_robomaker.tasks.runtime.agent_client import connect\n"
+        "from prefect_robomaker.tasks.runtime.agents.agent_client import connect\n"
         "with connect() as simulation:\n"
         "    simulation.run(lambda step: [0.1])\n"
     )

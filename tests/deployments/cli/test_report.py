@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from lxml import etree
 
-from prefect_robomaker.schemas.report_summary import ReportSummary
-from prefect_robomaker.schemas.run_record import RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.summary import ReportSummary
 
 REPOSITORY = Path(__file__).parents[3]
 SCHEMA = REPOSITORY / "tests" / "tasks" / "reporting" / "junit.xsd"

@@ -13,7 +13,7 @@ import pytest
 from prefect_robomaker.deployments.cli.browser import wanted
 from prefect_robomaker.deployments.cli.durations import duration
 from prefect_robomaker.deployments.cli.summary import summary_lines
-from prefect_robomaker.schemas.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 
 QUICK = """\
 version: 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.deployments.sdk.installation import DATA_PATH, FILES, MODEL_FOLDER
+from prefect_robomaker.deployments.service_model.installation import DATA_PATH, FILES, MODEL_FOLDER
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from endpoint_process import Serve, Served
 from processes import alive, descendants, wait_for, working_below
 
 from prefect_robomaker.flows.operation import call
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
 LONG = {"DURATION_S": "200"}

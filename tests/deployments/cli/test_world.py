@@ -10,9 +10,9 @@ import pytest
 from small_flat import BODY
 
 from prefect_robomaker.deployments.cli import world_view
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.service import Service
-from prefect_robomaker.tasks.worldforge.bundle import content_hash, write_bundle
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 
 

@@ -6,7 +6,7 @@ import pytest
 from asgi import Client
 
 from prefect_robomaker.deployments.endpoint.application import make_application
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 
 @pytest.fixture

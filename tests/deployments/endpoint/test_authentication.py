@@ -16,7 +16,7 @@ from botocore.compat import HTTPHeaders
 from botocore.credentials import Credentials
 
 from prefect_robomaker.deployments.endpoint.application import make_application
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.tasks.service.service import Service
 
 KEY, SECRET = "AKIAEXAMPLE", "secret/with+signs="
 ARN = "arn:aws:robomaker:us-east-1:000000000000:robot-application/scout/1543190400000"

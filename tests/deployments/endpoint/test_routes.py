@@ -8,7 +8,7 @@ from prefect_robomaker.deployments.endpoint.messages import (
     UnknownOperationException,
 )
 from prefect_robomaker.deployments.endpoint.routes import Router
-from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000:world/generation-1/world-1"
 ROUTER = Router(OPERATIONS.values())

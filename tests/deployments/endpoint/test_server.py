@@ -21,9 +21,9 @@ from endpoint_server import endpoint, exchange, http_request
 from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.deployments.endpoint.server import listening, run_server
-from prefect_robomaker.schemas.errors import ConfigurationError
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.service.service import Service
 
 CLIENTS = 8
 NAMES = 6

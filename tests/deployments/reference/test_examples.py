@@ -14,8 +14,8 @@ from prefect_robomaker.deployments.reference.examples import ARCHIVE, EXAMPLES, 
 from prefect_robomaker.deployments.reference.operations_page import command
 from prefect_robomaker.deployments.reference.pages import DOCS
 from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.schemas.operations import OPERATIONS
-from prefect_robomaker.tasks.service import Service
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 BUNDLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"

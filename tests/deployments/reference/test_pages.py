@@ -11,7 +11,7 @@ from prefect_robomaker.deployments.reference.tables import Tables
 from prefect_robomaker.schemas.behaviours import BEHAVIOURS
 from prefect_robomaker.schemas.differences import DIFFERENCES
 from prefect_robomaker.schemas.operation_groups import OPERATION_GROUPS
-from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
 
 OPERATIONS_PAGE = DOCS / "operations.md"
 HINT = "run `python -m prefect_robomaker.deployments.reference` and commit what it writes"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from published_model import Model, published_files
 
-from prefect_robomaker.deployments.sdk.service_model import paginators_model, service_model
+from prefect_robomaker.deployments.service_model.model import paginators_model, service_model
 from prefect_robomaker.schemas.differences import DIFFERENCES
 
 Facts = dict[str, Any]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.deployments.sdk.installation import (
+from prefect_robomaker.deployments.service_model.installation import (
     DATA_PATH,
     FILES,
     MODEL_FOLDER,
@@ -17,7 +17,7 @@ from prefect_robomaker.deployments.sdk.installation import (
     install,
     uninstall,
 )
-from prefect_robomaker.schemas.errors import ConfigurationError
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ from botocore.parsers import create_parser
 from botocore.stub import Stubber
 from botocore.waiter import WaiterModel
 
-from prefect_robomaker.deployments.sdk.installation import DATA_PATH, FILES, MODEL_FOLDER
-from prefect_robomaker.deployments.sdk.service_model import model_files
-from prefect_robomaker.schemas.operations import OPERATIONS
+from prefect_robomaker.deployments.service_model.installation import DATA_PATH, FILES, MODEL_FOLDER
+from prefect_robomaker.deployments.service_model.model import model_files
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
 
 JOB = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1"
 ROLE = "arn:aws:iam::000000000000:role/local"
@@ -65,7 +65,7 @@ def request_of(client: BaseClient, method: str, **members: Any) -> AWSPreparedRe
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_committed_files_are_current(name: str) -> None:
-    """Run `python -m prefect_robomaker.deployments.sdk.service_model` after changes of the schemas."""
+    """Run `python -m prefect_robomaker.deployments.service_model.model` after changes of the schemas."""
     assert (MODEL_FOLDER / name).read_text() == model_files()[name]
 
 

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from prefect_robomaker.deployments.sdk.shapes import Shapes, as_html
-from prefect_robomaker.schemas.base import Shape, ShapeName
-from prefect_robomaker.schemas.common import Name, text
+from prefect_robomaker.deployments.service_model.shapes import Shapes, as_html
+from prefect_robomaker.schemas.wire.base import Shape, ShapeName
+from prefect_robomaker.schemas.wire.common import Name, text
 
 Answered = Annotated[list[Name], ShapeName("Names", 1, 5)]
 Asked = Annotated[list[Name], ShapeName("Names"), Field(min_length=1, max_length=5)]

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from sqlalchemy import create_engine, text
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.operations.world_templates import CreateWorldTemplateRequest
+from prefect_robomaker.schemas.wire.errors import (
     ConfigurationError,
     IdempotentParameterMismatchException,
     InvalidParameterException,
@@ -18,7 +19,6 @@ from prefect_robomaker.schemas.errors import (
     ServiceUnavailableException,
     StateConflictError,
 )
-from prefect_robomaker.schemas.world_templates import CreateWorldTemplateRequest
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, NewResource
 
 MakeResource = Callable[..., NewResource]

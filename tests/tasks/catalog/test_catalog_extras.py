@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import create_engine, text
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
     LimitExceededException,
     ResourceNotFoundException,

@@ -9,12 +9,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.lifecycles import SIMULATION_JOB
+from prefect_robomaker.schemas.wire.errors import (
     IdempotentParameterMismatchException,
     ResourceAlreadyExistsException,
     StateConflictError,
 )
-from prefect_robomaker.schemas.lifecycles import SIMULATION_JOB
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, Resource
 
 KIND = "simulation-job"

@@ -20,7 +20,7 @@ ROUNDS = 10
 PROGRAM = """
 import json, os, sys
 from datetime import UTC, datetime
-from prefect_robomaker.schemas.errors import RobomakerError
+from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, Resource
 
 sys.stdin.readline()

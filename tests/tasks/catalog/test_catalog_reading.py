@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import ResourceNotFoundException
+from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Catalog, NewResource
 
 MakeResource = Callable[..., NewResource]

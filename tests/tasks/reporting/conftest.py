@@ -11,9 +11,18 @@ from typing import Any
 import pytest
 from PIL import Image, ImageDraw
 
-from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld
-from prefect_robomaker.schemas.simulation_run import Collision, Requirement, RoomVisit, RunResult
-from prefect_robomaker.schemas.world import Floorplan, Furniture, Passage, Room, Wall, Window, Wish, World
+from prefect_robomaker.schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld
+from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult
+from prefect_robomaker.schemas.worlds.world import (
+    Floorplan,
+    Furniture,
+    Passage,
+    Room,
+    Wall,
+    Window,
+    Wish,
+    World,
+)
 
 START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)
 ROOMS: dict[str, tuple[str, float, float, float, float]] = {

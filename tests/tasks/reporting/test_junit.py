@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from prefect_robomaker.schemas.report import Report, ReportedStep
+from prefect_robomaker.schemas.reports.report import Report, ReportedStep
 from prefect_robomaker.tasks.reporting import junit_xml, summarize
 
 SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.simulation_run import Collision
-from prefect_robomaker.schemas.world import MODEL_TYPES, Furniture, World
+from prefect_robomaker.schemas.runs.plan import Collision
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture, World
 from prefect_robomaker.tasks.reporting import plan
 from prefect_robomaker.tasks.reporting.frame import EXTENT, Frame
 from prefect_robomaker.tasks.reporting.furniture import draw_furniture

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.report import Report, ReportedFile, ReportedStep
-from prefect_robomaker.schemas.run_programs import ToolEnds
-from prefect_robomaker.schemas.world import World
+from prefect_robomaker.schemas.reports.report import Report, ReportedFile, ReportedStep
+from prefect_robomaker.schemas.runs.programs import ToolEnds
+from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.reporting import render_report, summarize, write_report
 
 ATTACK = "</pre></title><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"

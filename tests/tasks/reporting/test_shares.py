@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.report import Report, ReportedJob
-from prefect_robomaker.schemas.simulation_run import Requirement
+from prefect_robomaker.schemas.reports.report import Report, ReportedJob
+from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.reporting import summarize
 from prefect_robomaker.tasks.reporting.shares import by_requirement, by_room, of_jobs, share_of
 

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from remote_jobs import Job
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.video_backends import available_video_backends
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.runtime.rendering.backends import available_video_backends
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 TROUBLE = Path(__file__).parent / "bundles" / "trouble"
 

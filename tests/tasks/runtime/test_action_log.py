@@ -17,9 +17,9 @@ from dm_env import specs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.provenance import ActionsSummary
-from prefect_robomaker.tasks.runtime import action_log
-from prefect_robomaker.tasks.runtime.action_log import (
+from prefect_robomaker.schemas.runs.provenance import ActionsSummary
+from prefect_robomaker.tasks.runtime.agents import action_log
+from prefect_robomaker.tasks.runtime.agents.action_log import (
     CHUNK_ACTIONS,
     CHUNK_BYTES,
     PACKED,
@@ -29,9 +29,9 @@ from prefect_robomaker.tasks.runtime.action_log import (
     chunk_of,
     header_of,
 )
-from prefect_robomaker.tasks.runtime.action_log_writer import ActionKeeper, ActionLogWriter
-from prefect_robomaker.tasks.runtime.agent_client import ACTION_HEADER
-from prefect_robomaker.tasks.runtime.agent_layout import Layout
+from prefect_robomaker.tasks.runtime.agents.action_log_writer import ActionKeeper, ActionLogWriter
+from prefect_robomaker.tasks.runtime.agents.agent_client import ACTION_HEADER
+from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
 
 WHEELS = header_of("lockstep", Layout(specs.Array((2,), np.float64), ACTION_HEADER.size))
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from dm_env import specs
 
-from prefect_robomaker.tasks.runtime import agent_client
-from prefect_robomaker.tasks.runtime.agent_client import ArraySpec, SimulationError, connect
-from prefect_robomaker.tasks.runtime.agent_layout import Layout
+from prefect_robomaker.tasks.runtime.agents import agent_client
+from prefect_robomaker.tasks.runtime.agents.agent_client import ArraySpec, SimulationError, connect
+from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
 
 FILE = Path(agent_client.__file__)
 SPECS = {

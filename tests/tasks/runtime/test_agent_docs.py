@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from dm_env import specs
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime import agent_client, remote_robot
-from prefect_robomaker.tasks.runtime.agent_client import HEADER, words
-from prefect_robomaker.tasks.runtime.agent_protocol import RobotHello
-from prefect_robomaker.tasks.runtime.agent_socket import agent_socket_path
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.tasks.runtime.agents import agent_client, remote_robot
+from prefect_robomaker.tasks.runtime.agents.agent_client import HEADER, words
+from prefect_robomaker.tasks.runtime.agents.agent_protocol import RobotHello
+from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 PAGE = (Path(__file__).parents[3] / "docs" / "agents.md").read_text()
 MakePlan = Callable[..., RunPlan]

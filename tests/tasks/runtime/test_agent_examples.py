@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.storage import unpack
 
 EXAMPLES = Path(__file__).parents[3] / "deployments" / "specs" / "examples"

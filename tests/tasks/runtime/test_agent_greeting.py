@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from remote_jobs import greeting
 
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.agent_client import HELLO, words
-from prefect_robomaker.tasks.runtime.agent_greeting import Greeter
-from prefect_robomaker.tasks.runtime.agent_socket import AgentSocket
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, words
+from prefect_robomaker.tasks.runtime.agents.agent_greeting import Greeter
+from prefect_robomaker.tasks.runtime.agents.agent_socket import AgentSocket
 
 HURRY = 20
 """How much faster than the wall's the clock is: its patience of 5 s is a quarter of a second."""

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from prefect_robomaker.tasks.runtime import agent_client
-from prefect_robomaker.tasks.runtime.agent_client import (
+from prefect_robomaker.tasks.runtime.agents import agent_client
+from prefect_robomaker.tasks.runtime.agents.agent_client import (
     ACTION_HEADER,
     HEADER,
     ITEM_FORMATS,
@@ -23,9 +23,9 @@ from prefect_robomaker.tasks.runtime.agent_client import (
     FrameBuffer,
     ProtocolError,
 )
-from prefect_robomaker.tasks.runtime.agent_layout import Layout
-from prefect_robomaker.tasks.runtime.agent_protocol import ActionReader, ObservationWriter
-from prefect_robomaker.tasks.runtime.context import ActionError, ObservationError
+from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
+from prefect_robomaker.tasks.runtime.agents.agent_protocol import ActionReader, ObservationWriter
+from prefect_robomaker.tasks.runtime.episode.context import ActionError, ObservationError
 
 DTYPES = st.sampled_from(sorted(ITEM_FORMATS)).map(np.dtype)
 ARRAYS = DTYPES.flatmap(

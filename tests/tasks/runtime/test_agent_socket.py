@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.agent_socket import AgentSocket, agent_socket_path, remove_agent_socket
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.agents.agent_socket import AgentSocket, agent_socket_path, remove_agent_socket
 
 MakePlan = Callable[..., RunPlan]
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from PIL import Image
 from rosbags.highlevel import AnyReader
 
-from prefect_robomaker.tasks.runtime.camera_frames import find_mount, frames_of
-from prefect_robomaker.tasks.runtime.camera_recorder import CameraRecorder
-from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording
-from prefect_robomaker.tasks.runtime.links import Links
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.camera_frames import find_mount, frames_of
+from prefect_robomaker.tasks.runtime.recording.links import Links
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
+from prefect_robomaker.tasks.runtime.video.camera_settings import CameraRecording
 
 MODEL = """
 <mujoco>

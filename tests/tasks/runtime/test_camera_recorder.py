@@ -11,12 +11,12 @@ import pytest
 from PIL import Image
 from rosbags.highlevel import AnyReader
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
-from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording, camera_recording
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
+from prefect_robomaker.tasks.runtime.video.camera_settings import CameraRecording, camera_recording
 
 CARTPOLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
 MODEL = """

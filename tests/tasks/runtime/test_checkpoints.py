@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from prefect_robomaker.schemas.provenance import Provenance
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime import checkpoint_files, checkpoints
-from prefect_robomaker.tasks.runtime.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.provenance import Provenance
+from prefect_robomaker.tasks.runtime.states import checkpoint_files, checkpoints
+from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 SWINGER = Path(__file__).parents[2] / "replays"
 

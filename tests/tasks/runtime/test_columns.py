@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_typestore
 
-from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.cdr import encode
-from prefect_robomaker.tasks.runtime.columns import RowEncoder, clock, joint_states, odometry, transforms
-from prefect_robomaker.tasks.runtime.mcap_messages import message_record
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.cdr import encode
+from prefect_robomaker.tasks.runtime.recording.columns import (
+    RowEncoder,
+    clock,
+    joint_states,
+    odometry,
+    transforms,
+)
+from prefect_robomaker.tasks.runtime.recording.mcap_messages import message_record
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 

@@ -12,8 +12,8 @@ import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.provenance import StateDigestSummary
-from prefect_robomaker.tasks.runtime.digest import StateDigest, digest_of_model, read_timeline
+from prefect_robomaker.schemas.runs.provenance import StateDigestSummary
+from prefect_robomaker.tasks.runtime.states.digest import StateDigest, digest_of_model, read_timeline
 
 MODEL = """
 <mujoco>

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from run_processes import never, processes_with
 
-from prefect_robomaker.schemas.run_programs import ComputeLimits, FoundFiles, ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunOutcome, RunPlan
-from prefect_robomaker.tasks.runtime.disk_use import DiskMeter, in_gb
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
+from prefect_robomaker.schemas.runs.programs import ComputeLimits, FoundFiles, ProgramPlan
+from prefect_robomaker.tasks.runtime.limits.disk_use import DiskMeter, in_gb
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]

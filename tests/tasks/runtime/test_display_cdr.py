@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from prefect_robomaker.tasks.runtime import display_messages as display
-from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.cdr import Message, encode
+from prefect_robomaker.tasks.runtime.recording import display_messages as display
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.cdr import Message, encode
 
 STORES = [get_typestore(store) for store in (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY, Stores.ROS2_KILTED)]
 STORE = STORES[0]

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.storage import unpack
 
 EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"

@@ -14,14 +14,14 @@ from mcap_ros2.decoder import DecoderFactory
 from robot_stands import CART_MAPPING, write_robot
 from small_flat import BODY
 
-from prefect_robomaker.schemas.robot_model import ROBOT_MODELS
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.schemas.spec_check import load_spec
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.robot_yaml import ROBOT_MODELS
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.storage import unpack
-from prefect_robomaker.tasks.worldforge.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "urdf_robot_bundle"

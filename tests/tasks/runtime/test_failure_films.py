@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunOutcome, RunPlan
-from prefect_robomaker.tasks.runtime.failure_films import film_failure, has_failed
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video.failure_videos import film_failure, has_failed
 
 FILMED = Path(__file__).parent / "bundles" / "filmed"
 FILMS = {"video.mp4", "last-10s.mp4", "poster.png"}

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
 
-from prefect_robomaker.schemas.failure_state import FailureState
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime.digest import digest_of_model
-from prefect_robomaker.tasks.runtime.failure_state import FailureKeeper
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording import NullRecorder
+from prefect_robomaker.schemas.runs.failure_state import FailureState
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
+from prefect_robomaker.tasks.runtime.states.failure_state import FailureKeeper
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 DOCUMENTATION = Path(__file__).parents[3] / "docs" / "verdicts.md"
 MODEL = """

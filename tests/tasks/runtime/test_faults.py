@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from run_processes import never, processes_with, wait_until
 
-from prefect_robomaker.schemas.run_programs import ComputeLimits, ProgramPlan
-from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.capped_logs import MAX_END_BYTES, CappedLog
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
+from prefect_robomaker.tasks.runtime.limits.capped_logs import MAX_END_BYTES, CappedLog
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
@@ -196,8 +196,8 @@ class TestOutput:
         script = (
             "import os, sys; os.closerange(0, 3)\n"
             "from pathlib import Path\n"
-            "from prefect_robomaker.schemas.simulation_run import RunPlan\n"
-            "from prefect_robomaker.tasks.runtime.launcher import Launcher\n"
+            "from prefect_robomaker.schemas.runs.plan import RunPlan\n"
+            "from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher\n"
             "plan = RunPlan.model_validate_json(Path(sys.argv[1]).read_bytes())\n"
             "outcome = Launcher().run(plan, lambda: None)\n"
             "Path(sys.argv[1]).with_name('outcome').write_text(outcome.status)\n"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from prefect_robomaker.tasks.runtime import forkserver
+from prefect_robomaker.tasks.runtime.supervision import forkserver
 
 
 @pytest.fixture

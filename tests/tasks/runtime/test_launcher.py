@@ -14,9 +14,9 @@ import pytest
 from mcap.reader import make_reader
 from run_processes import children_of, is_running, never, processes_with, wait_until
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
 OK = ""
@@ -254,9 +254,9 @@ class TestStopping:
 SCRIPT = """
 import sys
 from pathlib import Path
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 with open(sys.argv[2], "a") as log:
     log.write("imported\\n")

@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from run_processes import never, processes_with
 
-from prefect_robomaker.schemas.run_programs import ComputeLimits, ProgramPlan
-from prefect_robomaker.schemas.simulation_run import RunOutcome, RunPlan
-from prefect_robomaker.tasks.runtime.cores import Cores
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.limits import estimated_bytes
-from prefect_robomaker.tasks.runtime.processes import ProcessState
+from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan
+from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
+from prefect_robomaker.tasks.runtime.limits.limits import estimated_bytes
+from prefect_robomaker.tasks.runtime.limits.processes import ProcessState
+from prefect_robomaker.tasks.runtime.supervision.cores import Cores
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]

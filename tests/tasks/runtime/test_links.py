@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.links import Links
+from prefect_robomaker.tasks.runtime.recording.links import Links
 
 MODEL = mujoco.MjModel.from_xml_string("""
 <mujoco><compiler angle="radian"/><worldbody>

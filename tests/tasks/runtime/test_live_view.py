@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.live_view import LiveView
-from prefect_robomaker.tasks.runtime.video_settings import VideoSettings
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video.live_view import LiveView
+from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
 
 FILMED = Path(__file__).parent / "bundles" / "filmed"
 MODEL = """
@@ -177,7 +177,7 @@ def test_it_answers_to_this_machine_only(stepping: Stepping) -> None:
 
 
 def test_without_a_step_there_is_no_picture(stepping: Stepping, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("prefect_robomaker.tasks.runtime.live_view._PATIENCE_S", 0.1)
+    monkeypatch.setattr("prefect_robomaker.tasks.runtime.video.live_view._PATIENCE_S", 0.1)
     assert stepping.get("/frame.jpg")[0] == 204
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.runtime.loading import LoadError, load_factory
+from prefect_robomaker.tasks.runtime.episode.loading import LoadError, load_factory
 
 TROUBLE = Path(__file__).parent / "bundles" / "trouble"
 

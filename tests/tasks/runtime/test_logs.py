@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from prefect_robomaker.tasks.runtime.logs import log_tail
+from prefect_robomaker.tasks.runtime.limits.logs import log_tail
 
 # As roslaunch prints it, to terminals and others.
 SAID = "RLException: [wrok.launch] is neither a launch file in package [a] nor is [a] a launch file name"

@@ -13,10 +13,10 @@ from dm_control.rl import control
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from prefect_robomaker.tasks.runtime.loop import RunStopped, run_episode
-from prefect_robomaker.tasks.runtime.progress import Phase
-from prefect_robomaker.tasks.runtime.recording import McapRecorder, NullRecorder
-from prefect_robomaker.tasks.runtime.results import Episode
+from prefect_robomaker.tasks.runtime.episode.progress import Phase
+from prefect_robomaker.tasks.runtime.episode.results import Episode
+from prefect_robomaker.tasks.runtime.process.loop import RunStopped, run_episode
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder
 
 MODEL = """
 <mujoco>

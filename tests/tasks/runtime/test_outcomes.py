@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.outcomes import Exit, failure_reason, judge
-from prefect_robomaker.tasks.runtime.progress import STOP_REASONS, Phase, Progress
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.tasks.runtime.episode.progress import STOP_REASONS, Phase, Progress
+from prefect_robomaker.tasks.runtime.supervision.outcomes import Exit, failure_reason, judge
 
 Plan = Callable[..., RunPlan]
 FINISHED = Exit(0, None, Phase.FINISHING, {"ended_by": "environment"})

@@ -8,10 +8,10 @@ from contextlib import ExitStack
 import pytest
 from run_processes import never
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.run_programs import PortPlan, ProgramPlan
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.runs.programs import PortPlan, ProgramPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 MakeProgram = Callable[..., ProgramPlan]
 ProgramsPlan = Callable[..., RunPlan]

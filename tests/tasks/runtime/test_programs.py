@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from run_processes import never, processes_with
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunOutcome, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
@@ -331,7 +331,7 @@ class TestEpisodesWithPrograms:
         assert not (plan.output_dir / "result.json").exists()
 
     DRIVE = (
-        "from prefect_robomaker.tasks.runtime.agent_client import connect\n"
+        "from prefect_robomaker.tasks.runtime.agents.agent_client import connect\n"
         "simulation = connect()\n"
         "for count, _ in enumerate(simulation):\n"
         "    if count == 3: {end}\n"

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.provenance import PROVENANCE_FILE, Provenance
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.provenance import digest_of_folder, machine_facts
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenance
+from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 CARTPOLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
 

@@ -10,14 +10,14 @@ import pytest
 from dm_env import specs
 from remote_jobs import ARENA, Job
 
-from prefect_robomaker.schemas.provenance import Provenance
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RecordedActions, RunOutcome, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.action_log import ActionLog, header_of
-from prefect_robomaker.tasks.runtime.action_log_writer import ActionLogWriter
-from prefect_robomaker.tasks.runtime.agent_client import ACTION_HEADER
-from prefect_robomaker.tasks.runtime.agent_layout import Layout
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.replay import read_outputs, why_not_repeatable
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RecordedActions, RunOutcome, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.provenance import Provenance
+from prefect_robomaker.tasks.runtime.agents.action_log import ActionLog, header_of
+from prefect_robomaker.tasks.runtime.agents.action_log_writer import ActionLogWriter
+from prefect_robomaker.tasks.runtime.agents.agent_client import ACTION_HEADER
+from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
+from prefect_robomaker.tasks.runtime.replay.replay import read_outputs, why_not_repeatable
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 MakePlan = Callable[..., RunPlan]
 Start = Callable[..., Job]

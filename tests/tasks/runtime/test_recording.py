@@ -19,9 +19,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
-from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.foxglove import layout
-from prefect_robomaker.tasks.runtime.recording import McapRecorder, NullRecorder, RecordingError
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.foxglove import layout
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder, RecordingError
 
 
 def header(time_s: float, frame: str = "odom") -> ros.Header:
@@ -217,7 +217,7 @@ def test_a_killed_process_leaves_a_readable_file(tmp_path: Path) -> None:
 import itertools, sys
 from pathlib import Path
 from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 recorder = McapRecorder(Path({str(path)!r}))
 for i in itertools.count():
     header = ros.Header(ros.Time.from_seconds(i * 0.01), "odom")
@@ -253,8 +253,8 @@ def test_what_comes_slowly_is_written_every_two_seconds_all_the_same(tmp_path: P
 import json, sys, time
 from pathlib import Path
 import mujoco
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
-from prefect_robomaker.tasks.runtime.state_series import StateSeries
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.state_series import StateSeries
 model = mujoco.MjModel.from_xml_string(
     "<mujoco><worldbody><body><joint name='arm'/><geom size='1'/></body></worldbody></mujoco>")
 data = mujoco.MjData(model)

@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.recording import McapRecorder, RecordingError
-from prefect_robomaker.tasks.runtime.state_series import StateSeries
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, RecordingError
+from prefect_robomaker.tasks.runtime.recording.state_series import StateSeries
 
 MODEL = """
 <mujoco><worldbody><body>

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.tasks.runtime import rehearsal
-from prefect_robomaker.tasks.runtime.launcher import Launcher
+from prefect_robomaker.tasks.runtime.process import rehearsal
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 
 @pytest.fixture(autouse=True)

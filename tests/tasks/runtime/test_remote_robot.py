@@ -11,8 +11,8 @@ import pytest
 from dm_env import specs
 from remote_jobs import ARENA, Job, action, greeting, last_words
 
-from prefect_robomaker.tasks.runtime.agent_client import SimulationError
-from prefect_robomaker.tasks.runtime.remote_robot import CONNECT_TIMEOUT_VARIABLE
+from prefect_robomaker.tasks.runtime.agents.agent_client import SimulationError
+from prefect_robomaker.tasks.runtime.agents.remote_robot import CONNECT_TIMEOUT_VARIABLE
 
 
 def test_lockstep_to_the_end_of_the_episode(start: Callable[..., Job]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from remote_jobs import ARENA, Job, action, greeting, last_words
 
-from prefect_robomaker.tasks.runtime.agent_client import HELLO, SimulationError, words
+from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, SimulationError, words
 
 
 class TestWrongGreetings:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.provenance import PROVENANCE_FILE, Provenance
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.provenance import machine_facts
-from prefect_robomaker.tasks.runtime.repro import write_reproduction
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenance
+from prefect_robomaker.tasks.runtime.replay.repro import write_reproduction
+from prefect_robomaker.tasks.runtime.states.provenance import machine_facts
 
 
 def first_of(plan: RunPlan, folder: Path) -> Path:

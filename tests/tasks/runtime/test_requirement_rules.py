@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.requirements import parse_requirements
-from prefect_robomaker.tasks.runtime.requirement_checks import make_rules
-from prefect_robomaker.tasks.runtime.requirement_rules import (
+from prefect_robomaker.schemas.runs.requirements import parse_requirements
+from prefect_robomaker.tasks.runtime.requirements.checks import make_rules
+from prefect_robomaker.tasks.runtime.requirements.rules import (
     SEPARATION_S,
     ClearanceRule,
     CollisionRule,

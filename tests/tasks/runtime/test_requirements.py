@@ -12,14 +12,14 @@ import pytest
 from dm_control import mujoco
 from dm_control.rl import control
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.requirements import GoalRequirement
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, Requirement, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording import NullRecorder
-from prefect_robomaker.tasks.runtime.requirements import RequirementsObserver
-from prefect_robomaker.tasks.runtime.results import make_result
-from prefect_robomaker.tasks.runtime.robot_body import robot_body
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, Requirement, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.requirements import GoalRequirement
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.robot_body import robot_body
+from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 
 MODEL = """
 <mujoco>

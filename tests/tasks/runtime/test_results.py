@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.simulation_run import Collision, RunResult
-from prefect_robomaker.tasks.runtime.results import (
+from prefect_robomaker.schemas.runs.plan import Collision, RunResult
+from prefect_robomaker.tasks.runtime.episode.results import (
     EnvironmentReport,
     Episode,
     Findings,

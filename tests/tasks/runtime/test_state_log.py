@@ -12,8 +12,15 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.state_log import CHUNK, CHUNK_FRAMES, MAGIC, StateLog, StateLogError, checksum
-from prefect_robomaker.tasks.runtime.state_log_writer import StateLogger, StateLogWriter
+from prefect_robomaker.tasks.runtime.states.state_log import (
+    CHUNK,
+    CHUNK_FRAMES,
+    MAGIC,
+    StateLog,
+    StateLogError,
+    checksum,
+)
+from prefect_robomaker.tasks.runtime.states.state_log_writer import StateLogger, StateLogWriter
 
 MODEL = """
 <mujoco><worldbody>

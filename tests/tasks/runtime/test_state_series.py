@@ -8,8 +8,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
-from prefect_robomaker.tasks.runtime.state_series import StateSeries, hinges_and_slides
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.state_series import StateSeries, hinges_and_slides
 
 MODEL = """
 <mujoco>

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from run_processes import never, processes_with
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan, ToolEnds
-from prefect_robomaker.schemas.simulation_run import RunPlan, RunResult
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.programs import FIRST_PAUSE_S, MAX_PAUSE_S, Program
+from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ProgramPlan, ToolEnds
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.supervision.programs import FIRST_PAUSE_S, MAX_PAUSE_S, Program
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]

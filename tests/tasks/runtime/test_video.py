@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.simulation_run import RunPlan
-from prefect_robomaker.tasks.runtime.cameras import GlCamera
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.ray_camera import RayCamera
-from prefect_robomaker.tasks.runtime.video import VideoWatcher
-from prefect_robomaker.tasks.runtime.video_backends import available_video_backends, best_video_backend
-from prefect_robomaker.tasks.runtime.video_settings import VideoSettings
-from prefect_robomaker.tasks.runtime.views import CameraNameError, choose_view
+from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.tasks.runtime.rendering.backends import available_video_backends, best_video_backend
+from prefect_robomaker.tasks.runtime.rendering.cameras import GlCamera
+from prefect_robomaker.tasks.runtime.rendering.ray_camera import RayCamera
+from prefect_robomaker.tasks.runtime.rendering.views import CameraNameError, choose_view
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video.video import VideoWatcher
+from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
 
 MODEL = """
 <mujoco>
@@ -101,9 +101,9 @@ def test_a_camera_that_is_not_there(physics: Any) -> None:
 
 TAKE_PICTURES = """
 import sys, mujoco, numpy as np
-from prefect_robomaker.tasks.runtime.cameras import GlCamera
-from prefect_robomaker.tasks.runtime.ray_camera import RayCamera
-from prefect_robomaker.tasks.runtime.views import choose_view
+from prefect_robomaker.tasks.runtime.rendering.cameras import GlCamera
+from prefect_robomaker.tasks.runtime.rendering.ray_camera import RayCamera
+from prefect_robomaker.tasks.runtime.rendering.views import choose_view
 
 model = mujoco.MjModel.from_xml_path(sys.argv[1])
 data = mujoco.MjData(model)
@@ -146,7 +146,7 @@ LIT_ROOM = """<mujoco><asset><material name="dull" specular="{specular}"/></asse
 DRAW_TWICE = """
 import contextlib, sys, mujoco, numpy as np
 from prefect_robomaker.tasks.runtime import cameras
-from prefect_robomaker.tasks.runtime.views import choose_view
+from prefect_robomaker.tasks.runtime.rendering.views import choose_view
 
 model = mujoco.MjModel.from_xml_string(sys.argv[1])
 data = mujoco.MjData(model)

@@ -1,9 +1,14 @@
 import pytest
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.video_settings import DEFAULTS, VideoSettings, settings_of, video_settings
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video.video_settings import (
+    DEFAULTS,
+    VideoSettings,
+    settings_of,
+    video_settings,
+)
 
 
 def test_nothing_said_means_640_by_480_at_15() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.view_culling import MODEL_BORROWED, outside, without_unseen
+from prefect_robomaker.tasks.runtime.rendering.view_culling import MODEL_BORROWED, outside, without_unseen
 
 ASPECT = 4 / 3
 MODEL = mujoco.MjModel.from_xml_string(
@@ -81,7 +81,7 @@ def test_the_model_is_as_before_also_after_a_failure() -> None:
 DRAW = """
 import contextlib, sys, mujoco, numpy as np
 from prefect_robomaker.tasks.runtime import cameras
-from prefect_robomaker.tasks.runtime.views import choose_view
+from prefect_robomaker.tasks.runtime.rendering.views import choose_view
 
 rng = np.random.default_rng(5)
 spec = mujoco.MjSpec()

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import BundleError, StorageError, StorageFullError
+from prefect_robomaker.schemas.wire.errors import BundleError, StorageError, StorageFullError
 from prefect_robomaker.tasks.storage import ArchiveLimits, pack_tar_gz, unpack
 
 CONTENT = {"package/launch/arena.py": b"print('hi')\n", "package/run.sh": b"#!/bin/sh\n", "empty": b"", "ünï": b"x"}

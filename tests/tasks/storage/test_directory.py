@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     ObjectExistsError,
     ObjectNotFoundError,
     StorageAccessDeniedError,

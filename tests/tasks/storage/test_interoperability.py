@@ -9,7 +9,7 @@ import pytest
 from minio import Minio
 from s3_server import S3Server
 
-from prefect_robomaker.schemas.manifest import Manifest
+from prefect_robomaker.schemas.runs.manifest import Manifest
 from prefect_robomaker.tasks.storage import publish
 from prefect_robomaker.tasks.storage.s3 import S3Store
 

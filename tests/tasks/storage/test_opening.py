@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from s3_server import S3Server
 
-from prefect_robomaker.schemas.errors import ConfigurationError
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 

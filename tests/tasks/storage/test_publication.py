@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     ChecksumMismatchError,
     ObjectExistsError,
     ObjectNotFoundError,

@@ -18,7 +18,7 @@ from botocore.awsrequest import AWSResponse
 from botocore.exceptions import ClientError
 from s3_server import S3Server
 
-from prefect_robomaker.schemas.errors import (
+from prefect_robomaker.schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
     ObjectExistsError,

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
-from prefect_robomaker.tasks.worldforge.bundle import write_bundle
-from prefect_robomaker.tasks.worldforge.export import write_export_zip
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 
 ROOMS = (

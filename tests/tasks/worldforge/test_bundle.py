@@ -6,11 +6,11 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.worldforge import bundle
-from prefect_robomaker.tasks.worldforge.bundle import content_hash, read_world, write_bundle
-from prefect_robomaker.tasks.worldforge.mjcf import surfaces
-from prefect_robomaker.tasks.worldforge.textures import texture_size_m
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.worldforge.bundle import bundle
+from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world, write_bundle
+from prefect_robomaker.tasks.worldforge.materials.textures import texture_size_m
+from prefect_robomaker.tasks.worldforge.model.mjcf import surfaces
 
 FILES = {"world_description.json", "world.json", "world.xml", "map.pgm", "map.yaml", "floorplan.svg", "textures"}
 

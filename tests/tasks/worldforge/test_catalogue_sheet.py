@@ -5,8 +5,13 @@ import io
 import numpy as np
 from PIL import Image
 
-from prefect_robomaker.tasks.worldforge.catalogue_sheet import CELL_HEIGHT, CELL_WIDTH, catalogue_sheet, style_picture
-from prefect_robomaker.tasks.worldforge.furniture import styles_of
+from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
+from prefect_robomaker.tasks.worldforge.viewer.catalogue_sheet import (
+    CELL_HEIGHT,
+    CELL_WIDTH,
+    catalogue_sheet,
+    style_picture,
+)
 
 
 def test_a_sheet_shows_every_style_of_its_kinds() -> None:

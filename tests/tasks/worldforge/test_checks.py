@@ -2,12 +2,12 @@
 
 import pytest
 
-from prefect_robomaker.schemas.world import Furniture, Room, World, WorldChecks
-from prefect_robomaker.tasks.worldforge.checks import check_world
-from prefect_robomaker.tasks.worldforge.furniture import styles_of
-from prefect_robomaker.tasks.worldforge.guarantees import SETTLE_S, proof_lines, violations
-from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
-from prefect_robomaker.tasks.worldforge.occupancy import occupancy_grid
+from prefect_robomaker.schemas.worlds.world import Furniture, Room, World, WorldChecks
+from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
+from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
+from prefect_robomaker.tasks.worldforge.proofs.checks import check_world
+from prefect_robomaker.tasks.worldforge.proofs.guarantees import SETTLE_S, proof_lines, violations
 
 
 def checked(world: World, settle_s: float | None = SETTLE_S) -> WorldChecks:

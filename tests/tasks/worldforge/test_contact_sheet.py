@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.worldforge.contact_sheet import (
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.worldforge.pictures.preview import render_preview
+from prefect_robomaker.tasks.worldforge.viewer.contact_sheet import (
     Sheet,
     SheetFailure,
     SheetWorld,
@@ -16,7 +17,6 @@ from prefect_robomaker.tasks.worldforge.contact_sheet import (
     sheet_png,
     sheet_world,
 )
-from prefect_robomaker.tasks.worldforge.preview import render_preview
 
 GONE = SheetWorld("world-3", "arn:3", "gone", problems=("no such object <worlds/3>",))
 

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.world import ROOM_TYPES, Door, Floorplan, World
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.worldforge.door_wishes import dress_doors
-from prefect_robomaker.tasks.worldforge.doors import hang_doors
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Door, Floorplan, World
+from prefect_robomaker.tasks.worldforge.doors.doors import hang_doors
+from prefect_robomaker.tasks.worldforge.doors.leaves import leaf_corners, swept_box
+from prefect_robomaker.tasks.worldforge.doors.preferences import dress_doors
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.guarantees import violations
-from prefect_robomaker.tasks.worldforge.leaves import leaf_corners, swept_box
-from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
-from prefect_robomaker.tasks.worldforge.plan_svg import floorplan_svg
+from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
+from prefect_robomaker.tasks.worldforge.pictures.plan_svg import floorplan_svg
+from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
 UNSHRUNK = (Phase.explicit, Phase.reuse, Phase.generate)
 """A world takes a tenth of a second: finding a smaller example of a failure would take minutes."""

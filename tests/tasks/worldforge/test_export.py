@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.worldforge.bundle import read_world
-from prefect_robomaker.tasks.worldforge.export import write_export_zip
-from prefect_robomaker.tasks.worldforge.export_key import export_key
-from prefect_robomaker.tasks.worldforge.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, read_map
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
+from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
+from prefect_robomaker.tasks.worldforge.exports.export_key import export_key
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, read_map
 
 TOP = "aws_robomaker_worldforge_pkgs"
 PACKAGES = ("aws_robomaker_worldforge_shared_models", "aws_robomaker_worldforge_worlds")

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.errors import WorldGenerationError
-from prefect_robomaker.schemas.world import ROOM_TYPES, Floorplan, Point
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
-from prefect_robomaker.tasks.worldforge import partition_climb
-from prefect_robomaker.tasks.worldforge.brief import MIN_SIDES_M
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.partition_batch import BatchJudge, Cuts, Floats, Nature
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point
+from prefect_robomaker.tasks.worldforge.floorplans import partition_climb
+from prefect_robomaker.tasks.worldforge.floorplans.brief import MIN_SIDES_M
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchJudge, Cuts, Floats, Nature
 
 UNIT = 0.05
 

@@ -6,10 +6,10 @@ from random import Random
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.world import Floorplan, Room, RoomType
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.partition import SIDE_BY_SIDE, STACKED, partition, slenderness
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.world import Floorplan, Room, RoomType
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.floorplans.partition import SIDE_BY_SIDE, STACKED, partition, slenderness
 
 AREAS: dict[RoomType, tuple[float, float]] = {
     "Living": (18, 40),

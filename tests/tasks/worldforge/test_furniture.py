@@ -4,10 +4,10 @@ import itertools
 
 import pytest
 
-from prefect_robomaker.schemas.world import MODEL_TYPES, Furniture
-from prefect_robomaker.tasks.worldforge.arrangement import RULES
-from prefect_robomaker.tasks.worldforge.furniture import LOOSE_TYPES, parts_of, styles_of
-from prefect_robomaker.tasks.worldforge.parts import Part, Style
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture
+from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
+from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES, parts_of, styles_of
+from prefect_robomaker.tasks.worldforge.geometry.parts import Part, Style
 
 LOOKS = [(kind, style) for kind in (*MODEL_TYPES, *LOOSE_TYPES) for style in styles_of(kind)]
 FORMS = list({(kind, style.form): (kind, style) for kind, style in LOOKS}.values())

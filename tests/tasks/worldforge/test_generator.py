@@ -5,13 +5,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from template_bodies import bodies
 
-from prefect_robomaker.schemas.errors import WorldGenerationError
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge import generator
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION, generate_world, seeds_for
-from prefect_robomaker.tasks.worldforge.guarantees import violations
-from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
+from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
+from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
 from .conftest import MakeBody
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from prefect_robomaker.tasks.worldforge.export_meshes import capsule_mesh, unit_mesh
-from prefect_robomaker.tasks.worldforge.export_scene import Kind, make_scene, read_scene
-from prefect_robomaker.tasks.worldforge.glb import scene_glb, world_glb
+from prefect_robomaker.tasks.worldforge.exports.export_meshes import capsule_mesh, unit_mesh
+from prefect_robomaker.tasks.worldforge.exports.export_scene import Kind, make_scene, read_scene
+from prefect_robomaker.tasks.worldforge.exports.glb import scene_glb, world_glb
 
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
@@ -108,7 +108,7 @@ def test_a_metre_of_wall_shows_as_much_of_its_picture_everywhere() -> None:
 
 
 def _empty(xml: str):
-    from prefect_robomaker.schemas.world import Floorplan, World
+    from prefect_robomaker.schemas.worlds.world import Floorplan, World
 
     plan = Floorplan.model_construct(footprint=[], ceiling_height_m=2.5, rooms=[], walls=[], passages=[], wishes=[])
     world = World.model_construct(generator_version="0", floorplan=plan, furniture=[], wishes=[])

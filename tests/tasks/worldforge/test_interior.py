@@ -7,14 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.world import MODEL_TYPES, Floorplan, Furniture, Room, Wish
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.worldforge.arrangement import usual_types
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.furniture import LOOSE_TYPES
-from prefect_robomaker.tasks.worldforge.interior import furnish
-from prefect_robomaker.tasks.worldforge.occupancy import furniture_corners, occupancy_grid, reachable, wall_corners
-from prefect_robomaker.tasks.worldforge.placement import contains
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, Room, Wish
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.furniture.arrangement import usual_types
+from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
+    furniture_corners,
+    occupancy_grid,
+    reachable,
+    wall_corners,
+)
+from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
+from prefect_robomaker.tasks.worldforge.interiors.placement import contains
 
 from .conftest import MakeBody
 

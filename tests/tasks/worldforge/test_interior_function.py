@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.world import MODEL_TYPES, Floorplan, Furniture
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.worldforge.arrangement import RULES
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.interior import furnish
-from prefect_robomaker.tasks.worldforge.occupancy import furniture_corners
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import furniture_corners
+from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
 
 from .conftest import MakeBody
 from .test_interior import arrangement, extent, front, interior, of_kind, shared_m

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.world import World
+from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.materials import FLOORS
-from prefect_robomaker.tasks.worldforge.mjcf import surfaces, world_mjcf
+from prefect_robomaker.tasks.worldforge.materials.materials import FLOORS
+from prefect_robomaker.tasks.worldforge.model.mjcf import surfaces, world_mjcf
 
 from .conftest import MakeBody
 

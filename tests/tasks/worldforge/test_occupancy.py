@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from prefect_robomaker.schemas.world import Floorplan, Furniture
-from prefect_robomaker.schemas.world_template_parsing import parse_template_body
-from prefect_robomaker.tasks.worldforge.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.occupancy import (
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.worlds.world import Floorplan, Furniture
+from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
     OccupancyGrid,
     cells_by_room,
     clearance,

@@ -5,8 +5,8 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.worldforge.brief import clear_span, shared_spans
-from prefect_robomaker.tasks.worldforge.partition import (
+from prefect_robomaker.tasks.worldforge.floorplans.brief import clear_span, shared_spans
+from prefect_robomaker.tasks.worldforge.floorplans.partition import (
     POCKETS,
     SIDE_BY_SIDE,
     STACKED,

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.worldforge.brief import Brief, shared_spans
-from prefect_robomaker.tasks.worldforge.partition import Partition, area, contacts
-from prefect_robomaker.tasks.worldforge.partition_batch import BatchJudge, as_partition, cut
-from prefect_robomaker.tasks.worldforge.partition_trees import all_trees
+from prefect_robomaker.tasks.worldforge.floorplans.brief import Brief, shared_spans
+from prefect_robomaker.tasks.worldforge.floorplans.partition import Partition, area, contacts
+from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchJudge, as_partition, cut
+from prefect_robomaker.tasks.worldforge.floorplans.partition_trees import all_trees
 
 
 def brief(areas: list[float]) -> Brief:

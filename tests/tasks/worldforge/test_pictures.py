@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.worldforge.pictures import write_pictures
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.worldforge.viewer.pictures import write_pictures
 
 
 @pytest.mark.deep

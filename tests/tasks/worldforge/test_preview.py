@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.world import FLOOR_MATERIALS, World
+from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.preview import HEIGHT, WIDTH, render_preview
-from prefect_robomaker.tasks.worldforge.preview_raster import Raster, View
+from prefect_robomaker.tasks.worldforge.pictures.preview import HEIGHT, WIDTH, render_preview
+from prefect_robomaker.tasks.worldforge.pictures.preview_raster import Raster, View
 
 from .conftest import MakeBody
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.worldforge.room_picture import room_picture
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.worldforge.pictures.room_picture import room_picture
 
 
 def pixels(world: World, room: str, size: tuple[int, int] = (240, 150)) -> np.ndarray:

@@ -17,12 +17,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.world import Furniture
-from prefect_robomaker.tasks.worldforge.bundle import read_world
-from prefect_robomaker.tasks.worldforge.export_scene import Thing, make_scene, read_scene
-from prefect_robomaker.tasks.worldforge.sdf import model_files
-from prefect_robomaker.tasks.worldforge.sdf_models import SharedModels
-from prefect_robomaker.tasks.worldforge.sdf_world import sdf_world
+from prefect_robomaker.schemas.worlds.world import Furniture
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
+from prefect_robomaker.tasks.worldforge.exports.export_scene import Thing, make_scene, read_scene
+from prefect_robomaker.tasks.worldforge.exports.sdf import model_files
+from prefect_robomaker.tasks.worldforge.exports.sdf_models import SharedModels
+from prefect_robomaker.tasks.worldforge.exports.sdf_world import sdf_world
 
 MODELS = "aws_robomaker_worldforge_shared_models/models"
 WORLDS = "aws_robomaker_worldforge_worlds/worlds"
@@ -152,7 +152,7 @@ def test_a_turned_piece_is_the_same_model(bundles: dict[str, Path]) -> None:
         for number, yaw in enumerate((0, np.pi / 2, np.pi, -np.pi / 2))
     ]  # fmt: skip
     turned = world.model_copy(update={"furniture": beds})
-    from prefect_robomaker.tasks.worldforge.mjcf import world_mjcf
+    from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
 
     scene = make_scene(turned, mujoco.MjModel.from_xml_string(world_mjcf(turned)))
     shared = SharedModels()

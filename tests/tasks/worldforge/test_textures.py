@@ -10,9 +10,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.world import FLOOR_MATERIALS, WALL_MATERIALS
-from prefect_robomaker.tasks.worldforge.materials import FLOORS, WALLS, finish_named, surface_finish
-from prefect_robomaker.tasks.worldforge.textures import mean_color, sample, texture, texture_png, texture_size_m
+from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, WALL_MATERIALS
+from prefect_robomaker.tasks.worldforge.materials.materials import FLOORS, WALLS, finish_named, surface_finish
+from prefect_robomaker.tasks.worldforge.materials.textures import (
+    mean_color,
+    sample,
+    texture,
+    texture_png,
+    texture_size_m,
+)
 
 NAMES = [
     f"{surface}_{material}_{finish.name}"
@@ -74,7 +80,7 @@ def test_finishes_can_be_told_apart() -> None:
 def test_another_process_makes_the_same_bytes() -> None:
     names = TEXTURED[::6]
     program = (
-        "import hashlib; from prefect_robomaker.tasks.worldforge.textures import texture_png\n"
+        "import hashlib; from prefect_robomaker.tasks.worldforge.materials.textures import texture_png\n"
         f"print(hashlib.sha256(b''.join(texture_png(name) for name in {names!r})).hexdigest())"
     )
     printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout

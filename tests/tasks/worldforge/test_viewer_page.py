@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.worldforge.bundle import write_bundle
-from prefect_robomaker.tasks.worldforge.viewer_page import viewer_page
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.viewer.viewer_page import viewer_page
 
 BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
 needs_browser = pytest.mark.skipif(not BROWSER, reason="no Chromium on this machine")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from prefect_robomaker.tasks.worldforge.boxes import Box
-from prefect_robomaker.tasks.worldforge.ways import Ways
+from prefect_robomaker.tasks.worldforge.geometry.boxes import Box
+from prefect_robomaker.tasks.worldforge.interiors.ways import Ways
 
 CELL_M = 0.05
 HALF_M = 0.3

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 
 
 def drive(make_context, action: tuple[float, float], steps: int, heading: float, **context):

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.runtime.applications.following import PathFollower
-from prefect_robomaker.tasks.runtime.applications.path_smoothing import resample
+from prefect_robomaker.tasks.runtime.applications.scout.following import PathFollower
+from prefect_robomaker.tasks.runtime.applications.scout.path_smoothing import resample
 
 STEP_S = 0.05
 

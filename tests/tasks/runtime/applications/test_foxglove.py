@@ -11,12 +11,12 @@ import pytest
 from client_environments import node_modules, run_client
 from rosbags.highlevel import AnyReader
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime import display_messages as display
-from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.child import BUILT_IN_ENVIRONMENT
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.tasks.runtime.process.child import BUILT_IN_ENVIRONMENT
+from prefect_robomaker.tasks.runtime.recording import display_messages as display
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 _PROJECT = Path(__file__).parents[3] / "foxglove"
 _ROBOT = "prefect_robomaker.tasks.runtime.applications.scout.make_agent"

@@ -12,11 +12,11 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 from robot_stands import CART, CART_MAPPING, write_robot
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.camera_recorder import CameraRecorder
-from prefect_robomaker.tasks.runtime.camera_settings import CameraRecording
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
+from prefect_robomaker.tasks.runtime.video.camera_settings import CameraRecording
 
 PLANAR = """<mujoco><worldbody><body name="chassis" pos="0 0 0.1">
 <joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>

@@ -3,9 +3,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR
-from prefect_robomaker.tasks.runtime.applications.scene import ScenePhysics, assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import ScenePhysics, assemble
+from prefect_robomaker.tasks.runtime.robots.scout import LIDAR
 
 LOOSE = [("Ball_1", 1.5, -0.4, 0.1), ("Box_1", 2.6, 0.4, 0.2)]
 GROUND = '<geom name="drawn" type="box" pos="1 0 0.13" size=".1 .1 .1" contype="0" conaffinity="0" group="2"/>'

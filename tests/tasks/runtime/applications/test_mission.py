@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.polygons import contains
-from prefect_robomaker.schemas.world import Room
-from prefect_robomaker.tasks.runtime.applications.mission import Mission, thin_out
-from prefect_robomaker.tasks.runtime.applications.telemetry import RobotState
+from prefect_robomaker.schemas.worlds.polygons import contains
+from prefect_robomaker.schemas.worlds.world import Room
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.mission import Mission, thin_out
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.telemetry import RobotState
 
 L_SHAPE = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)]
 

@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.obstacles import (
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
+from prefect_robomaker.tasks.runtime.applications.scout.obstacles import (
     ObstacleMemory,
     free_ahead,
     near_hits,
     nearest_to_path,
     ray_directions,
 )
-from prefect_robomaker.tasks.runtime.applications.occupancy_map import OccupancyMap
-from prefect_robomaker.tasks.runtime.applications.planner import GridPlanner
-from prefect_robomaker.tasks.runtime.applications.robot_scout import LIDAR
+from prefect_robomaker.tasks.runtime.applications.scout.planner import GridPlanner
+from prefect_robomaker.tasks.runtime.robots.scout import LIDAR
 
 RAYS = ray_directions(LIDAR.angles_rad)
 NOTHING = np.full(lidar.PROXIMITY_ANGLES_RAD.shape, np.inf, np.float32)

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.applications.occupancy_map import OccupancyMap
-from prefect_robomaker.tasks.runtime.applications.planner import GridPlanner
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
+from prefect_robomaker.tasks.runtime.applications.scout.planner import GridPlanner
 
 RADIUS_M = 0.17
 

@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from prefect_robomaker.schemas.run_programs import ProgramPlan
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.tasks.runtime import agent_client
-from prefect_robomaker.tasks.runtime.child import BUILT_IN_ENVIRONMENT
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.runtime.replay import read_outputs, rerun_plan
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.runtime.agents import agent_client
+from prefect_robomaker.tasks.runtime.process.child import BUILT_IN_ENVIRONMENT
+from prefect_robomaker.tasks.runtime.replay.replay import read_outputs, rerun_plan
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 PROGRAM = """
 import pathlib, types
-from prefect_robomaker.schemas.world import World
-from prefect_robomaker.tasks.runtime.agent_client import connect
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
 
 with connect() as simulation:
     world_dir = pathlib.Path(simulation.hello["world_dir"])
@@ -32,7 +32,7 @@ with connect() as simulation:
 
 WANDERING = """
 import os
-from prefect_robomaker.tasks.runtime.agent_client import connect
+from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 
 with connect(mode="free", real_time_factor=20) as simulation:
     for step in simulation:

@@ -8,10 +8,10 @@ import pytest
 from mcap.reader import make_reader
 from small_flat import BODY
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.launcher import Launcher
-from prefect_robomaker.tasks.worldforge.bundle import write_bundle
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 
 BUILT_INS = "prefect_robomaker.tasks.runtime.applications"

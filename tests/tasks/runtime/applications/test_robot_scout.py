@@ -4,7 +4,7 @@ from typing import Any
 import mujoco
 import pytest
 
-from prefect_robomaker.tasks.runtime.applications import robot_scout
+from prefect_robomaker.tasks.runtime.robots import scout as robot_scout
 
 ROOM = """<mujoco><option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10"/>
 <worldbody><geom name="ground" type="plane" size="0 0 1"/>

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
 
-from prefect_robomaker.tasks.runtime.applications.scene import CONTACT_SAMPLE_STEPS, assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import CONTACT_SAMPLE_STEPS, assemble
 
 
 def test_a_step_looks_in_between_and_at_its_end(make_context) -> None:

@@ -6,8 +6,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 
 
 def record(make_context, path: Path, action: tuple[float, float], steps: int, heading: float) -> tuple[Any, dict]:

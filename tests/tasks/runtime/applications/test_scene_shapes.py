@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime import messages as ros
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation, make_environment
-from prefect_robomaker.tasks.runtime.applications.occupancy_map import read_map
-from prefect_robomaker.tasks.runtime.applications.scene_shapes import occupancy_grid, robot_markers, world_markers
-from prefect_robomaker.tasks.runtime.display_messages import Marker, MarkerType
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import (
+    IndoorNavigation,
+    make_environment,
+)
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import read_map
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene_shapes import (
+    occupancy_grid,
+    robot_markers,
+    world_markers,
+)
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.display_messages import Marker, MarkerType
 
 NOW = ros.Time(1, 0)
 MODEL = """

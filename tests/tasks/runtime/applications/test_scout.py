@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation, make_environment
-from prefect_robomaker.tasks.runtime.applications.scout import Scout, make_agent
-from prefect_robomaker.tasks.runtime.context import SimulationContext
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import (
+    IndoorNavigation,
+    make_environment,
+)
+from prefect_robomaker.tasks.runtime.applications.scout.agent import Scout, make_agent
+from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 
 
 def run(context: SimulationContext) -> tuple[IndoorNavigation, Scout, list[Any]]:

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from robot_stands import CART_MAPPING, write_robot
 
-from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
-from prefect_robomaker.tasks.runtime.applications.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.robots.robot import Robot
 
 
 @pytest.fixture

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from robot_stands import CART, CART_MAPPING, Stand, write_robot
 from ruamel.yaml import YAML
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime.applications import scout
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.applications.occupancy_map import OccupancyMap
-from prefect_robomaker.tasks.runtime.applications.planner import GridPlanner
-from prefect_robomaker.tasks.runtime.applications.robots.drives import VelocityController
-from prefect_robomaker.tasks.runtime.applications.robots.robot import CONTROL_TIMESTEP_S, Limits, Robot
-from prefect_robomaker.tasks.runtime.context import ActionError
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
+from prefect_robomaker.tasks.runtime.applications.scout import agent as scout
+from prefect_robomaker.tasks.runtime.applications.scout.planner import GridPlanner
+from prefect_robomaker.tasks.runtime.episode.context import ActionError
+from prefect_robomaker.tasks.runtime.robots.drives import VelocityController
+from prefect_robomaker.tasks.runtime.robots.robot import CONTROL_TIMESTEP_S, Limits, Robot
 
 NUMBERS = st.floats(-10, 10)
 

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from robot_stands import CART, CART_MAPPING, Stand, write_robot
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 
 BUILT_IN = "prefect_robomaker.tasks.runtime.applications"
 

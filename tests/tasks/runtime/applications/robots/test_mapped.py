@@ -12,15 +12,15 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from robot_stands import CART_MAPPING, Stand, write_robot
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.runtime.applications import lidar
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import IndoorNavigation
-from prefect_robomaker.tasks.runtime.applications.navigation_task import NavigationTask
-from prefect_robomaker.tasks.runtime.applications.robots.lookup import find_robot
-from prefect_robomaker.tasks.runtime.applications.robots.robot import Lidar, Robot
-from prefect_robomaker.tasks.runtime.applications.scene import assemble
-from prefect_robomaker.tasks.runtime.context import ActionError
-from prefect_robomaker.tasks.runtime.recording import McapRecorder
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import IndoorNavigation
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.episode.context import ActionError
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.robots.robot import Lidar, Robot
 
 MakeCart = Callable[..., Robot]
 DRIVE = CART_MAPPING["drive"]

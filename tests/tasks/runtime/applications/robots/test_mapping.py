@@ -4,8 +4,8 @@ import pytest
 from robot_stands import CART_MAPPING
 from ruamel.yaml import YAML
 
-from prefect_robomaker.schemas.errors import LaunchError
-from prefect_robomaker.tasks.runtime.applications.robots.mapping import read_mapping
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.robots.mapping import read_mapping
 
 GOOD = """version: 1
 model: cart.xml
@@ -37,7 +37,7 @@ def test_members_left_out_have_their_defaults(tmp_path: Path) -> None:
 
 
 def test_every_member_says_what_it_is() -> None:
-    from prefect_robomaker.schemas.robot_model import ROBOT_MODELS
+    from prefect_robomaker.schemas.runs.robot_yaml import ROBOT_MODELS
 
     for model in ROBOT_MODELS.values():
         schema = model.model_json_schema()

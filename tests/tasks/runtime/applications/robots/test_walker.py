@@ -10,13 +10,13 @@ import pytest
 from robot_stands import FLOOR, Stand
 from small_flat import BODY
 
-from prefect_robomaker.schemas.simulation_run import ApplicationPlan
-from prefect_robomaker.schemas.world_template_body import WorldTemplateBody
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications import walker
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.applications.mission import TIPPED_OVER_RAD
-from prefect_robomaker.tasks.runtime.applications.robots.walker import LIMITS, WALKER
-from prefect_robomaker.tasks.worldforge.bundle import read_world, write_bundle
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.mission import TIPPED_OVER_RAD
+from prefect_robomaker.tasks.runtime.robots.walker import LIMITS, WALKER
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 UPRIGHT_RAD = math.radians(10)

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.applications.robots.walker import LEGS
-from prefect_robomaker.tasks.runtime.applications.robots.walker_gait import Angles, GaitSettings, Motion, TrotGait
+from prefect_robomaker.tasks.runtime.robots.walker import LEGS
+from prefect_robomaker.tasks.runtime.robots.walker_gait import Angles, GaitSettings, Motion, TrotGait
 
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 0.0)
 SETTINGS = GaitSettings()

@@ -8,7 +8,7 @@ import os
 try:
     from agent_client import connect
 except ImportError:
-    from prefect_robomaker.tasks.runtime.agent_client import connect
+    from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 
 GAINS = [float(os.environ.get("GAIN", "1")) * each for each in (0.1, 4.0, 0.2, 0.8)]
 """Push per metre, radian and their rates; 1 is all that the motor can."""

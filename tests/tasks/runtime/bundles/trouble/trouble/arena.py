@@ -14,7 +14,7 @@ import dm_env
 import numpy as np
 from dm_env import specs
 
-from prefect_robomaker.tasks.runtime.messages import Header, JointState, Time
+from prefect_robomaker.tasks.runtime.recording.messages import Header, JointState, Time
 
 
 class Counting(dm_env.Environment):

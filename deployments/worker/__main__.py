@@ -1,0 +1,130 @@
+"""The performer's process: `python -m prefect_robomaker.deployments.worker FD here|deployments MAX_JOBS`.
+
+It says how things are through the pipe FD, and ends when it is told to, when it gets SIGTERM or SIGINT,
+and when the pipe's other end closes: with whoever started it, however that happened.
+"""
+
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+from typing import Any, Protocol
+
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import RobomakerError
+from ...tasks.service.service import Service
+from .channel import STOP, Channel
+from .pools import lanes
+from .prefect_watch import PrefectWatch
+
+POLL_S = 0.25
+"""How often the catalog is looked at when nobody says that there is something new."""
+
+END_S = 5.0
+"""How long ending may take."""
+
+NICENESS = 5
+"""The endpoint answers first; simulations take what is left, which is nearly all."""
+
+_STATUS_S = 1.0
+
+
+class Performer(Protocol):
+    """What carries jobs out."""
+
+    def prepare(self) -> None:
+        """Gets ready."""
+        ...
+
+    def look(self) -> None:
+        """Looks for something to do, and begins it."""
+        ...
+
+    def status(self) -> dict[str, Any]:
+        """How things are."""
+        ...
+
+    def end(self) -> dict[str, int]:
+        """Lets everything go; returns how many jobs of each kind were under way."""
+        ...
+
+
+def main() -> None:
+    """Performs jobs until told to stop."""
+    descriptor, execute, max_jobs = sys.argv[1:4]
+    channel = Channel.inherited(int(descriptor))
+    os.nice(NICENESS)
+    _log_to_stderr()
+    look, stop = threading.Event(), threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: _request_stop(look, stop))
+    threading.Thread(target=_listen, args=(channel, look, stop), daemon=True).start()
+    try:
+        performer = _make(execute, int(max_jobs), look)
+        performer.prepare()
+    except RobomakerError as error:
+        channel.send({"state": "failed", "error": str(error)})
+        os._exit(2)
+    _perform(performer, channel, look, stop)
+    channel.send({"state": "ended", "interrupted": performer.end()})
+    os._exit(0)  # closes every pipe, which is what simulations and world builders end with
+
+
+def _make(execute: str, max_jobs: int, look: threading.Event) -> Performer:
+    settings = Settings.from_environment(os.environ)
+    service, prefect = Service.open(settings), PrefectWatch(settings)
+    prefect.start()
+    if execute == "deployments":
+        from .dispatcher import Dispatcher
+
+        return Dispatcher(service, lanes(max_jobs), prefect)
+    from .warm import WarmPerformer
+
+    return WarmPerformer(service, lanes(max_jobs), prefect, look)
+
+
+def _perform(performer: Performer, channel: Channel, look: threading.Event, stop: threading.Event) -> None:
+    told: dict[str, Any] = {}
+    told_at = 0.0
+    while not stop.is_set():
+        performer.look()
+        status = performer.status()
+        # What the health page shows need not be fresher than a second.
+        if status != told and time.monotonic() - told_at > (_STATUS_S if told else 0.0):
+            told, told_at = status, time.monotonic()
+            channel.send(status)
+        look.wait(POLL_S)
+        look.clear()
+
+
+def _listen(channel: Channel, look: threading.Event, stop: threading.Event) -> None:
+    """Hears what the endpoint's process says, until it is gone."""
+    while (message := channel.receive()) is not None and message != STOP:
+        look.set()
+    _request_stop(look, stop)
+
+
+def _request_stop(look: threading.Event, stop: threading.Event) -> None:
+    if not stop.is_set():
+        stop.set()
+        look.set()
+        last_resort = threading.Timer(END_S, os._exit, (1,))
+        last_resort.daemon = True
+        last_resort.start()
+
+
+def _log_to_stderr() -> None:
+    """One line for each thing that happens, where the endpoint's own lines go."""
+    logging.raiseExceptions = False  # nobody may be reading any more
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", datefmt="%H:%M:%S"))
+    logger = logging.getLogger("prefect_robomaker")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+
+
+if __name__ == "__main__":
+    main()

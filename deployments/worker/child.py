@@ -1,0 +1,178 @@
+"""The performer as the endpoint's process sees it: started, woken, watched, started again, stopped."""
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import ConfigurationError, RobomakerError
+from .channel import STOP, WAKE, Channel
+
+_PROGRAM = "prefect_robomaker.deployments.worker"
+_STOP_S = 8.0
+_FIRST_PAUSE_S = 0.5
+_LONGEST_PAUSE_S = 30.0
+_LONG_LIFE_S = 60.0
+"""Who has lived so long was well; what it died of is new."""
+
+_logger = logging.getLogger(__name__)
+
+
+class ChildPerformer:
+    """A performer in a process of its own, which ends with this one, however that happens.
+
+    Args:
+      settings: where the jobs are.
+      execute: `here` or `deployments`.
+      max_jobs: simulation jobs at once, besides those in batches.
+      variables: what it has in its environment besides that of this process.
+    """
+
+    def __init__(
+        self, settings: Settings, execute: str, max_jobs: int, variables: Mapping[str, str] | None = None
+    ) -> None:
+        self._settings = settings
+        self._environment = {**os.environ, **(variables or {})}
+        self._arguments = [execute, str(max_jobs)]
+        self._lock = threading.Lock()
+        self._status: dict[str, Any] = {"state": "starting"}
+        self._known = threading.Event()
+        self._stopping = threading.Event()
+        self._restarts = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._channel: Channel | None = None
+        self._watcher = threading.Thread(target=self._watch, name="performer", daemon=True)
+
+    def start(self) -> None:
+        """Starts it, and again whenever it dies."""
+        self._watcher.start()
+
+    def wait_until_ready(self, timeout_s: float) -> None:
+        """Waits until it is ready.
+
+        Raises:
+          ConfigurationError: it cannot be, and says why.
+        """
+        self._known.wait(timeout_s)
+        status = self.status()
+        if "error" in status or status["state"] == "starting":
+            raise ConfigurationError(str(status.get("error", f"the performer was not ready after {timeout_s:g} s")))
+
+    def wake(self, arn: str = "") -> None:
+        """Says that there is a new job; quick, and safe to call from any thread."""
+        del arn  # it finds the job in the catalog
+        if (channel := self._channel) is not None:
+            channel.send(WAKE)
+
+    def status(self) -> Mapping[str, Any]:
+        """How it is; plain JSON."""
+        with self._lock:
+            pid = self._process.pid if self._process else None
+            return {**self._status, "pid": pid, "restarts": self._restarts}
+
+    def stop(self) -> Mapping[str, int]:
+        """Ends it.
+
+        Returns:
+          How many jobs of each kind it had to leave unfinished.
+        """
+        self._stopping.set()
+        if (channel := self._channel) is not None:
+            channel.send(STOP)
+        self._watcher.join(_STOP_S)
+        if self._watcher.is_alive():
+            self.kill()
+        return self.status().get("interrupted", {})
+
+    def kill(self) -> None:
+        """Ends it at once; what it held is waited for until its leases run out."""
+        self._stopping.set()
+        if (process := self._process) is not None:
+            process.kill()
+            self._watcher.join(_STOP_S)
+
+    def _watch(self) -> None:
+        pause_s = _FIRST_PAUSE_S
+        while not self._stopping.is_set():
+            began = time.monotonic()
+            code = self._live()
+            if self._stopping.is_set():
+                return
+            pause_s = _FIRST_PAUSE_S if time.monotonic() - began > _LONG_LIFE_S else pause_s
+            self._clear_up(code, pause_s)
+            self._stopping.wait(pause_s)
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    def _live(self) -> int:
+        """Starts a process and listens to it until it has ended; returns its exit code."""
+        ours, theirs = Channel.pair()
+        with self._lock:
+            self._status = {**self._status, "state": "starting"}
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", _PROGRAM, str(theirs.fileno()), *self._arguments],
+            pass_fds=[theirs.fileno()],
+            env=self._environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C in a terminal is for the endpoint's process to pass on
+        )
+        theirs.close()
+        self._process, self._channel = process, ours
+        if self._stopping.is_set():  # it was asked to stop before there was anybody to tell
+            ours.send(STOP)
+        while (message := ours.receive()) is not None:
+            with self._lock:
+                self._status = message
+            self._known.set()
+        self._channel = None
+        ours.close()
+        return process.wait()
+
+    def _clear_up(self, code: int, pause_s: float) -> None:
+        """Frees what a dead process held, and says that it died."""
+        how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+        held = self._expire_leases()
+        error = self.status().get("error", "")
+        with self._lock:
+            self._restarts += 1
+            self._status = {"state": "restarting", **({"error": error} if error else {})}
+        _logger.warning(
+            "the performer %s; it is started again in %g s and goes on with %d jobs and batches%s",
+            how,
+            pause_s,
+            held,
+            f" ({error})" if error else "",
+        )
+
+    def _expire_leases(self) -> int:
+        """Ends the leases of a dead process; returns how many it held."""
+        # Imported late, so that the performer is started before this process has imported anything large.
+        from ...tasks.execution.held_leases import owners_of
+        from ...tasks.service.service import Service
+
+        assert self._process is not None
+        try:
+            catalog = Service.open(self._settings).catalog
+            try:
+                return catalog.expire_leases(owners_of(self._process.pid))
+            finally:
+                catalog.close()
+        except RobomakerError as error:
+            _logger.warning("the leases of the performer that died run out by themselves: %s", error)
+            return 0
+
+
+def in_words(counts: Mapping[str, int]) -> str:
+    """Counts of jobs: `2 simulation jobs, 1 world export job`."""
+    return ", ".join(
+        f"{count} {kind.replace('-', ' ')}{_plural(kind) if count > 1 else ''}" for kind, count in counts.items()
+    )
+
+
+def _plural(kind: str) -> str:
+    return "es" if kind.endswith("h") else "s"

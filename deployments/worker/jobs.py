@@ -1,0 +1,156 @@
+"""Performing the jobs of this process: which are under way, which are tried again later, which are given up."""
+
+import logging
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import httpx
+from prefect.exceptions import PrefectException
+from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+from ...flows.operation import perform_flow
+from ...schemas.lifecycles import is_terminal
+from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
+from ...tasks.catalog import Resource
+from ...tasks.execution.claims import perform_once
+from ...tasks.execution.held_leases import HELD, PerformerEnding
+from ...tasks.execution.leases import LEASE_S
+from ...tasks.execution.retry_limit import give_up
+from ...tasks.service.service import Service
+from .flow_runs import mark_crashed
+from .pools import Lane
+from .prefect_watch import PrefectWatch
+
+MOST_TRIES = 3
+"""How often performing a job may break, for other reasons than that something does not answer."""
+
+_LONGEST_PAUSE_S = 60.0
+_UNAVAILABLE = (httpx.HTTPError, PrefectException, ServiceUnavailableException)
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass
+class _Trouble:
+    """What went wrong with one job so far."""
+
+    failures: int = 0
+    defects: int = 0
+    not_before: float = 0.0
+
+
+@dataclass
+class Jobs:
+    """The jobs that this process performs, each as a flow run in a thread.
+
+    Args:
+      service: where they are stored.
+      changed: called when one has ended, from its thread.
+      prefect: watches the server that flow runs need.
+    """
+
+    service: Service
+    changed: Callable[[], None]
+    prefect: PrefectWatch
+    _running: dict[str, Lane] = field(default_factory=dict)
+    _troubles: dict[str, _Trouble] = field(default_factory=dict)
+
+    def counts(self) -> Counter[str]:
+        """How many are under way, by kind."""
+        return Counter(lane.kind for lane in list(self._running.values()))
+
+    def begin_some(self, lane: Lane) -> None:
+        """Begins the oldest jobs of a lane that wait, as many as may run.
+
+        Raises:
+          ServiceUnavailableException: the catalog does not answer.
+        """
+        free = lane.at_once - self.counts()[lane.kind]
+        if free <= 0:
+            return
+        paused = {arn for arn, trouble in list(self._troubles.items()) if trouble.not_before > time.monotonic()}
+        for job in self.service.catalog.unfinished([lane.kind], limit=free + len(paused)):
+            if free > 0 and job.arn not in paused and HELD.reserve(job.arn, self.service.catalog, LEASE_S):
+                self._begin(lane, job)
+                free -= 1
+
+    def renew_reservations(self) -> None:
+        """Keeps the leases of jobs whose flow runs have not begun to renew them."""
+        for arn in list(self._running):
+            HELD.renew_reservation(arn, self.service.catalog, LEASE_S)
+
+    def _begin(self, lane: Lane, job: Resource) -> None:
+        self._running[job.arn] = lane
+        threading.Thread(target=self._perform, args=(lane, job), name=job.id, daemon=True).start()
+
+    def _perform(self, lane: Lane, job: Resource) -> None:
+        began = time.monotonic()
+        _logger.info("%s: begun", job.id)
+        try:
+            if self.service.catalog.lost_performers(job.arn):
+                mark_crashed([job.id], "its performer died; the job is performed again")
+            self._run_flow(lane, job.arn)
+        except PerformerEnding:
+            return
+        except BaseException as error:
+            self._note(lane, job, error)
+        else:
+            self._troubles.pop(job.arn, None)
+            self._log_end(job, time.monotonic() - began)
+        finally:
+            self._end(job.arn)
+
+    def _run_flow(self, lane: Lane, arn: str) -> None:
+        # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
+        with self.service.activated(), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+            perform_flow(lane.operation)(arn)
+
+    def _log_end(self, job: Resource, duration_s: float) -> None:
+        try:
+            status = self.service.catalog.get(job.arn).status
+        except ServiceError as error:
+            _logger.warning("%s: how it ended is not known: %s", job.id, error)
+        else:
+            _logger.info("%s: %s after %.1f s", job.id, status, duration_s)
+
+    def _note(self, lane: Lane, job: Resource, error: BaseException) -> None:
+        """Decides what becomes of a job whose flow run raised."""
+        try:
+            if is_terminal(job.kind, self.service.catalog.get(job.arn).status):
+                _logger.warning("%s has ended; Prefect may not show it so: %s", job.id, error)
+                return
+        except ServiceError as unknown:
+            _logger.debug("%s: %s", job.id, unknown)
+        trouble = self._troubles.setdefault(job.arn, _Trouble())
+        trouble.failures += 1
+        pause_s = min(_LONGEST_PAUSE_S, 2.0**trouble.failures)
+        trouble.not_before = time.monotonic() + pause_s
+        # Prefect's client has several ways of saying that its server is gone.
+        if not isinstance(error, _UNAVAILABLE) and self.prefect.looked_at_now():
+            trouble.defects += 1
+        words = f"{type(error).__name__}: {error}"
+        if trouble.defects >= MOST_TRIES:
+            self._give_up(lane, job, f"performing it broke {trouble.defects} times: {words}")
+        else:
+            _logger.warning("%s: performing it broke, and is tried again in %g s: %s", job.id, pause_s, words)
+
+    def _give_up(self, lane: Lane, job: Resource, reason: str) -> None:
+        self._troubles.pop(job.arn, None)
+        _logger.error("%s: given up: %s", job.id, reason)
+        try:
+            HELD.cancel_reservation(job.arn, self.service.catalog)
+            perform_once(job.arn, lane.kind, self.service, lambda lease: give_up(lease, reason, self.service))
+        except RobomakerError as error:
+            _logger.warning("%s: could not even be given up: %s", job.id, error)
+
+    def _end(self, arn: str) -> None:
+        try:
+            HELD.cancel_reservation(arn, self.service.catalog)
+        except ServiceError as error:
+            _logger.warning("a lease is not given back; it runs out by itself: %s", error)
+        finally:
+            self._running.pop(arn, None)
+            self.changed()

@@ -1,0 +1,126 @@
+"""The performer that runs jobs in its own process, with everything imported and warm."""
+
+import importlib
+import logging
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+from prefect.client.orchestration import get_client
+from prefect.exceptions import PrefectException
+
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import ServiceError, ServiceUnavailableException
+from ...tasks.execution.held_leases import HELD
+from ...tasks.service.service import Service
+from .flow_runs import mark_crashed
+from .jobs import Jobs
+from .pools import Lane
+from .prefect_watch import PrefectWatch
+
+_RENEW_S = 5.0
+_TELL_PREFECT_S = 2.0
+_FIRST_NEEDED = (
+    "prefect.flow_engine",
+    "prefect.task_engine",
+    "prefect_robomaker.tasks.execution.artifacts",
+    "prefect_robomaker.tasks.simulations.steps",
+    "prefect_robomaker.tasks.execution.slots",
+    "prefect_robomaker.tasks.execution.task_pool",
+    "prefect_robomaker.tasks.worlds.export",
+    "prefect_robomaker.tasks.worlds.generation",
+)
+
+_logger = logging.getLogger(__name__)
+
+
+class WarmPerformer:
+    """Finds jobs that nobody performs and runs them.
+
+    Args:
+      service: where the jobs are.
+      lanes: which jobs, and how many at once.
+      prefect: watches the server without which nothing is begun.
+      look: set when there may be something to do.
+    """
+
+    def __init__(self, service: Service, lanes: Sequence[Lane], prefect: PrefectWatch, look: threading.Event) -> None:
+        self._service = service
+        self._lanes = lanes
+        self._kinds = [lane.kind for lane in lanes]
+        self._prefect = prefect
+        self._jobs = Jobs(service, changed=look.set, prefect=prefect)
+        self._catalog_answers = True
+        self._renewed_at = time.monotonic()
+
+    def prepare(self) -> None:
+        """Imports and starts what the first job would otherwise wait for."""
+        from ...flows.operation import perform_flow
+        from ...tasks.simulations.job_runs import launcher
+
+        launcher().start()
+        for module in _FIRST_NEEDED:
+            importlib.import_module(module)
+        # Also what Prefect's client imports and opens only when it is first used.
+        with _logged("Prefect does not answer yet"), get_client(sync_client=True) as client:
+            for lane in self._lanes:
+                client.create_flow(perform_flow(lane.operation))
+
+    def look(self) -> None:
+        """Begins what can be begun; called several times a second."""
+        try:
+            if time.monotonic() - self._renewed_at > _RENEW_S:
+                self._renewed_at = time.monotonic()
+                self._jobs.renew_reservations()
+            # One question, most of the time, rather than one for each lane.
+            if self._prefect.answers and self._service.catalog.unfinished(self._kinds, limit=1):
+                for lane in self._lanes:
+                    self._jobs.begin_some(lane)
+            self._note_catalog(None)
+        except ServiceUnavailableException as error:
+            self._note_catalog(error)
+
+    def status(self) -> dict[str, Any]:
+        """How things are, for the health page."""
+        counts = self._jobs.counts()
+        state = "ready" if self._catalog_answers else "waiting for the catalog"
+        return {
+            "state": state if self._prefect.answers else "waiting for Prefect",
+            "prefect": self._prefect.url,
+            **{lane.kind: f"{counts[lane.kind]} of at most {lane.at_once} running" for lane in self._lanes},
+        }
+
+    def end(self) -> dict[str, int]:
+        """Gives back every job; the process has to end right after.
+
+        Returns:
+          How many jobs of each kind others can go on with.
+        """
+        logging.disable(logging.CRITICAL)  # jobs that lose their lease complain
+        arns = HELD.give_back_all(self._service.catalog)
+        ids = [arn.rsplit("/", 1)[-1] for arn in arns]
+        words = "robomaker serve was stopped; the next one goes on with the job"
+        telling = threading.Thread(target=mark_crashed, args=(ids, words), daemon=True)
+        telling.start()
+        telling.join(_TELL_PREFECT_S)
+        return dict(Counter(ResourceArn.parse(arn).kind for arn in arns))
+
+    def _note_catalog(self, error: ServiceError | None) -> None:
+        if error is not None and self._catalog_answers:
+            _logger.warning("no jobs are begun: %s", error)
+        elif error is None and not self._catalog_answers:
+            _logger.info("the catalog answers again")
+        self._catalog_answers = error is None
+
+
+@contextmanager
+def _logged(what: str) -> Iterator[None]:
+    """Logs what a Prefect server that does not answer keeps from being done."""
+    try:
+        yield
+    except (httpx.HTTPError, PrefectException) as error:
+        _logger.warning("%s: %s", what, error)

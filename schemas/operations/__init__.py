@@ -1,0 +1,23 @@
+"""The requests and responses of the 57 operations, one module per resource, and the table of all operations.
+
+May import: `schemas.runs`, `schemas.wire`.
+"""
+
+__all__ = [
+    "applications",
+    "deployment_jobs",
+    "deprecations",
+    "fleets",
+    "registry",
+    "requested_requirements",
+    "robot_applications",
+    "robots",
+    "simulation_applications",
+    "simulation_job_batches",
+    "simulation_jobs",
+    "tags",
+    "world_export_jobs",
+    "world_generation_jobs",
+    "world_templates",
+    "worlds",
+]

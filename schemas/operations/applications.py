@@ -1,0 +1,143 @@
+"""What robot applications and simulation applications have in common: where they come from, and their versions."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import (
+    ApplicationReference,
+    Architecture,
+    Arn,
+    Filters,
+    LastUpdatedAt,
+    MaxResults,
+    Name,
+    PaginationToken,
+    S3Bucket,
+    S3Etag,
+    S3Key,
+    Version,
+    exactly_one,
+    text,
+)
+
+RobotSoftwareSuiteType = Annotated[Literal["ROS", "ROS2", "General"], ShapeName("RobotSoftwareSuiteType")]
+RobotSoftwareSuiteVersionType = Annotated[
+    Literal["Kinetic", "Melodic", "Dashing", "Foxy"], ShapeName("RobotSoftwareSuiteVersionType")
+]
+RepositoryUrl = Annotated[str, ShapeName("RepositoryUrl"), text(1, 1024)]
+RevisionId = Annotated[str, ShapeName("RevisionId"), text(1, 40, r"[a-zA-Z0-9_.\-]*")]
+ImageDigest = Annotated[str, ShapeName("ImageDigest"), text(0, 72, "[Ss][Hh][Aa]256:[0-9a-fA-F]{64}")]
+VersionQualifier = Annotated[str, ShapeName("VersionQualifier"), text(1, 255, "ALL")]
+S3Etags = Annotated[list[S3Etag], ShapeName("S3Etags")]
+
+
+class RobotSoftwareSuite(Shape):
+    """The software a robot application is written for."""
+
+    name: RobotSoftwareSuiteType | None = Field(default=None, description="The suite; `General` for anything.")
+    version: RobotSoftwareSuiteVersionType | None = Field(default=None, description="Its distribution.")
+
+
+class SourceConfig(Shape):
+    """An archive with an application's files."""
+
+    s3Bucket: S3Bucket | None = Field(default=None, description="Bucket of the archive.")
+    s3Key: S3Key | None = Field(default=None, description="Key of the archive: .tar, .tar.gz or .zip.")
+    architecture: Architecture | None = Field(default=None, description="Processor it was built for.")
+
+
+class Source(SourceConfig):
+    """An archive with an application's files, as it was found."""
+
+    etag: S3Etag | None = Field(default=None, description="Identifies the content it had.")
+
+
+class Environment(Shape):
+    """What an application runs in, where it is no archive."""
+
+    uri: RepositoryUrl | None = Field(
+        default=None, description="`python://package.module` for an installed package, or a container image."
+    )
+
+
+def _whole(sources: list[SourceConfig]) -> list[SourceConfig]:
+    for index, source in enumerate(sources):
+        if source.s3Bucket is None or source.s3Key is None:
+            raise ValueError(f"source {index} needs both s3Bucket and s3Key")
+    return sources
+
+
+SourceConfigs = Annotated[list[SourceConfig], ShapeName("SourceConfigs"), AfterValidator(_whole)]
+Sources = Annotated[list[Source], ShapeName("Sources")]
+
+
+class ApplicationContent(Shape):
+    """Members of the requests that say what an application is."""
+
+    sources: SourceConfigs | None = Field(default=None, description="Archives with its files, one per architecture.")
+    robotSoftwareSuite: RobotSoftwareSuite = Field(description="The robot software it is written for.")
+    environment: Environment | None = Field(default=None, description="Where it comes from, instead of archives.")
+
+    @model_validator(mode="after")
+    def _one_content(self) -> Self:
+        exactly_one(("sources", "environment"), (self.sources or None, self.environment and self.environment.uri))
+        return self
+
+
+class ApplicationRevision(Shape):
+    """Members of the responses that say what an application is."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
+    name: Name | None = Field(default=None, description="Its name.")
+    version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
+    sources: Sources | None = Field(default=None, description="Archives with its files.")
+    robotSoftwareSuite: RobotSoftwareSuite | None = Field(
+        default=None, description="The robot software it is written for."
+    )
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
+    revisionId: RevisionId | None = Field(default=None, description="Changes with every change of the application.")
+    environment: Environment | None = Field(default=None, description="Where it comes from, instead of archives.")
+
+
+class ApplicationUpdate(ApplicationContent):
+    """Members of the requests that change an application."""
+
+    application: ApplicationReference = Field(description="ARN or name of the application.")
+    currentRevisionId: RevisionId | None = Field(
+        default=None, description="Revision that is to be changed; nothing is changed if it is another by now."
+    )
+
+
+class NewApplicationVersion(Shape):
+    """Members of the requests that keep an application as it is now under a number."""
+
+    application: ApplicationReference = Field(description="ARN or name of the application.")
+    currentRevisionId: RevisionId | None = Field(
+        default=None, description="Revision that is to be kept; nothing is kept if it is another by now."
+    )
+    s3Etags: S3Etags | None = Field(
+        default=None, description="ETags that its archives are meant to have, in any order; nothing is kept otherwise."
+    )
+    imageDigest: ImageDigest | None = Field(
+        default=None, description="Digest that its container image is meant to have; nothing is kept otherwise."
+    )
+
+
+class ApplicationSelection(Shape):
+    """Members of the requests that name an application, or one version of it."""
+
+    application: ApplicationReference = Field(description="ARN or name of the application.")
+    applicationVersion: Version | None = Field(default=None, description="A version's number, or `$LATEST`.")
+
+
+class ApplicationListRequest(Shape):
+    """Members of the requests for lists of applications."""
+
+    versionQualifier: VersionQualifier | None = Field(
+        default=None, description="`ALL` for every version; absent: each application as it is now."
+    )
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(default=None, description="Which applications, by `name`; absent: all.")

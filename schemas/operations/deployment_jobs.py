@@ -1,0 +1,303 @@
+"""Deployment jobs: an application brought to the robots of a fleet.
+
+Deployments are not carried out yet: a job is stored, checked and listed, and stays `Pending` until
+it is cancelled or its fleet is deleted.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import (
+    Arn,
+    ClientRequestToken,
+    Filters,
+    GenericString,
+    PaginationToken,
+    Path,
+    S3Bucket,
+    S3Etag,
+    S3Key,
+    TagMap,
+    Timestamp,
+    text,
+)
+from ..wire.job_configs import Command, EnvironmentVariableMap
+from ..wire.operation_shape import (
+    CONCURRENT,
+    INTERNAL,
+    INVALID,
+    LIMIT,
+    MISMATCH,
+    NOT_FOUND,
+    READ_ERRORS,
+    THROTTLED,
+    ErrorClass,
+    OperationShape,
+)
+from .robots import FleetMaxResults, RobotStatus
+
+DEFAULT_ROBOT_TIMEOUT_S = 5 * 3600
+"""How long a deployment waits for one robot if its order does not say."""
+
+DeploymentStatus = Annotated[
+    Literal["Pending", "Preparing", "InProgress", "Failed", "Succeeded", "Canceled"], ShapeName("DeploymentStatus")
+]
+DeploymentJobErrorCode = Annotated[
+    Literal[
+        "ResourceNotFound",
+        "EnvironmentSetupError",
+        "EtagMismatch",
+        "FailureThresholdBreached",
+        "RobotDeploymentAborted",
+        "RobotDeploymentNoResponse",
+        "RobotAgentConnectionTimeout",
+        "GreengrassDeploymentFailed",
+        "InvalidGreengrassGroup",
+        "MissingRobotArchitecture",
+        "MissingRobotApplicationArchitecture",
+        "MissingRobotDeploymentResource",
+        "GreengrassGroupVersionDoesNotExist",
+        "LambdaDeleted",
+        "ExtractingBundleFailure",
+        "PreLaunchFileFailure",
+        "PostLaunchFileFailure",
+        "BadPermissionError",
+        "DownloadConditionFailed",
+        "BadLambdaAssociated",
+        "InternalServerError",
+        "RobotApplicationDoesNotExist",
+        "DeploymentFleetDoesNotExist",
+        "FleetDeploymentTimeout",
+    ],
+    ShapeName("DeploymentJobErrorCode"),
+]
+RobotDeploymentStep = Annotated[
+    Literal[
+        "Validating",
+        "DownloadingExtracting",
+        "ExecutingDownloadCondition",
+        "ExecutingPreLaunch",
+        "Launching",
+        "ExecutingPostLaunch",
+        "Finished",
+    ],
+    ShapeName("RobotDeploymentStep"),
+]
+DeploymentVersion = Annotated[str, ShapeName("DeploymentVersion"), text(1, 255, "[0-9]*")]
+DeploymentTimeout = Annotated[int, ShapeName("DeploymentTimeout", wire_type="long"), Field(ge=60, le=7 * 24 * 3600)]
+GenericInteger = Annotated[int, ShapeName("GenericInteger")]
+PercentDone = Annotated[float, ShapeName("PercentDone"), Field(ge=0.0, le=100.0)]
+Percentage = Annotated[int, ShapeName("Percentage"), Field(ge=1, le=100)]
+
+
+class S3Object(Shape):
+    """One object of the object store."""
+
+    bucket: S3Bucket = Field(description="Its bucket.")
+    key: S3Key = Field(description="Its key.")
+    etag: S3Etag | None = Field(default=None, description="Identifies its content; absent: whatever it has now.")
+
+
+class DeploymentConfig(Shape):
+    """How careful a deployment is."""
+
+    concurrentDeploymentPercentage: Percentage | None = Field(
+        default=None, description="Share of the robots that is deployed to at the same time, in percent."
+    )
+    failureThresholdPercentage: Percentage | None = Field(
+        default=None, description="Share of the robots that has to fail for the deployment to stop, in percent."
+    )
+    robotDeploymentTimeoutInSeconds: DeploymentTimeout | None = Field(
+        default=None, description="How long one robot may take, in seconds, 60 to 604800; absent: 18000."
+    )
+    downloadConditionFile: S3Object | None = Field(
+        default=None, description="Program whose exit code 0 lets a robot download."
+    )
+
+
+class DeploymentLaunchConfig(Shape):
+    """How an application is started on a robot."""
+
+    packageName: Command = Field(description="Package that holds the launch file.")
+    preLaunchFile: Path | None = Field(default=None, description="Program that runs before the launch file.")
+    launchFile: Command = Field(description="Launch file of the package.")
+    postLaunchFile: Path | None = Field(default=None, description="Program that runs after the launch file.")
+    environmentVariables: EnvironmentVariableMap | None = Field(
+        default=None, description="Variables for the application: capitals, digits, underscores; at most 20."
+    )
+
+
+class DeploymentApplicationConfig(Shape):
+    """A version of a robot application that is deployed."""
+
+    application: Arn = Field(description="ARN of the robot application.")
+    applicationVersion: DeploymentVersion = Field(description="Number of its version; `$LATEST` is not possible.")
+    launchConfig: DeploymentLaunchConfig = Field(description="How it is started.")
+
+
+DeploymentApplicationConfigs = Annotated[
+    list[DeploymentApplicationConfig], ShapeName("DeploymentApplicationConfigs"), Field(min_length=1, max_length=1)
+]
+
+
+class CreateDeploymentJobRequest(Shape):
+    """Orders that an application is brought to the robots of a fleet."""
+
+    deploymentConfig: DeploymentConfig | None = Field(default=None, description="How careful the deployment is.")
+    clientRequestToken: ClientRequestToken = Field(
+        description="Makes the call repeatable: the same token and request give the same job."
+    )
+    fleet: Arn = Field(description="ARN of the fleet; it has to have robots.")
+    deploymentApplicationConfigs: DeploymentApplicationConfigs = Field(description="The application, exactly one.")
+    tags: TagMap | None = Field(default=None, description="Tags for the job.")
+
+
+class SyncDeploymentJobRequest(Shape):
+    """Orders a fleet's latest deployment again, for robots that lack it."""
+
+    clientRequestToken: ClientRequestToken = Field(
+        description="Makes the call repeatable: the same token and request give the same job."
+    )
+    fleet: Arn = Field(description="ARN of the fleet.")
+
+
+class DeploymentJob(Shape):
+    """One deployment job in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the job.")
+    fleet: Arn | None = Field(default=None, description="ARN of the fleet.")
+    status: DeploymentStatus | None = Field(default=None, description="Where the job is in its life.")
+    deploymentApplicationConfigs: DeploymentApplicationConfigs | None = Field(
+        default=None, description="The application."
+    )
+    deploymentConfig: DeploymentConfig | None = Field(default=None, description="How careful the deployment is.")
+    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
+    failureCode: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+
+
+class SyncDeploymentJobResponse(DeploymentJob):
+    """The job as it was accepted."""
+
+
+class CreateDeploymentJobResponse(DeploymentJob):
+    """The job as it was accepted."""
+
+    tags: TagMap | None = Field(default=None, description="The job's tags.")
+
+
+class ProgressDetail(Shape):
+    """How far a deployment to one robot is."""
+
+    currentProgress: RobotDeploymentStep | None = Field(default=None, description="What is being done.")
+    percentDone: PercentDone | None = Field(default=None, description="How much of the download is done, in percent.")
+    estimatedTimeRemainingSeconds: GenericInteger | None = Field(
+        default=None, description="How long the download will still take, in seconds."
+    )
+    targetResource: GenericString | None = Field(default=None, description="ARN of the deployment job.")
+
+
+class RobotDeployment(Shape):
+    """A deployment to one robot."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the robot.")
+    deploymentStartTime: Timestamp | None = Field(default=None, description="When it began; absent: not yet.")
+    deploymentFinishTime: Timestamp | None = Field(default=None, description="When it ended; absent: not yet.")
+    status: RobotStatus | None = Field(default=None, description="How the robot stands.")
+    progressDetail: ProgressDetail | None = Field(default=None, description="How far it is, once it has begun.")
+    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
+    failureCode: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+
+
+RobotDeploymentSummary = Annotated[list[RobotDeployment], ShapeName("RobotDeploymentSummary")]
+
+
+class DescribeDeploymentJobRequest(Shape):
+    """Asks for one job."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class DescribeDeploymentJobResponse(CreateDeploymentJobResponse):
+    """One job."""
+
+    robotDeploymentSummary: RobotDeploymentSummary | None = Field(
+        default=None, description="The deployments to single robots; empty if it ended before any began."
+    )
+
+
+class ListDeploymentJobsRequest(Shape):
+    """Asks for deployment jobs, newest first."""
+
+    filters: Filters | None = Field(default=None, description="`status` or `fleetName`; absent: all jobs.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: FleetMaxResults | None = Field(default=None, description="Entries per page; absent: 200.")
+
+
+DeploymentJobs = Annotated[list[DeploymentJob], ShapeName("DeploymentJobs", 0, 200)]
+
+
+class ListDeploymentJobsResponse(Shape):
+    """A page of deployment jobs."""
+
+    deploymentJobs: DeploymentJobs | None = Field(default=None, description="Jobs, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelDeploymentJobRequest(Shape):
+    """Ends a job early."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class CancelDeploymentJobResponse(Shape):
+    """The job is cancelled."""
+
+
+_ORDER_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, LIMIT, CONCURRENT, MISMATCH)
+
+OPERATIONS = (
+    OperationShape(
+        "CreateDeploymentJob",
+        CreateDeploymentJobRequest,
+        CreateDeploymentJobResponse,
+        _ORDER_ERRORS,
+        "Orders an application for the robots of a fleet; the job stays Pending, since deployments do not act yet.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "DescribeDeploymentJob",
+        DescribeDeploymentJobRequest,
+        DescribeDeploymentJobResponse,
+        READ_ERRORS,
+        "Says how a deployment job stands.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "ListDeploymentJobs",
+        ListDeploymentJobsRequest,
+        ListDeploymentJobsResponse,
+        READ_ERRORS,
+        "Lists deployment jobs, newest first.",
+        result_key="deploymentJobs",
+        deprecated=True,
+    ),
+    OperationShape(
+        "CancelDeploymentJob",
+        CancelDeploymentJobRequest,
+        CancelDeploymentJobResponse,
+        READ_ERRORS,
+        "Ends a deployment job early.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "SyncDeploymentJob",
+        SyncDeploymentJobRequest,
+        SyncDeploymentJobResponse,
+        _ORDER_ERRORS,
+        "Orders a fleet's latest deployment again; the job stays Pending, since deployments do not act yet.",
+        deprecated=True,
+    ),
+)

@@ -1,0 +1,157 @@
+"""The service's operations as data: what each takes, gives and refuses, and how it is reached.
+
+`differences` lists everything in which they are not what the service published, extensions included.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from ..runs.plan import VideoPolicy
+from ..wire.base import Shape, choices
+from ..wire.common import MAX_SEED
+from ..wire.errors import InvalidParameterException
+from ..wire.operation_shape import ErrorClass, OperationShape
+from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
+from . import (
+    deployment_jobs,
+    fleets,
+    robot_applications,
+    robots,
+    simulation_applications,
+    simulation_job_batches,
+    simulation_jobs,
+    tags,
+    world_export_jobs,
+    world_generation_jobs,
+    world_templates,
+    worlds,
+)
+from .simulation_jobs import SimulationJobOrder
+from .world_generation_jobs import CreateWorldGenerationJobRequest
+
+__all__ = [
+    "OPERATIONS",
+    "ErrorClass",
+    "OperationShape",
+    "check_request",
+    "operation_shape",
+    "parse_request",
+    "seed_of",
+    "video_of",
+]
+
+SEED_TAG = "robomaker:seed"
+VIDEO_TAG = "robomaker:video"
+
+_Value = TypeVar("_Value")
+_RESOURCES = (
+    deployment_jobs,
+    fleets,
+    robot_applications,
+    robots,
+    simulation_applications,
+    simulation_job_batches,
+    simulation_jobs,
+    tags,
+    world_export_jobs,
+    world_generation_jobs,
+    world_templates,
+    worlds,
+)
+
+OPERATIONS: Mapping[str, OperationShape] = {
+    operation.name: operation for resource in _RESOURCES for operation in resource.OPERATIONS
+}
+"""Every operation by name."""
+
+
+def operation_shape(name: str) -> OperationShape:
+    """Looks an operation up.
+
+    Raises:
+      InvalidParameterException: there is none of that name; the message has the nearest.
+    """
+    if (operation := OPERATIONS.get(name)) is None:
+        hint = nearest(name, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
+        raise InvalidParameterException(f"there is no operation {name!r}{hint}")
+    return operation
+
+
+def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestProblem]:
+    """Lists everything wrong with a request; empty when it can be parsed.
+
+    Raises:
+      InvalidParameterException: there is no operation of that name.
+    """
+    model = operation_shape(operation_name).request
+    try:
+        model.model_validate(dict(data))
+    except ValidationError as error:
+        return problems_of(error, model)
+    return null_characters(data)
+
+
+def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
+    """Makes an operation's request from plain values.
+
+    Args:
+      operation_name: the service's name of the operation.
+      data: members by name, as JSON or YAML give them.
+
+    Raises:
+      InvalidParameterException: one line per problem, each with the member's path, its value and
+        what would be right; or there is no operation of that name.
+    """
+    model = operation_shape(operation_name).request
+    try:
+        request = model.model_validate(dict(data))
+    except ValidationError as error:
+        raise _refused(operation_name, problems_of(error, model)) from error
+    if problems := null_characters(data):
+        raise _refused(operation_name, problems)
+    return request
+
+
+def _refused(operation_name: str, problems: Sequence[RequestProblem]) -> InvalidParameterException:
+    return InvalidParameterException("\n".join(f"{operation_name}: {problem}" for problem in problems))
+
+
+def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> int | None:
+    """The seed a request asks for, by its member or by its tag.
+
+    Raises:
+      InvalidParameterException: the tag is no whole number, or says something else than the member.
+    """
+    tag = (request.tags or {}).get(SEED_TAG)
+    if tag is None:
+        return request.seed
+    if not re.fullmatch("[0-9]+", tag) or int(tag) > MAX_SEED:
+        raise InvalidParameterException(f"tags.{SEED_TAG} is {tag!r}; it has to be a whole number from 0 to {MAX_SEED}")
+    return _agreed("seed", SEED_TAG, request.seed, int(tag))
+
+
+def video_of(request: SimulationJobOrder) -> VideoPolicy | None:
+    """The video policy a request asks for, by its member or by its tag.
+
+    Raises:
+      InvalidParameterException: the tag is no policy, or says something else than the member.
+    """
+    tag = (request.tags or {}).get(VIDEO_TAG)
+    if tag is None:
+        return request.video
+    for policy in choices(VideoPolicy):
+        if tag == policy:
+            return _agreed("video", VIDEO_TAG, request.video, policy)
+    *others, last = map(repr, choices(VideoPolicy))
+    raise InvalidParameterException(f"tags.{VIDEO_TAG} is {tag!r}; it has to be {', '.join(others)} or {last}")
+
+
+def _agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:
+    if by_member is not None and by_member != by_tag:
+        raise InvalidParameterException(
+            f"{member} is {by_member!r}, but tags.{tag} is {by_tag!r}; leave one of them out"
+        )
+    return by_tag

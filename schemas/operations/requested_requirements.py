@@ -1,0 +1,123 @@
+"""The requirements that an order for a job asks for: by its member, or by a launch variable."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Protocol
+
+from ..runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ..wire.errors import InvalidParameterException
+from ..wire.job_configs import RobotApplicationConfig, SimulationApplicationConfig
+from ..wire.strict_json import load_strict
+
+REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
+"""Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
+
+_MAX_CHARACTERS = 1024
+
+
+class JobRequirementsSource(Protocol):
+    """The members of a request that requirements can be given in."""
+
+    @property
+    def requirements(self) -> list[JobRequirement] | None:
+        """The extension member."""
+        ...
+
+    @property
+    def robotApplications(self) -> list[RobotApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The robot application, whose launch variables may hold requirements."""
+        ...
+
+    @property
+    def simulationApplications(self) -> list[SimulationApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The simulation application, likewise."""
+        ...
+
+
+def ordered_requirements(order: JobRequirementsSource) -> list[JobRequirement]:
+    """The requirements that an order asks for.
+
+    Raises:
+      InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
+    """
+    return _placed_requirements(order)[1]
+
+
+def rooms_asked(order: JobRequirementsSource) -> list[tuple[str, str]]:
+    """The rooms that an order's goals ask for, each with the path of the member that does.
+
+    Raises:
+      InvalidParameterException: as `ordered_requirements`.
+    """
+    place, requirements = _placed_requirements(order)
+    return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
+
+
+def _placed_requirements(order: JobRequirementsSource) -> tuple[str, list[JobRequirement]]:
+    """The path of the member that holds an order's requirements, and these."""
+    given: dict[str, list[JobRequirement]] = {}
+    if order.requirements is not None:
+        given["requirements"] = order.requirements
+    for place, text in _variables(order):
+        given[place] = parse_requirements(load_strict(text, place, _MAX_CHARACTERS), place)
+    if not given:
+        return "requirements", []
+    (first, requirements), *others = given.items()
+    for place, again in others:
+        if again != requirements:
+            raise InvalidParameterException(f"{first} and {place} differ; leave one of them out")
+    return first, requirements
+
+
+def check_requirements(order: JobRequirementsSource) -> None:
+    """Finds out what of an order's requirements cannot be judged, as far as the order says it.
+
+    Raises:
+      ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
+    """
+    try:
+        rooms = rooms_asked(order)
+    except InvalidParameterException as error:
+        raise ValueError(str(error)) from None
+    if _has_world(order):
+        return
+    for path, room in rooms:
+        raise ValueError(
+            f"{path} is {room!r}, but the job names no world; "
+            "add simulationApplications[0].worldConfigs, or give the goal as x and y"
+        )
+
+
+def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
+    """Says which goal cannot be judged because the world has no such room; `None` if all can.
+
+    Args:
+      asked: see `rooms_asked`.
+      rooms: names of the world's rooms.
+    """
+    for path, room in asked:
+        if room not in rooms:
+            return f"{path}: {no_such_room(room, rooms)}"
+    return None
+
+
+def no_such_room(room: str, rooms: Sequence[str]) -> str:
+    """Says that a world has other rooms."""
+    return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
+
+
+def _has_world(order: JobRequirementsSource) -> bool:
+    return any(config.worldConfigs for config in order.simulationApplications or ())
+
+
+def _variables(order: JobRequirementsSource) -> Iterator[tuple[str, str]]:
+    """Where the launch variable is set, and what it holds."""
+    configs: Mapping[str, list[RobotApplicationConfig] | list[SimulationApplicationConfig] | None] = {
+        "simulationApplications": order.simulationApplications,
+        "robotApplications": order.robotApplications,
+    }
+    for member, applications in configs.items():
+        for index, config in enumerate(applications or ()):
+            variables = config.launchConfig.environmentVariables or {}
+            if REQUIREMENTS_VARIABLE in variables:
+                place = f"{member}[{index}].launchConfig.environmentVariables.{REQUIREMENTS_VARIABLE}"
+                yield place, variables[REQUIREMENTS_VARIABLE]

@@ -1,0 +1,147 @@
+"""Robot applications: what drives the robot."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version
+from ..wire.operation_shape import (
+    CREATE_APPLICATION_ERRORS,
+    CREATE_VERSION_ERRORS,
+    DELETE_APPLICATION_ERRORS,
+    LIST_ERRORS,
+    READ_ERRORS,
+    UPDATE_APPLICATION_ERRORS,
+    OperationShape,
+)
+from .applications import (
+    ApplicationContent,
+    ApplicationListRequest,
+    ApplicationRevision,
+    ApplicationSelection,
+    ApplicationUpdate,
+    ImageDigest,
+    NewApplicationVersion,
+    RobotSoftwareSuite,
+)
+
+
+class CreateRobotApplicationRequest(ApplicationContent):
+    """Orders a robot application."""
+
+    name: Name = Field(description="Its name, unlike that of any other robot application.")
+    tags: TagMap | None = Field(default=None, description="Tags for the application.")
+
+
+class CreateRobotApplicationResponse(ApplicationRevision):
+    """The application that was made."""
+
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+
+
+class CreateRobotApplicationVersionRequest(NewApplicationVersion):
+    """Orders a numbered version of a robot application: what it is now."""
+
+
+class CreateRobotApplicationVersionResponse(ApplicationRevision):
+    """The version that was made."""
+
+
+class DescribeRobotApplicationRequest(ApplicationSelection):
+    """Asks for one robot application, as it is now or one version of it."""
+
+
+class DescribeRobotApplicationResponse(ApplicationRevision):
+    """One robot application, or one version of it."""
+
+    tags: TagMap | None = Field(default=None, description="Tags of the application; all its versions share them.")
+    imageDigest: ImageDigest | None = Field(default=None, description="Digest of its container image, where known.")
+
+
+class ListRobotApplicationsRequest(ApplicationListRequest):
+    """Asks for robot applications, newest first."""
+
+
+class RobotApplicationSummary(Shape):
+    """One robot application, or one version of it, in a list."""
+
+    name: Name | None = Field(default=None, description="Its name.")
+    arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
+    version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
+    robotSoftwareSuite: RobotSoftwareSuite | None = Field(
+        default=None, description="The robot software it is written for."
+    )
+
+
+class ListRobotApplicationsResponse(Shape):
+    """A page of robot applications."""
+
+    robotApplicationSummaries: (
+        Annotated[list[RobotApplicationSummary], ShapeName("RobotApplicationSummaries", 0, 100)] | None
+    ) = Field(default=None, description="Robot applications, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class UpdateRobotApplicationRequest(ApplicationUpdate):
+    """Makes a robot application what the request says, whatever it was; its name and versions stay."""
+
+
+class UpdateRobotApplicationResponse(ApplicationRevision):
+    """The application as it is now."""
+
+
+class DeleteRobotApplicationRequest(ApplicationSelection):
+    """Removes a robot application with all its versions, or one version of it."""
+
+
+class DeleteRobotApplicationResponse(Shape):
+    """Nothing: what was to be removed is not there any more."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateRobotApplication",
+        CreateRobotApplicationRequest,
+        CreateRobotApplicationResponse,
+        CREATE_APPLICATION_ERRORS,
+        "Makes a robot application known under a name.",
+    ),
+    OperationShape(
+        "CreateRobotApplicationVersion",
+        CreateRobotApplicationVersionRequest,
+        CreateRobotApplicationVersionResponse,
+        CREATE_VERSION_ERRORS,
+        "Keeps a robot application as it is now under a number.",
+    ),
+    OperationShape(
+        "DescribeRobotApplication",
+        DescribeRobotApplicationRequest,
+        DescribeRobotApplicationResponse,
+        READ_ERRORS,
+        "Says what a robot application, or a version of it, is made of.",
+    ),
+    OperationShape(
+        "ListRobotApplications",
+        ListRobotApplicationsRequest,
+        ListRobotApplicationsResponse,
+        LIST_ERRORS,
+        "Lists robot applications, newest first.",
+        result_key="robotApplicationSummaries",
+    ),
+    OperationShape(
+        "UpdateRobotApplication",
+        UpdateRobotApplicationRequest,
+        UpdateRobotApplicationResponse,
+        UPDATE_APPLICATION_ERRORS,
+        "Makes a robot application something else, under the same name.",
+    ),
+    OperationShape(
+        "DeleteRobotApplication",
+        DeleteRobotApplicationRequest,
+        DeleteRobotApplicationResponse,
+        DELETE_APPLICATION_ERRORS,
+        "Removes a robot application, or one version of it.",
+    ),
+)

@@ -1,0 +1,183 @@
+"""Robots: machines that are registered with fleets."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import Architecture, Arn, Filters, Name, PaginationToken, TagMap, Timestamp, text
+from ..wire.operation_shape import EXISTS, INTERNAL, INVALID, LIMIT, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
+
+Id = Annotated[str, ShapeName("Id"), text(1, 1224)]
+RobotStatus = Annotated[
+    Literal["Available", "Registered", "PendingNewDeployment", "Deploying", "Failed", "InSync", "NoResponse"],
+    ShapeName("RobotStatus"),
+]
+FleetMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=200)]
+"""Entries per page of the lists of fleets, robots and deployment jobs."""
+
+
+class CreateRobotRequest(Shape):
+    """Makes a robot known."""
+
+    name: Name = Field(description="Its name, unlike that of any other robot.")
+    architecture: Architecture = Field(description="Its processor; applications need a source for it.")
+    greengrassGroupId: Id = Field(description="Greengrass group of the robot; kept, and used for nothing.")
+    tags: TagMap | None = Field(default=None, description="Tags for the robot.")
+
+
+class CreateRobotResponse(Shape):
+    """The robot that was made."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the robot.")
+    name: Name | None = Field(default=None, description="Its name.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    greengrassGroupId: Id | None = Field(default=None, description="Its Greengrass group.")
+    architecture: Architecture | None = Field(default=None, description="Its processor.")
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+
+
+class DescribeRobotRequest(Shape):
+    """Asks for one robot."""
+
+    robot: Arn = Field(description="ARN of the robot.")
+
+
+class DescribeRobotResponse(Shape):
+    """One robot."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the robot.")
+    name: Name | None = Field(default=None, description="Its name.")
+    fleetArn: Arn | None = Field(default=None, description="ARN of its fleet; absent: it is in none.")
+    status: RobotStatus | None = Field(default=None, description="Whether it is in a fleet, and what is deployed.")
+    greengrassGroupId: Id | None = Field(default=None, description="Its Greengrass group.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    architecture: Architecture | None = Field(default=None, description="Its processor.")
+    lastDeploymentJob: Arn | None = Field(default=None, description="ARN of the last deployment that was meant for it.")
+    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was ordered.")
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+
+
+class ListRobotsRequest(Shape):
+    """Asks for robots, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: FleetMaxResults | None = Field(default=None, description="Entries per page; absent: 200.")
+    filters: Filters | None = Field(default=None, description="`status` or `fleetName`; absent: all robots.")
+
+
+class Robot(Shape):
+    """One robot in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the robot.")
+    name: Name | None = Field(default=None, description="Its name.")
+    fleetArn: Arn | None = Field(default=None, description="ARN of its fleet; absent: it is in none.")
+    status: RobotStatus | None = Field(default=None, description="Whether it is in a fleet, and what is deployed.")
+    greenGrassGroupId: Id | None = Field(
+        default=None, description="Its Greengrass group; with a capital G here, and only here."
+    )
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    architecture: Architecture | None = Field(default=None, description="Its processor.")
+    lastDeploymentJob: Arn | None = Field(default=None, description="ARN of the last deployment that was meant for it.")
+    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was ordered.")
+
+
+Robots = Annotated[list[Robot], ShapeName("Robots", 0, 1000)]
+
+
+class ListRobotsResponse(Shape):
+    """A page of robots."""
+
+    robots: Robots | None = Field(default=None, description="Robots, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class DeleteRobotRequest(Shape):
+    """Removes a robot."""
+
+    robot: Arn = Field(description="ARN of the robot.")
+
+
+class DeleteRobotResponse(Shape):
+    """The robot is gone."""
+
+
+class RegisterRobotRequest(Shape):
+    """Puts a robot into a fleet."""
+
+    fleet: Arn = Field(description="ARN of the fleet.")
+    robot: Arn = Field(description="ARN of the robot; it must not be in another fleet.")
+
+
+class RegisterRobotResponse(Shape):
+    """The robot is in the fleet."""
+
+    fleet: Arn | None = Field(default=None, description="ARN of the fleet.")
+    robot: Arn | None = Field(default=None, description="ARN of the robot.")
+
+
+class DeregisterRobotRequest(Shape):
+    """Takes a robot out of its fleet."""
+
+    fleet: Arn = Field(description="ARN of the fleet.")
+    robot: Arn = Field(description="ARN of the robot.")
+
+
+class DeregisterRobotResponse(Shape):
+    """The robot is in no fleet."""
+
+    fleet: Arn | None = Field(default=None, description="ARN of the fleet it was in.")
+    robot: Arn | None = Field(default=None, description="ARN of the robot.")
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateRobot",
+        CreateRobotRequest,
+        CreateRobotResponse,
+        (INVALID, INTERNAL, THROTTLED, LIMIT, EXISTS),
+        "Makes a robot known under a name.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "DescribeRobot",
+        DescribeRobotRequest,
+        DescribeRobotResponse,
+        READ_ERRORS,
+        "Says what a robot is and which fleet it is in.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "ListRobots",
+        ListRobotsRequest,
+        ListRobotsResponse,
+        READ_ERRORS,
+        "Lists robots, newest first.",
+        result_key="robots",
+        deprecated=True,
+    ),
+    OperationShape(
+        "DeleteRobot",
+        DeleteRobotRequest,
+        DeleteRobotResponse,
+        (INVALID, INTERNAL, THROTTLED),
+        "Removes a robot, if it is there.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "RegisterRobot",
+        RegisterRobotRequest,
+        RegisterRobotResponse,
+        (INVALID, INTERNAL, THROTTLED, LIMIT, NOT_FOUND),
+        "Puts a robot into a fleet.",
+        deprecated=True,
+    ),
+    OperationShape(
+        "DeregisterRobot",
+        DeregisterRobotRequest,
+        DeregisterRobotResponse,
+        READ_ERRORS,
+        "Takes a robot out of its fleet.",
+        deprecated=True,
+    ),
+)

@@ -1,0 +1,189 @@
+"""Simulation applications: what the robot moves in."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version, text
+from ..wire.operation_shape import (
+    CREATE_APPLICATION_ERRORS,
+    CREATE_VERSION_ERRORS,
+    DELETE_APPLICATION_ERRORS,
+    LIST_ERRORS,
+    READ_ERRORS,
+    UPDATE_APPLICATION_ERRORS,
+    OperationShape,
+)
+from .applications import (
+    ApplicationContent,
+    ApplicationListRequest,
+    ApplicationRevision,
+    ApplicationSelection,
+    ApplicationUpdate,
+    ImageDigest,
+    NewApplicationVersion,
+    RobotSoftwareSuite,
+)
+
+SimulationSoftwareSuiteType = Annotated[
+    Literal["Gazebo", "RosbagPlay", "SimulationRuntime"], ShapeName("SimulationSoftwareSuiteType")
+]
+SimulationSoftwareSuiteVersionType = Annotated[
+    str, ShapeName("SimulationSoftwareSuiteVersionType"), text(0, 1024, "7|9|11|Kinetic|Melodic|Dashing|Foxy")
+]
+RenderingEngineType = Annotated[Literal["OGRE"], ShapeName("RenderingEngineType")]
+RenderingEngineVersionType = Annotated[str, ShapeName("RenderingEngineVersionType"), text(1, 4, "1.x")]
+
+
+class SimulationSoftwareSuite(Shape):
+    """The simulator a simulation application is written for."""
+
+    name: SimulationSoftwareSuiteType | None = Field(
+        default=None, description="The suite; `SimulationRuntime` for the one that runs here."
+    )
+    version: SimulationSoftwareSuiteVersionType | None = Field(default=None, description="Its version.")
+
+
+class RenderingEngine(Shape):
+    """The rendering engine a Gazebo application asks for."""
+
+    name: RenderingEngineType | None = Field(default=None, description="The engine.")
+    version: RenderingEngineVersionType | None = Field(default=None, description="Its version, such as `1.x`.")
+
+
+class SimulationContent(ApplicationContent):
+    """Members of the requests that say what a simulation application is."""
+
+    simulationSoftwareSuite: SimulationSoftwareSuite = Field(description="The simulator it is written for.")
+    renderingEngine: RenderingEngine | None = Field(default=None, description="Rendering engine, for Gazebo.")
+
+
+class SimulationRevision(ApplicationRevision):
+    """Members of the responses that say what a simulation application is."""
+
+    simulationSoftwareSuite: SimulationSoftwareSuite | None = Field(
+        default=None, description="The simulator it is written for."
+    )
+    renderingEngine: RenderingEngine | None = Field(default=None, description="Rendering engine, for Gazebo.")
+
+
+class CreateSimulationApplicationRequest(SimulationContent):
+    """Orders a simulation application."""
+
+    name: Name = Field(description="Its name, unlike that of any other simulation application.")
+    tags: TagMap | None = Field(default=None, description="Tags for the application.")
+
+
+class CreateSimulationApplicationResponse(SimulationRevision):
+    """The application that was made."""
+
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+
+
+class CreateSimulationApplicationVersionRequest(NewApplicationVersion):
+    """Orders a numbered version of a simulation application: what it is now."""
+
+
+class CreateSimulationApplicationVersionResponse(SimulationRevision):
+    """The version that was made."""
+
+
+class DescribeSimulationApplicationRequest(ApplicationSelection):
+    """Asks for one simulation application, as it is now or one version of it."""
+
+
+class DescribeSimulationApplicationResponse(SimulationRevision):
+    """One simulation application, or one version of it."""
+
+    tags: TagMap | None = Field(default=None, description="Tags of the application; all its versions share them.")
+    imageDigest: ImageDigest | None = Field(default=None, description="Digest of its container image, where known.")
+
+
+class ListSimulationApplicationsRequest(ApplicationListRequest):
+    """Asks for simulation applications, newest first."""
+
+
+class SimulationApplicationSummary(Shape):
+    """One simulation application, or one version of it, in a list."""
+
+    name: Name | None = Field(default=None, description="Its name.")
+    arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
+    version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
+    robotSoftwareSuite: RobotSoftwareSuite | None = Field(default=None, description="The robot software it works with.")
+    simulationSoftwareSuite: SimulationSoftwareSuite | None = Field(
+        default=None, description="The simulator it is written for."
+    )
+
+
+class ListSimulationApplicationsResponse(Shape):
+    """A page of simulation applications."""
+
+    simulationApplicationSummaries: (
+        Annotated[list[SimulationApplicationSummary], ShapeName("SimulationApplicationSummaries", 0, 100)] | None
+    ) = Field(default=None, description="Simulation applications, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class UpdateSimulationApplicationRequest(ApplicationUpdate, SimulationContent):
+    """Makes a simulation application what the request says, whatever it was; its name and versions stay."""
+
+
+class UpdateSimulationApplicationResponse(SimulationRevision):
+    """The application as it is now."""
+
+
+class DeleteSimulationApplicationRequest(ApplicationSelection):
+    """Removes a simulation application with all its versions, or one version of it."""
+
+
+class DeleteSimulationApplicationResponse(Shape):
+    """Nothing: what was to be removed is not there any more."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateSimulationApplication",
+        CreateSimulationApplicationRequest,
+        CreateSimulationApplicationResponse,
+        CREATE_APPLICATION_ERRORS,
+        "Makes a simulation application known under a name.",
+    ),
+    OperationShape(
+        "CreateSimulationApplicationVersion",
+        CreateSimulationApplicationVersionRequest,
+        CreateSimulationApplicationVersionResponse,
+        CREATE_VERSION_ERRORS,
+        "Keeps a simulation application as it is now under a number.",
+    ),
+    OperationShape(
+        "DescribeSimulationApplication",
+        DescribeSimulationApplicationRequest,
+        DescribeSimulationApplicationResponse,
+        READ_ERRORS,
+        "Says what a simulation application, or a version of it, is made of.",
+    ),
+    OperationShape(
+        "ListSimulationApplications",
+        ListSimulationApplicationsRequest,
+        ListSimulationApplicationsResponse,
+        LIST_ERRORS,
+        "Lists simulation applications, newest first.",
+        result_key="simulationApplicationSummaries",
+    ),
+    OperationShape(
+        "UpdateSimulationApplication",
+        UpdateSimulationApplicationRequest,
+        UpdateSimulationApplicationResponse,
+        UPDATE_APPLICATION_ERRORS,
+        "Makes a simulation application something else, under the same name.",
+    ),
+    OperationShape(
+        "DeleteSimulationApplication",
+        DeleteSimulationApplicationRequest,
+        DeleteSimulationApplicationResponse,
+        DELETE_APPLICATION_ERRORS,
+        "Removes a simulation application, or one version of it.",
+    ),
+)

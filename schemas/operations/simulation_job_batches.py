@@ -1,0 +1,186 @@
+"""Simulation job batches: many simulation jobs, so many at a time."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import (
+    MAX_DURATION_S,
+    Arn,
+    ClientRequestToken,
+    FailedAt,
+    Filters,
+    GenericString,
+    LastUpdatedAt,
+    MaxResults,
+    PaginationToken,
+    TagMap,
+    Timestamp,
+)
+from ..wire.operation_shape import INTERNAL, INVALID, LIMIT, MISMATCH, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
+from .simulation_jobs import SimulationJobErrorCode, SimulationJobRequest, SimulationJobRequests, SimulationJobSummaries
+
+SimulationJobBatchStatus = Annotated[
+    Literal[
+        "Pending",
+        "InProgress",
+        "Failed",
+        "Completed",
+        "Canceled",
+        "Canceling",
+        "Completing",
+        "TimingOut",
+        "TimedOut",
+    ],
+    ShapeName("SimulationJobBatchStatus"),
+]
+SimulationJobBatchErrorCode = Annotated[Literal["InternalServiceError"], ShapeName("SimulationJobBatchErrorCode")]
+BatchTimeoutInSeconds = Annotated[
+    int, ShapeName("BatchTimeoutInSeconds", wire_type="long"), Field(ge=1, le=MAX_DURATION_S)
+]
+MaxConcurrency = Annotated[int, ShapeName("MaxConcurrency"), Field(ge=1)]
+
+
+class BatchPolicy(Shape):
+    """Limits of a batch."""
+
+    timeoutInSeconds: BatchTimeoutInSeconds | None = Field(
+        default=None, description="Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
+    )
+    maxConcurrency: MaxConcurrency | None = Field(default=None, description="Jobs at a time, at least 1.")
+
+
+class StartSimulationJobBatchRequest(Shape):
+    """Orders a batch."""
+
+    clientRequestToken: ClientRequestToken | None = Field(
+        default=None, description="Makes the call repeatable: the same token and request give the same batch."
+    )
+    batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
+    createSimulationJobRequests: SimulationJobRequests = Field(description="The jobs, 1 to 1000, in order.")
+    tags: TagMap | None = Field(default=None, description="Tags for the batch; those of its jobs are in the requests.")
+
+
+class FailedCreateSimulationJobRequest(Shape):
+    """A request that never became a job."""
+
+    request: SimulationJobRequest | None = Field(default=None, description="The request as it was sent.")
+    failureReason: GenericString | None = Field(default=None, description="Why not, in words.")
+    failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why not.")
+    failedAt: FailedAt | None = Field(default=None, description="When that was found.")
+
+
+FailedCreateSimulationJobRequests = Annotated[
+    list[FailedCreateSimulationJobRequest], ShapeName("FailedCreateSimulationJobRequests")
+]
+PendingSimulationJobRequests = Annotated[list[SimulationJobRequest], ShapeName("CreateSimulationJobRequests", 1, 1000)]
+
+
+class StartSimulationJobBatchResponse(Shape):
+    """The batch as it was accepted. The three lists are always sent, even when empty."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the batch.")
+    status: SimulationJobBatchStatus | None = Field(default=None, description="Where the batch is in its life.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
+    batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
+    failureCode: SimulationJobBatchErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
+    failedRequests: FailedCreateSimulationJobRequests | None = Field(
+        default=None, description="Requests that never became jobs."
+    )
+    pendingRequests: PendingSimulationJobRequests | None = Field(default=None, description="Requests that wait.")
+    createdRequests: SimulationJobSummaries | None = Field(default=None, description="Requests that became jobs.")
+    tags: TagMap | None = Field(default=None, description="The batch's tags.")
+
+
+class DescribeSimulationJobBatchRequest(Shape):
+    """Asks for one batch."""
+
+    batch: Arn = Field(description="ARN of the batch.")
+
+
+class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
+    """One batch."""
+
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+
+
+class ListSimulationJobBatchesRequest(Shape):
+    """Asks for batches, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(default=None, description="Which batches: by `status`; absent: all.")
+
+
+Integer = Annotated[int, ShapeName("Integer")]
+
+
+class SimulationJobBatchSummary(Shape):
+    """One batch in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the batch.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    status: SimulationJobBatchStatus | None = Field(default=None, description="Where the batch is in its life.")
+    failedRequestCount: Integer | None = Field(default=None, description="How many requests never became jobs.")
+    pendingRequestCount: Integer | None = Field(default=None, description="How many requests wait.")
+    createdRequestCount: Integer | None = Field(default=None, description="How many requests became jobs.")
+
+
+SimulationJobBatchSummaries = Annotated[list[SimulationJobBatchSummary], ShapeName("SimulationJobBatchSummaries")]
+
+
+class ListSimulationJobBatchesResponse(Shape):
+    """A page of batches."""
+
+    simulationJobBatchSummaries: SimulationJobBatchSummaries | None = Field(
+        default=None, description="Batches, newest first."
+    )
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelSimulationJobBatchRequest(Shape):
+    """Names the batch to cancel."""
+
+    batch: Arn = Field(description="ARN of the batch.")
+
+
+class CancelSimulationJobBatchResponse(Shape):
+    """Empty: the batch and its jobs end soon, or have ended."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "StartSimulationJobBatch",
+        StartSimulationJobBatchRequest,
+        StartSimulationJobBatchResponse,
+        (INVALID, LIMIT, THROTTLED, MISMATCH, INTERNAL),
+        "Runs many simulations, so many at a time.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeSimulationJobBatch",
+        DescribeSimulationJobBatchRequest,
+        DescribeSimulationJobBatchResponse,
+        (NOT_FOUND, INVALID, INTERNAL),
+        "Says how far a batch is and what became of its requests.",
+    ),
+    OperationShape(
+        "ListSimulationJobBatches",
+        ListSimulationJobBatchesRequest,
+        ListSimulationJobBatchesResponse,
+        (INVALID, INTERNAL),
+        "Lists simulation job batches, newest first.",
+        result_key="simulationJobBatchSummaries",
+    ),
+    OperationShape(
+        "CancelSimulationJobBatch",
+        CancelSimulationJobBatchRequest,
+        CancelSimulationJobBatchResponse,
+        READ_ERRORS,
+        "Stops a batch: its jobs end, requests that wait never become jobs.",
+    ),
+)

@@ -1,0 +1,328 @@
+"""Simulation jobs: a robot application, a simulation application, or both, run until the end or a limit."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ..runs.plan import VideoPolicy
+from ..runs.requirements import JobRequirements
+from ..wire.base import Shape, ShapeName
+from ..wire.common import (
+    AnsweredArns,
+    Arn,
+    Arns,
+    ClientRequestToken,
+    Filters,
+    GenericString,
+    IamRole,
+    JobDuration,
+    LastStartedAt,
+    LastUpdatedAt,
+    Name,
+    OptionalOutputLocation,
+    PaginationToken,
+    Seed,
+    TagMap,
+)
+from ..wire.job_configs import (
+    Compute,
+    ComputeResponse,
+    ComputeType,
+    DataSourceConfigs,
+    DataSources,
+    LoggingConfig,
+    NetworkInterface,
+    RobotApplicationConfigs,
+    SimulationApplicationConfigs,
+    VPCConfig,
+    VPCConfigResponse,
+)
+from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
+from .requested_requirements import check_requirements
+
+FailureBehavior = Annotated[Literal["Fail", "Continue"], ShapeName("FailureBehavior")]
+SimulationJobStatus = Annotated[
+    Literal[
+        "Pending",
+        "Preparing",
+        "Running",
+        "Restarting",
+        "Completed",
+        "Failed",
+        "RunningFailed",
+        "Terminating",
+        "Terminated",
+        "Canceled",
+    ],
+    ShapeName("SimulationJobStatus"),
+]
+SimulationJobErrorCode = Annotated[
+    Literal[
+        "InternalServiceError",
+        "RobotApplicationCrash",
+        "SimulationApplicationCrash",
+        "RobotApplicationHealthCheckFailure",
+        "SimulationApplicationHealthCheckFailure",
+        "BadPermissionsRobotApplication",
+        "BadPermissionsSimulationApplication",
+        "BadPermissionsS3Object",
+        "BadPermissionsS3Output",
+        "BadPermissionsCloudwatchLogs",
+        "SubnetIpLimitExceeded",
+        "ENILimitExceeded",
+        "BadPermissionsUserCredentials",
+        "InvalidBundleRobotApplication",
+        "InvalidBundleSimulationApplication",
+        "InvalidS3Resource",
+        "ThrottlingError",
+        "LimitExceeded",
+        "MismatchedEtag",
+        "RobotApplicationVersionMismatchedEtag",
+        "SimulationApplicationVersionMismatchedEtag",
+        "ResourceNotFound",
+        "RequestThrottled",
+        "BatchTimedOut",
+        "BatchCanceled",
+        "InvalidInput",
+        "WrongRegionS3Bucket",
+        "WrongRegionS3Output",
+        "WrongRegionRobotApplication",
+        "WrongRegionSimulationApplication",
+        "UploadContentMismatchError",
+    ],
+    ShapeName("SimulationJobErrorCode"),
+]
+SimulationTimeMillis = Annotated[int, ShapeName("SimulationTimeMillis", wire_type="long")]
+
+
+class SimulationJobOrder(Shape):
+    """What an order for one job says, on its own or in a batch."""
+
+    outputLocation: OptionalOutputLocation = Field(
+        default=None, description="Where outputs are put; absent or empty: the configured bucket."
+    )
+    loggingConfig: LoggingConfig | None = Field(default=None, description="What is recorded.")
+    maxJobDurationInSeconds: JobDuration = Field(
+        description="Wall-clock limit in seconds, 1 to 1209600; reaching it ends the job normally."
+    )
+    failureBehavior: FailureBehavior | None = Field(
+        default=None, description="After a crash Fail (the default) ends the job, Continue leaves the rest running."
+    )
+    robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
+    simulationApplications: SimulationApplicationConfigs | None = Field(
+        default=None, description="The simulation application."
+    )
+    dataSources: DataSourceConfigs | None = Field(default=None, description="Objects the job reads, at most 6 sources.")
+    tags: TagMap | None = Field(default=None, description="Tags for the job.")
+    vpcConfig: VPCConfig | None = Field(default=None, description="Network of the job.")
+    compute: Compute | None = Field(default=None, description="What the job may use of the machine.")
+    seed: Seed | None = Field(default=None, description="Extension: seed of the run's random generators.")
+    video: VideoPolicy | None = Field(
+        default=None, description="Extension: whether a video is made, always or if the run fails."
+    )
+    requirements: JobRequirements | None = Field(
+        default=None, description="Extension: what the robot has to do, or must not do, for the verdict PASS."
+    )
+
+    @model_validator(mode="after")
+    def _members_agree(self) -> Self:
+        applications = [*(self.robotApplications or []), *(self.simulationApplications or [])]
+        if not applications:
+            raise ValueError("at least one of robotApplications and simulationApplications has to be given")
+        uploads = any(each.uploadConfigurations or each.useDefaultUploadConfigurations for each in applications)
+        if uploads and self.outputLocation is None:
+            raise ValueError("uploadConfigurations need an outputLocation; add outputLocation.s3Bucket")
+        check_requirements(self)
+        return self
+
+
+class CreateSimulationJobRequest(SimulationJobOrder):
+    """Orders one job."""
+
+    clientRequestToken: ClientRequestToken | None = Field(
+        default=None, description="Makes the call repeatable: the same token and request give the same job."
+    )
+    iamRole: IamRole = Field(description="ARN of the role whose rights the job has.")
+
+
+class SimulationJobRequest(SimulationJobOrder):
+    """Orders one job of a batch."""
+
+    iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")
+    useDefaultApplications: bool | None = Field(default=None, description="Whether the usual tools run beside it.")
+
+
+class CreateSimulationJobResponse(Shape):
+    """The job as it was accepted."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the job.")
+    status: SimulationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    lastStartedAt: LastStartedAt | None = Field(default=None, description="When it last began to run.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+    failureBehavior: FailureBehavior | None = Field(default=None, description="What happens after a crash.")
+    failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
+    outputLocation: OptionalOutputLocation = Field(default=None, description="Where outputs are put.")
+    loggingConfig: LoggingConfig | None = Field(default=None, description="What is recorded.")
+    maxJobDurationInSeconds: JobDuration | None = Field(default=None, description="Wall-clock limit in seconds.")
+    simulationTimeMillis: SimulationTimeMillis | None = Field(
+        default=None, description="How long the job has run, in milliseconds."
+    )
+    iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")
+    robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
+    simulationApplications: SimulationApplicationConfigs | None = Field(
+        default=None, description="The simulation application."
+    )
+    dataSources: DataSources | None = Field(default=None, description="Objects the job reads.")
+    tags: TagMap | None = Field(default=None, description="The job's tags; always sent.")
+    vpcConfig: VPCConfigResponse | None = Field(default=None, description="Network of the job.")
+    compute: ComputeResponse | None = Field(default=None, description="What the job may use of the machine.")
+
+
+class SimulationJob(CreateSimulationJobResponse):
+    """One job."""
+
+    name: Name | None = Field(default=None, description="Its name: the last part of its ARN.")
+    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
+    networkInterface: NetworkInterface | None = Field(default=None, description="Its address, once it runs.")
+
+
+class DescribeSimulationJobRequest(Shape):
+    """Asks for one job."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class DescribeSimulationJobResponse(SimulationJob):
+    """One job."""
+
+
+class BatchDescribeSimulationJobRequest(Shape):
+    """Asks for several jobs."""
+
+    jobs: Arns = Field(description="ARNs of the jobs, 1 to 100.")
+
+
+class BatchDescribeSimulationJobResponse(Shape):
+    """Several jobs."""
+
+    jobs: Annotated[list[SimulationJob], ShapeName("SimulationJobs")] | None = Field(
+        default=None, description="Those that were found."
+    )
+    unprocessedJobs: AnsweredArns | None = Field(default=None, description="ARNs of the others.")
+
+
+RobotApplicationNames = Annotated[list[Name], ShapeName("RobotApplicationNames")]
+SimulationApplicationNames = Annotated[list[Name], ShapeName("SimulationApplicationNames")]
+DataSourceNames = Annotated[list[Name], ShapeName("DataSourceNames")]
+
+
+class SimulationJobSummary(Shape):
+    """One job in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the job.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+    name: Name | None = Field(default=None, description="Its name: the last part of its ARN.")
+    status: SimulationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    simulationApplicationNames: SimulationApplicationNames | None = Field(
+        default=None, description="Its simulation application."
+    )
+    robotApplicationNames: RobotApplicationNames | None = Field(default=None, description="Its robot application.")
+    dataSourceNames: DataSourceNames | None = Field(default=None, description="Its data sources.")
+    computeType: ComputeType | None = Field(default=None, description="With or without a GPU.")
+
+
+SimulationJobRequests = Annotated[
+    list[SimulationJobRequest], ShapeName("CreateSimulationJobRequests"), Field(min_length=1, max_length=1000)
+]
+
+SimulationJobSummaries = Annotated[list[SimulationJobSummary], ShapeName("SimulationJobSummaries", 0, 100)]
+SimulationJobMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=1000)]
+
+
+class ListSimulationJobsRequest(Shape):
+    """Asks for jobs, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: SimulationJobMaxResults | None = Field(
+        default=None, description="Entries per page, 1 to 1000; a page never has more than 100."
+    )
+    filters: Filters | None = Field(
+        default=None,
+        description="Which jobs: by `status`, `simulationApplicationName` or `robotApplicationName`; absent: all.",
+    )
+
+
+class ListSimulationJobsResponse(Shape):
+    """A page of jobs."""
+
+    simulationJobSummaries: SimulationJobSummaries = Field(description="Jobs, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelSimulationJobRequest(Shape):
+    """Names the job to cancel."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class CancelSimulationJobResponse(Shape):
+    """Empty: the job ends soon, or has ended."""
+
+
+class RestartSimulationJobRequest(Shape):
+    """Names the job to restart."""
+
+    job: Arn = Field(description="ARN of the job; it has to be running.")
+
+
+class RestartSimulationJobResponse(Shape):
+    """Empty: the job is restarting."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateSimulationJob",
+        CreateSimulationJobRequest,
+        CreateSimulationJobResponse,
+        (*CREATE_EXPORT_ERRORS, LIMIT),
+        "Runs one simulation.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeSimulationJob",
+        DescribeSimulationJobRequest,
+        DescribeSimulationJobResponse,
+        READ_ERRORS,
+        "Says how far a simulation job is, and how it ended.",
+    ),
+    OperationShape(
+        "BatchDescribeSimulationJob",
+        BatchDescribeSimulationJobRequest,
+        BatchDescribeSimulationJobResponse,
+        READ_ERRORS,
+        "Says the same of up to 100 simulation jobs.",
+    ),
+    OperationShape(
+        "ListSimulationJobs",
+        ListSimulationJobsRequest,
+        ListSimulationJobsResponse,
+        LIST_ERRORS,
+        "Lists simulation jobs, newest first.",
+        result_key="simulationJobSummaries",
+    ),
+    OperationShape(
+        "CancelSimulationJob",
+        CancelSimulationJobRequest,
+        CancelSimulationJobResponse,
+        READ_ERRORS,
+        "Stops a simulation job; its outputs are stored.",
+    ),
+    OperationShape(
+        "RestartSimulationJob",
+        RestartSimulationJobRequest,
+        RestartSimulationJobResponse,
+        (*READ_ERRORS, LIMIT),
+        "Runs a running simulation job again from the start.",
+    ),
+)

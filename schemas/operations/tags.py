@@ -1,0 +1,82 @@
+"""Tags: words that users put on resources."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import Arn, TagKey, TagMap
+from ..wire.operation_shape import READ_ERRORS, Location, OperationShape
+
+TagKeyList = Annotated[list[TagKey], ShapeName("TagKeyList")]
+
+_URI = "/tags/{resourceArn}"
+_IN_PATH: Mapping[str, Location] = {"resourceArn": "uri"}
+
+
+class ListTagsForResourceRequest(Shape):
+    """Asks for a resource's tags."""
+
+    resourceArn: Arn = Field(description="ARN of the resource.")
+
+
+class ListTagsForResourceResponse(Shape):
+    """A resource's tags."""
+
+    tags: TagMap | None = Field(default=None, description="All of them.")
+
+
+class TagResourceRequest(Shape):
+    """Adds tags to a resource."""
+
+    resourceArn: Arn = Field(description="ARN of the resource.")
+    tags: TagMap = Field(description="Tags to add; keys that the resource has get the new value.")
+
+
+class TagResourceResponse(Shape):
+    """The resource has the tags."""
+
+
+class UntagResourceRequest(Shape):
+    """Removes tags from a resource."""
+
+    resourceArn: Arn = Field(description="ARN of the resource.")
+    tagKeys: TagKeyList = Field(description="Keys of the tags to remove; those it does not have are ignored.")
+
+
+class UntagResourceResponse(Shape):
+    """The resource does not have the tags."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "ListTagsForResource",
+        ListTagsForResourceRequest,
+        ListTagsForResourceResponse,
+        READ_ERRORS,
+        "Lists the tags of a resource.",
+        method="GET",
+        uri=_URI,
+        locations=_IN_PATH,
+    ),
+    OperationShape(
+        "TagResource",
+        TagResourceRequest,
+        TagResourceResponse,
+        READ_ERRORS,
+        "Adds tags to a resource.",
+        uri=_URI,
+        locations=_IN_PATH,
+    ),
+    OperationShape(
+        "UntagResource",
+        UntagResourceRequest,
+        UntagResourceResponse,
+        READ_ERRORS,
+        "Removes tags from a resource.",
+        method="DELETE",
+        uri=_URI,
+        locations={**_IN_PATH, "tagKeys": "querystring"},
+    ),
+)

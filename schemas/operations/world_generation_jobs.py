@@ -1,0 +1,222 @@
+"""World generation jobs: so many worlds from one template."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import (
+    AnsweredArns,
+    Arn,
+    ClientRequestToken,
+    Filters,
+    GenericString,
+    MaxResults,
+    PaginationToken,
+    Seed,
+    TagMap,
+    Timestamp,
+)
+from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
+
+WorldGenerationJobStatus = Annotated[
+    Literal["Pending", "Running", "Completed", "Failed", "PartialFailed", "Canceling", "Canceled"],
+    ShapeName("WorldGenerationJobStatus"),
+]
+WorldGenerationJobErrorCode = Annotated[
+    Literal[
+        "InternalServiceError",
+        "LimitExceeded",
+        "ResourceNotFound",
+        "RequestThrottled",
+        "InvalidInput",
+        "AllWorldGenerationFailed",
+    ],
+    ShapeName("WorldGenerationJobErrorCode"),
+]
+FloorplanCount = Annotated[int, ShapeName("FloorplanCount"), Field(ge=1)]
+InteriorCountPerFloorplan = Annotated[int, ShapeName("InteriorCountPerFloorplan"), Field(ge=1)]
+_MAX_COUNT = 2**31 - 1  # what the wire's whole numbers hold
+
+
+def too_many_worlds(floorplans: int, interiors: int, most: int) -> str | None:
+    """Why a job cannot make so many worlds; `None` if it can.
+
+    Args:
+      floorplans: how many floor plans.
+      interiors: how many worlds for each of them.
+      most: worlds that one job may make.
+    """
+    total = floorplans * interiors
+    if total <= most:
+        return None
+    return (
+        f"{floorplans} floor plans with {interiors} interiors each are {total} worlds; a job may make at most {most} "
+        "(ROBOMAKER_MAX_WORLDS_PER_JOB)"
+    )
+
+
+class WorldCount(Shape):
+    """How many worlds: the product of both numbers. A job that asks for too many, 50 by default, fails."""
+
+    floorplanCount: FloorplanCount | None = Field(default=None, description="Number of different floor plans.")
+    interiorCountPerFloorplan: InteriorCountPerFloorplan | None = Field(
+        default=None, description="Number of differently furnished worlds for each floor plan."
+    )
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if self.floorplanCount is None or self.interiorCountPerFloorplan is None:
+            raise ValueError("floorplanCount and interiorCountPerFloorplan both have to be given, each at least 1")
+        if max(self.floorplanCount, self.interiorCountPerFloorplan) > _MAX_COUNT:
+            raise ValueError(
+                f"floorplanCount is {self.floorplanCount} and interiorCountPerFloorplan "
+                f"{self.interiorCountPerFloorplan}; each may be at most {_MAX_COUNT}"
+            )
+        return self
+
+
+class CreateWorldGenerationJobRequest(Shape):
+    """Orders worlds."""
+
+    clientRequestToken: ClientRequestToken | None = Field(
+        default=None, description="Makes the call repeatable: the same token and request give the same job."
+    )
+    template: Arn = Field(description="ARN of the template to generate from.")
+    worldCount: WorldCount = Field(description="How many worlds.")
+    tags: TagMap | None = Field(default=None, description="Tags for the job.")
+    worldTags: TagMap | None = Field(default=None, description="Tags for every world it generates.")
+    seed: Seed | None = Field(
+        default=None, description="Extension: the same seed, template and generator give the same worlds."
+    )
+
+
+class CreateWorldGenerationJobResponse(Shape):
+    """The job as it was accepted."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the job.")
+    status: WorldGenerationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    failureCode: WorldGenerationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
+    template: Arn | None = Field(default=None, description="ARN of the template.")
+    worldCount: WorldCount | None = Field(default=None, description="How many worlds were ordered.")
+    tags: TagMap | None = Field(default=None, description="The job's tags.")
+    worldTags: TagMap | None = Field(default=None, description="Tags of the worlds it generates.")
+
+
+class DescribeWorldGenerationJobRequest(Shape):
+    """Asks for one job."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class WorldFailure(Shape):
+    """Worlds that failed for one reason."""
+
+    failureCode: WorldGenerationJobErrorCode | None = Field(default=None, description="The reason's code.")
+    sampleFailureReason: GenericString | None = Field(default=None, description="The reason in words, of one of them.")
+    failureCount: int | None = Field(default=None, description="How many worlds.")
+
+
+WorldFailures = Annotated[list[WorldFailure], ShapeName("WorldFailures", 0, 100)]
+
+
+class FailureSummary(Shape):
+    """Worlds that failed."""
+
+    totalFailureCount: int | None = Field(default=None, description="How many worlds failed.")
+    failures: WorldFailures | None = Field(default=None, description="By reason.")
+
+
+class FinishedWorldsSummary(Shape):
+    """Worlds that are finished, well or badly; grows while the job runs."""
+
+    finishedCount: int | None = Field(default=None, description="Succeeded and failed worlds together.")
+    succeededWorlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds that can be used.")
+    failureSummary: FailureSummary | None = Field(default=None, description="The others.")
+
+
+class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):
+    """One job."""
+
+    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
+    finishedWorldsSummary: FinishedWorldsSummary | None = Field(default=None, description="What became of the worlds.")
+
+
+class ListWorldGenerationJobsRequest(Shape):
+    """Asks for generation jobs, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(
+        default=None, description="Which jobs, by `status` or `templateId`, the template's id; absent: all."
+    )
+
+
+class WorldGenerationJobSummary(Shape):
+    """One generation job in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the job.")
+    template: Arn | None = Field(default=None, description="ARN of the template.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    status: WorldGenerationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    worldCount: WorldCount | None = Field(default=None, description="How many worlds were ordered.")
+    succeededWorldCount: int | None = Field(default=None, description="How many worlds it has made.")
+    failedWorldCount: int | None = Field(default=None, description="How many worlds failed.")
+
+
+WorldGenerationJobSummaries = Annotated[
+    list[WorldGenerationJobSummary], ShapeName("WorldGenerationJobSummaries", 0, 100)
+]
+
+
+class ListWorldGenerationJobsResponse(Shape):
+    """A page of generation jobs."""
+
+    worldGenerationJobSummaries: WorldGenerationJobSummaries = Field(description="Jobs, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class CancelWorldGenerationJobRequest(Shape):
+    """Names the job to cancel."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
+class CancelWorldGenerationJobResponse(Shape):
+    """Empty: the job is cancelled, or has ended before."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateWorldGenerationJob",
+        CreateWorldGenerationJobRequest,
+        CreateWorldGenerationJobResponse,
+        (*CREATE_EXPORT_ERRORS, LIMIT),
+        "Generates worlds from a template.",
+        is_job=True,
+    ),
+    OperationShape(
+        "DescribeWorldGenerationJob",
+        DescribeWorldGenerationJobRequest,
+        DescribeWorldGenerationJobResponse,
+        READ_ERRORS,
+        "Says how far a world generation job is and which worlds it made.",
+    ),
+    OperationShape(
+        "ListWorldGenerationJobs",
+        ListWorldGenerationJobsRequest,
+        ListWorldGenerationJobsResponse,
+        LIST_ERRORS,
+        "Lists world generation jobs, newest first.",
+        result_key="worldGenerationJobSummaries",
+    ),
+    OperationShape(
+        "CancelWorldGenerationJob",
+        CancelWorldGenerationJobRequest,
+        CancelWorldGenerationJobResponse,
+        READ_ERRORS,
+        "Cancels a world generation job; the worlds it has made stay.",
+    ),
+)

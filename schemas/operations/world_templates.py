@@ -1,0 +1,230 @@
+"""World templates: descriptions of floor plans and interiors that worlds are generated from."""
+
+import json
+from typing import Annotated, Any, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import (
+    Arn,
+    ClientRequestToken,
+    GenericString,
+    Json,
+    LastUpdatedAt,
+    MaxResults,
+    PaginationToken,
+    S3Bucket,
+    S3Key,
+    TagMap,
+    Timestamp,
+    exactly_one,
+    text,
+)
+from ..wire.operation_shape import (
+    EXISTS,
+    INTERNAL,
+    INVALID,
+    LIMIT,
+    LIST_ERRORS,
+    NOT_FOUND,
+    READ_ERRORS,
+    THROTTLED,
+    OperationShape,
+)
+
+
+def _as_text(body: object) -> object:
+    if not isinstance(body, dict):
+        return body
+    try:
+        return json.dumps(body, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the mapping has no form in JSON: {error}") from error
+
+
+TemplateName = Annotated[str, ShapeName("TemplateName"), text(0, 255)]
+TemplateBody = Annotated[Json, BeforeValidator(_as_text, json_schema_input_type=Json | dict[str, Any])]
+"""JSON text or, an extension, the body itself as a mapping, which becomes JSON text."""
+
+
+class TemplateLocation(Shape):
+    """An object that holds a template body."""
+
+    s3Bucket: S3Bucket = Field(description="Bucket of the object.")
+    s3Key: S3Key = Field(description="Key of the object.")
+
+
+class CreateWorldTemplateRequest(Shape):
+    """Orders a world template."""
+
+    clientRequestToken: ClientRequestToken | None = Field(
+        default=None, description="Makes the call repeatable: the same token and request give the same template."
+    )
+    name: TemplateName | None = Field(default=None, description="Name for people; any text.")
+    templateBody: TemplateBody | None = Field(default=None, description="The template, as JSON text or as a mapping.")
+    templateLocation: TemplateLocation | None = Field(default=None, description="Object that holds the template.")
+    tags: TagMap | None = Field(default=None, description="Tags for the template.")
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Self:
+        exactly_one(("templateBody", "templateLocation"), (self.templateBody, self.templateLocation))
+        return self
+
+
+class CreateWorldTemplateResponse(Shape):
+    """The template that was made."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the template.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    name: TemplateName | None = Field(default=None, description="Its name.")
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+
+
+class UpdateWorldTemplateRequest(Shape):
+    """Changes a template's name, its body, or both; what is absent stays as it is."""
+
+    template: Arn = Field(description="ARN of the template.")
+    name: TemplateName | None = Field(default=None, description="Its new name; empty: it has none any more.")
+    templateBody: TemplateBody | None = Field(default=None, description="Its new body, as JSON text or as a mapping.")
+    templateLocation: TemplateLocation | None = Field(default=None, description="Object that holds its new body.")
+
+    @model_validator(mode="after")
+    def _some_change(self) -> Self:
+        if self.templateBody is not None and self.templateLocation is not None:
+            raise ValueError("templateBody and templateLocation are both given; leave one of them out")
+        if (self.name, self.templateBody, self.templateLocation) == (None, None, None):
+            raise ValueError("nothing is to be changed; give name, templateBody or templateLocation")
+        return self
+
+
+class UpdateWorldTemplateResponse(Shape):
+    """The template as it is now."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the template.")
+    name: TemplateName | None = Field(default=None, description="Its name.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed: now.")
+
+
+class DescribeWorldTemplateRequest(Shape):
+    """Asks for one template, without its body."""
+
+    template: Arn = Field(description="ARN of the template.")
+
+
+class DescribeWorldTemplateResponse(Shape):
+    """One template, without its body."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the template.")
+    clientRequestToken: ClientRequestToken | None = Field(default=None, description="Token it was made with.")
+    name: TemplateName | None = Field(default=None, description="Its name.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
+    tags: TagMap | None = Field(default=None, description="Its tags.")
+    version: GenericString | None = Field(default=None, description='Version of the body\'s form: "1" or "2".')
+
+
+class GetWorldTemplateBodyRequest(Shape):
+    """Asks for a template's body."""
+
+    template: Arn | None = Field(default=None, description="ARN of the template whose present body is wanted.")
+    generationJob: Arn | None = Field(
+        default=None, description="ARN of the generation job whose body, as it was then, is wanted."
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        exactly_one(("template", "generationJob"), (self.template, self.generationJob))
+        return self
+
+
+class GetWorldTemplateBodyResponse(Shape):
+    """A template's body."""
+
+    templateBody: Json | None = Field(default=None, description="The body, JSON text.")
+
+
+class ListWorldTemplatesRequest(Shape):
+    """Asks for templates, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+
+
+class TemplateSummary(Shape):
+    """One template in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the template.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
+    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
+    name: TemplateName | None = Field(default=None, description="Its name.")
+    version: GenericString | None = Field(default=None, description='Version of the body\'s form: "1" or "2".')
+
+
+TemplateSummaries = Annotated[list[TemplateSummary], ShapeName("TemplateSummaries")]
+
+
+class ListWorldTemplatesResponse(Shape):
+    """A page of templates."""
+
+    templateSummaries: TemplateSummaries | None = Field(default=None, description="Templates, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class DeleteWorldTemplateRequest(Shape):
+    """Names the template to delete."""
+
+    template: Arn = Field(description="ARN of the template.")
+
+
+class DeleteWorldTemplateResponse(Shape):
+    """Empty: the template is gone."""
+
+
+OPERATIONS = (
+    OperationShape(
+        "CreateWorldTemplate",
+        CreateWorldTemplateRequest,
+        CreateWorldTemplateResponse,
+        (INVALID, EXISTS, NOT_FOUND, LIMIT, THROTTLED, INTERNAL),
+        "Keeps a description that worlds can be generated from.",
+    ),
+    OperationShape(
+        "UpdateWorldTemplate",
+        UpdateWorldTemplateRequest,
+        UpdateWorldTemplateResponse,
+        READ_ERRORS,
+        "Changes a world template; what was made from it before stays as it is.",
+    ),
+    OperationShape(
+        "DescribeWorldTemplate",
+        DescribeWorldTemplateRequest,
+        DescribeWorldTemplateResponse,
+        READ_ERRORS,
+        "Says what is known of a world template.",
+    ),
+    OperationShape(
+        "GetWorldTemplateBody",
+        GetWorldTemplateBodyRequest,
+        GetWorldTemplateBodyResponse,
+        READ_ERRORS,
+        "Gives a world template's body, as it is or as a generation job used it.",
+    ),
+    OperationShape(
+        "ListWorldTemplates",
+        ListWorldTemplatesRequest,
+        ListWorldTemplatesResponse,
+        LIST_ERRORS,
+        "Lists world templates, newest first.",
+        result_key="templateSummaries",
+    ),
+    OperationShape(
+        "DeleteWorldTemplate",
+        DeleteWorldTemplateRequest,
+        DeleteWorldTemplateResponse,
+        READ_ERRORS,
+        "Deletes a world template; its worlds and jobs stay.",
+    ),
+)

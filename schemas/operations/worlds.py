@@ -1,0 +1,96 @@
+"""Worlds: what generation jobs leave behind."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
+from ..wire.operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
+
+
+class DescribeWorldRequest(Shape):
+    """Asks for one world."""
+
+    world: Arn = Field(description="ARN of the world.")
+
+
+class DescribeWorldResponse(Shape):
+    """One world."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the world.")
+    generationJob: Arn | None = Field(default=None, description="ARN of the job that generated it.")
+    template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
+    tags: TagMap | None = Field(default=None, description="Its tags: the job's `worldTags`, and later changes.")
+    worldDescriptionBody: Json | None = Field(
+        default=None,
+        description="JSON text that describes the world: plan, doors, furniture, seeds and what was proven of it.",
+    )
+
+
+class ListWorldsRequest(Shape):
+    """Asks for worlds, newest first."""
+
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    filters: Filters | None = Field(
+        default=None,
+        description="Which worlds: by `generationJobId` or `templateId`, the id of what they came from, or by "
+        "`status`, which is `Active` for every world; absent: all.",
+    )
+
+
+class WorldSummary(Shape):
+    """One world in a list."""
+
+    arn: Arn | None = Field(default=None, description="ARN of the world.")
+    createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
+    generationJob: Arn | None = Field(default=None, description="ARN of the job that generated it.")
+    template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
+
+
+WorldSummaries = Annotated[list[WorldSummary], ShapeName("WorldSummaries")]
+
+
+class ListWorldsResponse(Shape):
+    """A page of worlds."""
+
+    worldSummaries: WorldSummaries | None = Field(default=None, description="Worlds, newest first.")
+    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+
+
+class BatchDeleteWorldsRequest(Shape):
+    """Names the worlds to delete."""
+
+    worlds: Arns = Field(description="ARNs of the worlds, 1 to 100.")
+
+
+class BatchDeleteWorldsResponse(Shape):
+    """What was not deleted."""
+
+    unprocessedWorlds: AnsweredArns | None = Field(
+        default=None, description="ARNs of the worlds that do not exist or could not be deleted."
+    )
+
+
+OPERATIONS = (
+    OperationShape(
+        "DescribeWorld", DescribeWorldRequest, DescribeWorldResponse, READ_ERRORS, "Says what a world holds."
+    ),
+    OperationShape(
+        "ListWorlds",
+        ListWorldsRequest,
+        ListWorldsResponse,
+        LIST_ERRORS,
+        "Lists worlds, newest first.",
+        result_key="worldSummaries",
+    ),
+    OperationShape(
+        "BatchDeleteWorlds",
+        BatchDeleteWorldsRequest,
+        BatchDeleteWorldsResponse,
+        LIST_ERRORS,
+        "Deletes worlds, with what is stored of them.",
+    ),
+)

@@ -1,0 +1,79 @@
+"""What a report shows; the input of `prefect_robomaker.tasks.reporting`."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ..runs.plan import RunResult
+from ..wire.base import Model
+
+RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
+
+
+class ReportedFile(Model):
+    """A stored file a reader may want to open."""
+
+    name: str = Field(description="Path below the job's output prefix.")
+    uri: str = Field(description="Where it is: `file:///…` or `s3://…`.")
+    size_bytes: int = Field(description="Size.")
+
+
+class ReportedStep(Model):
+    """One step of the pipeline."""
+
+    name: str = Field(description="The step's name in the specification.")
+    operation: str = Field(description="The operation it called.")
+    status: str = Field(description="Resource status, or `Completed` for quick operations.")
+    duration_s: float = Field(description="Wall-clock time.")
+    detail: str = Field(default="", description="ARN it made, or the error.")
+
+
+class ReportedWorld(Model):
+    """One world."""
+
+    arn: str = Field(description="The world's ARN.")
+    label: str = Field(description="Short name for people: `generation-…/world-3`.")
+    world_json: Path = Field(description="`world.json` on this machine.")
+    floorplan_svg: str = Field(description="Content of `floorplan.svg`.")
+    preview_png: bytes = Field(description="Content of `preview.png`; empty if there is none.")
+
+
+class ReportedJob(Model):
+    """One simulation job, or a request of a batch that never became one."""
+
+    label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    step: str | None = Field(default=None, description="The step that made it.")
+    arn: str | None = Field(default=None, description="The job's ARN.")
+    status: str = Field(description="The job's status, or `NotCreated`.")
+    failure_code: str | None = Field(default=None, description="The service's failure code.")
+    failure_reason: str | None = Field(default=None, description="In words.")
+    log_tail: str = Field(
+        default="", description="Last lines of its log, where `failure_reason` does not already end with them."
+    )
+    world_arn: str | None = Field(default=None, description="World it drove in.")
+    application: str | None = Field(
+        default=None, description="Name of its robot application, else of its simulation application."
+    )
+    seed: int | None = Field(default=None, description="Seed that it was given; absent when it never became a job.")
+    result: RunResult | None = Field(default=None, description="Content of result.json, when there is one.")
+    poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
+    files: list[ReportedFile] = Field(default=[], description="Published outputs.")
+    duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
+
+
+class Report(Model):
+    """One run of a specification."""
+
+    name: str = Field(description="Name of the specification.")
+    run_id: str = Field(description="Id of this run of it.")
+    state: RunState = Field(description="How it ended as a whole.")
+    started_at: datetime = Field(description="Start, UTC.")
+    ended_at: datetime = Field(description="End, UTC.")
+    steps: list[ReportedStep] = Field(description="In the order they ran.")
+    worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
+    jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
+    command: str = Field(description="The command that runs it again.")
+    where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
+    versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")

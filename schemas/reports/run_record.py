@@ -1,0 +1,74 @@
+"""The record of one run of a specification: `run.json` in its run folder, and what `robomaker run -o json` prints."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from ..runs.plan import Verdict
+from ..wire.base import Model
+from .report import RunState
+
+EXIT_CODES: dict[RunState, int] = {"succeeded": 0, "failed": 1, "broken": 3, "canceled": 4, "timed out": 5}
+"""What the command line ends with, by how the run ended."""
+
+
+class StepRecord(Model):
+    """One step, as it went."""
+
+    name: str = Field(description="The step's name in the specification.")
+    operation: str = Field(description="The operation it called.")
+    status: str = Field(
+        description="The resource's terminal status, `Completed` for quick operations, `Failed`, or `Skipped` when an "
+        "earlier step's failure kept it from starting."
+    )
+    started_at: datetime | None = Field(default=None, description="Start, UTC; absent when it was skipped.")
+    ended_at: datetime | None = Field(default=None, description="End, UTC; absent when it was skipped.")
+    arn: str | None = Field(default=None, description="The resource it made.")
+    output: dict[str, Any] = Field(
+        default={}, description="What references see: the operation's response, or a job's final Describe response."
+    )
+    error: str | None = Field(default=None, description="Why it failed, in words.")
+
+
+class JobRecord(Model):
+    """One simulation job, in short."""
+
+    arn: str | None = Field(default=None, description="The job's ARN; absent when no job came of the request.")
+    label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    status: str = Field(description="The job's status, or `NotCreated`.")
+    verdict: Verdict | None = Field(default=None, description="The simulation's verdict; absent when there is none.")
+    world: str | None = Field(default=None, description="The world it drove in: a short name for people, or an ARN.")
+    rooms_visited: int | None = Field(default=None, description="Rooms the robot was in.")
+    rooms_total: int | None = Field(default=None, description="Rooms of the world.")
+    duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
+    verdict_reason: str | None = Field(
+        default=None, description="Why the verdict is FAIL: what was found and what was asked for."
+    )
+    remarks: list[str] = Field(
+        default=[], description="What it asked for and could not be made, such as a video; the run went on without."
+    )
+    failure_code: str | None = Field(default=None, description="The service's failure code.")
+    failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
+    metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
+    output_uri: str | None = Field(default=None, description="Where its outputs are.")
+
+
+class RunRecord(Model):
+    """One run of a specification."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    run_id: str = Field(description="Id of this run.")
+    name: str = Field(description="Name of the specification.")
+    spec_path: str = Field(description="The file that was run.")
+    command: list[str] = Field(default=[], description="The command that runs it again.")
+    state: RunState = Field(description="How it ended as a whole.")
+    exit_code: int = Field(description="What the command line ends with, `EXIT_CODES[state]`.")
+    started_at: datetime = Field(description="Start, UTC.")
+    ended_at: datetime = Field(description="End, UTC.")
+    steps: list[StepRecord] = Field(description="In the order they ran.")
+    jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
+    versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
+    report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
+    run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")

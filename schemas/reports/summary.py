@@ -1,0 +1,85 @@
+"""A report in numbers: what `robomaker report -o json` prints, and JUnit files are made from."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ..runs.plan import Requirement
+from ..runs.programs import ToolEnds
+from ..wire.base import Model
+from .report import RunState
+
+CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
+
+
+class Share(Model):
+    """How many of some things went well, with what that says about all such things."""
+
+    name: str = Field(description="What was counted: a requirement, a world, a room; empty for all jobs.")
+    passed: int = Field(description="Went well.")
+    failed: int = Field(description="Went badly.")
+    errors: int = Field(default=0, description="Could not be judged, since something broke; not part of the rate.")
+    rate: float | None = Field(default=None, description="passed / (passed + failed); absent when that is 0 / 0.")
+    low: float | None = Field(default=None, description="Lower end of the 95 % Wilson score interval of the rate.")
+    high: float | None = Field(default=None, description="Upper end of it.")
+    worst_margin: float | None = Field(
+        default=None, description="Of a requirement: the smallest margin that was left, negative when it was missed."
+    )
+    unit: str | None = Field(default=None, description="Unit of the margin.")
+    worst_job: str | None = Field(default=None, description="Job with the smallest margin.")
+
+
+class JobCase(Model):
+    """One simulation job, or a request that became none."""
+
+    name: str = Field(description="Job id, or `request 3`.")
+    test: str = Field(
+        description="What it is called in every run of the specification, once in its step: world or number of the "
+        "request, and application."
+    )
+    arn: str | None = Field(default=None, description="The job's ARN.")
+    outcome: CaseOutcome = Field(description="What became of it: FAIL is `failed`, ERROR is `broken`.")
+    reason: str = Field(default="", description="Why it failed or broke; first line short.")
+    failure_code: str | None = Field(default=None, description="The service's failure code.")
+    time_s: float = Field(description="Wall-clock time.")
+    sim_time_s: float | None = Field(default=None, description="Simulated time.")
+    seed: int | None = Field(default=None, description="Seed of the run.")
+    world: str | None = Field(default=None, description="World it drove in.")
+    output: str | None = Field(default=None, description="Where its outputs are.")
+    requirements: list[Requirement] = Field(default=[], description="What it was judged by.")
+    remarks: list[str] = Field(default=[], description="What it asked for and had to do without, such as a video.")
+    tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
+    metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
+
+
+class StepSuite(Model):
+    """The jobs of one step of the pipeline."""
+
+    name: str = Field(description="The step.")
+    operation: str = Field(description="The operation it called.")
+    status: str = Field(description="Status of the resource it made.")
+    error: str = Field(default="", description="Why the step itself failed; empty when it did not.")
+    time_s: float = Field(description="Wall-clock time.")
+    jobs: list[JobCase] = Field(description="Failures first, then in request order.")
+
+
+class ReportSummary(Model):
+    """One run of a specification, in numbers."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    name: str = Field(description="Name of the specification.")
+    run_id: str = Field(description="Id of the run.")
+    state: RunState = Field(description="How it ended as a whole.")
+    started_at: datetime = Field(description="Start, UTC.")
+    time_s: float = Field(description="Wall-clock time.")
+    counts: dict[CaseOutcome, int] = Field(description="Jobs by outcome.")
+    success: Share = Field(description="All jobs that were judged.")
+    success_with_errors: Share = Field(description="The same if what broke counted as failed.")
+    requirements: list[Share] = Field(description="By requirement, the worst first.")
+    worlds: list[Share] = Field(description="Jobs by world, the worst first.")
+    rooms: list[Share] = Field(description="Visits by name of the room, the worst first.")
+    steps: list[StepSuite] = Field(description="Steps that made jobs or failed, in order.")
+    report_path: Path | None = Field(default=None, description="The HTML report.")
+    junit_path: Path | None = Field(default=None, description="The JUnit file.")

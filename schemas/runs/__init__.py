@@ -1,0 +1,16 @@
+"""Runs as data: the plan, programs, variables, requirements, results, provenance, manifest and `robot.yaml`.
+
+May import: `schemas.wire`.
+"""
+
+__all__ = [
+    "failure_state",
+    "manifest",
+    "plan",
+    "programs",
+    "provenance",
+    "requirements",
+    "robot_yaml",
+    "variables",
+    "verification",
+]

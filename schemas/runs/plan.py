@@ -1,0 +1,247 @@
+"""The contract between whoever orders a simulation run and the process that carries it out.
+
+`RunPlan` goes in; a folder of outputs and a `RunOutcome` come out. `RunResult` is the content of
+`result.json` in that folder.
+
+| file in the output folder | content |
+| --- | --- |
+| `result.json` | `RunResult` |
+| `recording.mcap`, `metadata.yaml` | ROS 2 messages, as a rosbag2 |
+| `foxglove-layout.json` | how Foxglove shows them |
+| `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
+| `actions.bin` | what a robot application that is a program did, step by step |
+| `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
+| `logs/<program>.stdout.log`, `….stderr.log` | what a program of the run printed |
+| `video.mp4`, `poster.png` | when asked for |
+| `last-10s.mp4` | of a run that failed, when asked for |
+| `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
+"""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ..wire.base import Model, ShapeName
+from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
+from .requirements import JobRequirements
+
+Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
+VideoPolicy = Annotated[Literal["none", "on-failure", "always"], ShapeName("VideoPolicy")]
+
+
+class ApplicationPlan(Model):
+    """One application, resolved to something that can be imported, or to one of the plan's programs."""
+
+    role: ApplicationRole = Field(description="Robot application (makes an agent) or simulation application.")
+    name: str = Field(description="The application's name in the catalog.")
+    attribute: str | None = Field(
+        default=None,
+        description="Dotted path of the factory, `package.module.make_environment` or `….make_agent`; "
+        "absent: the application is a program of the plan.",
+    )
+    path: Path | None = Field(
+        default=None,
+        description="Folder to import it from (an unpacked bundle), or that its program is from; absent: installed.",
+    )
+    package: str | None = Field(
+        default=None,
+        description="Installed package that a program is of; absent: it is a bundle, an image or no program.",
+    )
+    environment_variables: dict[str, str] = Field(
+        default={},
+        description="The launch configuration's variables; of a container those that set how a run goes.",
+    )
+
+
+class RecordedActions(Model):
+    """What takes the place of a robot application's program in a rerun."""
+
+    path: Path = Field(description="The run's `actions.bin`.")
+    ended_by: Literal["agent", "duration limit"] | None = Field(
+        default=None, description="What ends the rerun after the last of them; absent: it fails, as the run did."
+    )
+
+
+class RunPlan(Model):
+    """Everything one simulation run needs, on this machine, resolved."""
+
+    job_id: str = Field(description="The simulation job's id, `sim-…`.")
+    job_arn: str = Field(description="The simulation job's ARN.")
+    run_id: str = Field(description="Id of this run of the job.")
+    seed: int = Field(ge=0, description="Seed of the run's random generators.")
+    max_duration_s: float = Field(gt=0, description="Wall-clock limit; reaching it ends the job normally.")
+    world_dir: Path | None = Field(default=None, description="World bundle to drive in, read-only.")
+    data_dir: Path | None = Field(default=None, description="Folder that holds the job's data sources, read-only.")
+    root_dir: Path | None = Field(
+        default=None,
+        description="The job's own root: its `/home/robomaker/x` is `<root_dir>/home/robomaker/x` here; "
+        "absent: applications get none.",
+    )
+    work_dir: Path = Field(description="Scratch folder, the process's working directory.")
+    output_dir: Path = Field(description="Where outputs are written.")
+    checkpoint_dir: Path | None = Field(
+        default=None, description="Where checkpoints are kept, and continued from if there are any; absent: none."
+    )
+    checkpoint_every_s: float | None = Field(
+        default=5.0, gt=0, description="Simulated time between two checkpoints; absent: none are made."
+    )
+    simulation_application: ApplicationPlan | None = Field(
+        default=None, description="Makes the environment; absent: `indoor-navigation`."
+    )
+    robot_application: ApplicationPlan | None = Field(default=None, description="Makes the agent; absent: `scout`.")
+    environment: dict[str, str] = Field(
+        default={},
+        description="Variables of every process of the run, over those that the launcher keeps of its own and under "
+        "those of launch configurations.",
+    )
+    programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
+    ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
+    compute: ComputeLimits = Field(default=ComputeLimits(), description="What it may use of the machine.")
+    found: FoundFiles | None = Field(
+        default=None, description="What its folders hold already; absent: it is measured when the run begins."
+    )
+    failure_behavior: FailureBehavior = Field(
+        default="Fail", description="Whether a crash ends the run, or its other programs go on (`Continue`)."
+    )
+    record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
+    video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
+    live_view_port: int | None = Field(
+        default=None,
+        ge=0,
+        le=65535,
+        description="Port on 127.0.0.1 of a page that shows the run while it goes on; 0: any free one; absent: none.",
+    )
+    requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
+
+    recorded_actions: RecordedActions | None = Field(
+        default=None, description="Of a rerun: what is done in place of the robot application's program."
+    )
+    end_at_s: float | None = Field(
+        default=None, ge=0, description="Simulated time at which a rerun ends, of a run that was stopped from outside."
+    )
+
+    @property
+    def has_episode(self) -> bool:
+        """Whether a process of the run steps a `dm_env` environment; otherwise it only has programs.
+
+        A job without a simulation application means `indoor-navigation`, unless its robot application is a
+        program: that runs alone.
+        """
+        if self.simulation_application is not None:
+            return self.simulation_application.attribute is not None
+        return self.robot_application is None or self.robot_application.attribute is not None
+
+    @property
+    def has_robot_program(self) -> bool:
+        """Whether a program drives the environment, over a socket."""
+        return self.has_episode and self.robot_application is not None and self.robot_application.attribute is None
+
+    @property
+    def is_rerun(self) -> bool:
+        """Whether it ends where another run ended, also where that one was stopped from outside."""
+        return self.end_at_s is not None or self.recorded_actions is not None
+
+
+class RunOutcome(Model):
+    """How a run ended."""
+
+    status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
+    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
+    failure_reason: str | None = Field(default=None, description="In words, ending with the last log lines.")
+    started_at: datetime = Field(description="When the process began to run.")
+    ended_at: datetime = Field(description="When its process group was gone.")
+    timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")
+    finished: bool = Field(
+        default=False,
+        description="Whether it wrote its outputs to the end; not when it crashed or had to be killed.",
+    )
+
+
+class Requirement(Model):
+    """One thing the verdict depends on."""
+
+    name: str = Field(description="Short name, `rooms_visited`.")
+    satisfied: bool = Field(description="Whether it held.")
+    detail: str = Field(description="Value found and value asked for, in words.")
+    kind: str | None = Field(default=None, description="What kind of requirement; absent: the environment's own.")
+    error: str | None = Field(
+        default=None, description="Why it could not be judged; the verdict is ERROR then. Absent: it was judged."
+    )
+    counts: bool = Field(
+        default=True,
+        description="Whether the verdict depends on it; what an environment asks for beyond the goals at which the "
+        "job ends its run does not.",
+    )
+    value: float | None = Field(default=None, description="The worst value found.")
+    limit: float | None = Field(default=None, description="The value asked for.")
+    unit: str | None = Field(default=None, description="Unit of value, limit and margin: `m`, `N`, `s`.")
+    margin: float | None = Field(
+        default=None, description="How far the value is on the right side of the limit; negative: on the wrong one."
+    )
+    first_violation_s: float | None = Field(
+        default=None, description="Simulated time at which it was first found violated; absent: never."
+    )
+
+
+class RoomVisit(Model):
+    """Whether and when the robot was in a room."""
+
+    name: str = Field(description="Room.")
+    visited: bool = Field(description="Whether the robot's middle was inside.")
+    first_visit_s: float | None = Field(default=None, description="Simulated time of the first visit.")
+
+
+class Collision(Model):
+    """One touch of the robot with something other than the floor, from contact to separation."""
+
+    time_s: float = Field(description="Simulated time of the first contact.")
+    duration_s: float = Field(description="How long it lasted.")
+    x: float = Field(description="Robot position at first contact.")
+    y: float = Field(description="Robot position at first contact.")
+    other: str = Field(description="What was touched: a furniture id, `wall`, or a body's name.")
+    max_force_N: float = Field(description="Largest normal force.")
+
+
+_WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the recording"}
+"""Entries of `extra` that say why there is something missing, and what."""
+
+
+class RunResult(Model):
+    """Content of `result.json`."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    verdict: Verdict = Field(
+        description="PASS, FAIL (the robot did badly), ERROR (something broke, so that it could not be judged), or "
+        "NONE when nothing is judged."
+    )
+    summary: str = Field(default="", description="One sentence for a person.")
+    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    metrics: dict[str, float] = Field(
+        default={}, description="Numbers by name with unit: `distance_m`, `sim_time_s`, `collisions`, …"
+    )
+    rooms: list[RoomVisit] = Field(default=[], description="Rooms, in the world's order.")
+    collisions: list[Collision] = Field(default=[], description="At most 200, in order.")
+    path: list[tuple[float, float, float]] = Field(
+        default=[], description="(simulated time in s, x, y) of the robot, at most 600 points."
+    )
+    sim_time_s: float = Field(description="Simulated time at the end.")
+    wall_time_s: float = Field(description="Wall-clock time spent stepping.")
+    real_time_factor: float = Field(description="`sim_time_s / wall_time_s`.")
+    ended_by: str = Field(
+        description="`environment`, `agent`, `requirements`, `application` (a program, in a run without an episode), "
+        "`duration limit` or `canceled`."
+    )
+    seed: int = Field(description="Seed of the run.")
+    versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
+    state_digest: str | None = Field(
+        default=None, description="Digest of all states of the physics; absent when there is no physics."
+    )
+    tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
+    extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the job asked for and could not be made, without which the run went on; a line each."""
+        return [f"{what}: {self.extra[name]}" for name, what in _WENT_ON_WITHOUT.items() if self.extra.get(name)]

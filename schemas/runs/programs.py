@@ -1,0 +1,78 @@
+"""Programs of a simulation run: applications that are processes of their own, and tools beside them."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from ..wire.job_configs import ExitBehavior
+
+ApplicationRole = Literal["robot", "simulation"]
+ProgramKind = Literal["application", "tool"]
+FailureBehavior = Literal["Fail", "Continue"]
+DISK_BYTES = 128 * 10**9
+"""The disk that a job of the service had."""
+
+
+class ProgramPlan(Model):
+    """One program, resolved to something that can be executed on this machine."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_.-]+$",
+        description="Unique in the run; names its logs: `robot`, `simulation`, `robot-<tool>`.",
+    )
+    role: ApplicationRole = Field(description="The application that it is, or beside which it runs.")
+    kind: ProgramKind = Field(description="An application, whose end ends the job, or a tool.")
+    argv: list[str] = Field(min_length=1, description="Program and arguments, as for `execvpe`.")
+    folder: Path = Field(description="Its working directory.")
+    image_id: str | None = Field(
+        default=None,
+        description="Of an application that is a container: the SHA-256 by which the engine knows its image.",
+    )
+    environment: dict[str, str] = Field(
+        default={}, description="Variables besides those that every process of the run has."
+    )
+    exit_behavior: ExitBehavior = Field(default="FAIL", description="Of a tool: what its end means.")
+    cleanup_argv: list[str] | None = Field(
+        default=None, description="Ends what killing the process does not reach, such as `docker rm -f NAME`."
+    )
+
+
+class ToolEnds(Model):
+    """A tool that ended while its run went on, and was started again."""
+
+    role: ApplicationRole = Field(description="The application beside which it ran.")
+    name: str = Field(description="Its name in the request.")
+    ends: int = Field(ge=1, description="How often it ended, or could not be started.")
+    last_end: str = Field(description="How it ended the last time, in words: `exited with code 1`.")
+
+    def __str__(self) -> str:
+        """All of it in words, without whose tool it is: `ended 14 times, and last exited with code 1`."""
+        return self.last_end if self.ends == 1 else f"ended {self.ends} times, and last {self.last_end}"
+
+
+class PortPlan(Model):
+    """One port of an application that is reachable under another number, on this machine only."""
+
+    job_port: int = Field(ge=1, le=65535, description="Port on 127.0.0.1.")
+    application_port: int = Field(ge=1024, le=65535, description="Port that the application listens on.")
+
+
+class ComputeLimits(Model):
+    """What a run may use of the machine."""
+
+    cpus: int | None = Field(default=None, ge=1, description="Processor cores at most; absent: all there are.")
+    memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
+    processes: int | None = Field(default=1024, ge=1, description="Processes and threads at once; absent: no limit.")
+    disk_bytes: int | None = Field(
+        default=DISK_BYTES, gt=0, description="What it may write into its folders; absent: no limit."
+    )
+    gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")
+
+
+class FoundFiles(Model):
+    """What a run's folders held before anything of it ran: data sources, copied bundles, files of images."""
+
+    size_bytes: int = Field(ge=0, description="What they took on the disk, which is not what the run used.")
+    at_s: float = Field(description="When that was, in seconds since 1970.")

@@ -1,0 +1,223 @@
+"""`robot.yaml`: what a robot's MJCF or URDF does not say and a simulation has to know.
+
+The document's form depends on `drive.kind`, so that a mistake in it is told once and about the right members.
+"""
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field
+
+from ..wire.base import Model
+
+PartName = Annotated[str, Field(min_length=1, max_length=200)]
+Gain = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+Length = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
+
+
+class RobotFootprint(Model):
+    """The robot from above."""
+
+    radius_m: Length = Field(
+        description="Radius of the disc around the base's origin that holds all of the robot; metres."
+    )
+
+
+class RobotSpawn(Model):
+    """How the robot stands at the start."""
+
+    height_m: Metres = Field(description="Height of the base's origin over the floor; metres.")
+    joints: dict[str, float] = Field(
+        default={},
+        description="Positions of joints by name, radians or metres; others are at 0, or as in the keyframe.",
+    )
+    keyframe: PartName | None = Field(
+        default=None, description="Name of a keyframe of the MJCF whose joint positions are taken."
+    )
+
+
+class AddedActuator(Model):
+    """An actuator that the model file does not have; a URDF has none."""
+
+    joint: PartName = Field(description="Joint that it moves.")
+    kind: Literal["velocity", "position", "motor"] = Field(
+        description="What it is told: `velocity` rad/s or m/s, `position` rad or m, `motor` N·m or N."
+    )
+    name: PartName | None = Field(default=None, description="Its name; absent: the joint's.")
+    gain: Gain = Field(
+        default=1.0,
+        description="Torque per error: N·m·s/rad (velocity), N·m/rad (position), or N·m per unit of control (motor).",
+    )
+    damping: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(
+        default=0.0, description="N·m·s/rad, of a position actuator."
+    )
+    force_limit: Gain | None = Field(default=None, description="Largest torque or force, N·m or N; absent: no limit.")
+    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="Smallest and largest control; absent: no limit."
+    )
+    armature: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = Field(
+        default=None, description="Inertia of the motor's rotor as the joint feels it, kg·m²; absent: as in the model."
+    )
+
+
+class DriveLimits(Model):
+    """What the robot can do; commands are clipped to it, and planners keep to it."""
+
+    max_linear_mps: Annotated[float, Field(gt=0, le=20, allow_inf_nan=False)] = Field(
+        description="Largest forward velocity, m/s."
+    )
+    max_angular_radps: Annotated[float, Field(gt=0, le=50, allow_inf_nan=False)] = Field(
+        description="Largest turning rate, rad/s."
+    )
+    max_linear_mps2: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)] = Field(
+        default=1.2, description="Largest change of the forward velocity, m/s²."
+    )
+    max_angular_radps2: Annotated[float, Field(gt=0, le=500, allow_inf_nan=False)] = Field(
+        default=8.0, description="Largest change of the turning rate, rad/s²."
+    )
+
+
+class DifferentialDriveModel(DriveLimits):
+    """Wheels on the left and on the right; actions are (m/s, rad/s)."""
+
+    kind: Literal["differential"] = Field(description="`differential`.")
+    left: Annotated[list[PartName], Field(min_length=1)] = Field(
+        description="Wheels on the left: names of joints, or of velocity actuators."
+    )
+    right: Annotated[list[PartName], Field(min_length=1)] = Field(description="Wheels on the right, likewise.")
+    wheel_radius_m: Length = Field(description="Radius of the wheels, metres.")
+    track_width_m: Length = Field(description="Distance between the left and the right wheels' middles, metres.")
+
+
+class VelocityDriveModel(DriveLimits):
+    """Velocity actuators that move the base over the floor; actions are (m/s, rad/s)."""
+
+    kind: Literal["velocity"] = Field(description="`velocity`.")
+    frame: Literal["world", "base"] = Field(
+        description="`world`: x and y move slides along the world's axes, yaw a hinge; `base`: x pushes forward."
+    )
+    x: PartName = Field(description="Joint or velocity actuator, m/s.")
+    y: PartName | None = Field(
+        default=None, description="Joint or velocity actuator, m/s; needed in the world's frame."
+    )
+    yaw: PartName = Field(description="Joint or velocity actuator, rad/s.")
+
+
+class ActuatorsDriveModel(Model):
+    """No drive: actions are the actuators' own controls, in the model's order."""
+
+    kind: Literal["actuators"] = Field(description="`actuators`.")
+    max_linear_mps: Annotated[float, Field(gt=0, le=20, allow_inf_nan=False)] = Field(
+        default=1.0, description="Forward velocity that it will not pass, m/s, for those who plan."
+    )
+    max_angular_radps: Annotated[float, Field(gt=0, le=50, allow_inf_nan=False)] = Field(
+        default=1.0, description="Likewise, turning rate, rad/s."
+    )
+
+
+class RobotLidar(Model):
+    """A level lidar over the base's middle; its height counts, not where else it is mounted."""
+
+    at: PartName | None = Field(default=None, description="Site or body (link) whose height it has.")
+    height_m: Length | None = Field(default=None, description="Height over the floor instead, metres.")
+    rate_hz: Literal[1, 2, 4, 5, 10, 20] = Field(default=5, description="Scans per second; robots act 20 times.")
+    rays: Annotated[int, Field(ge=2, le=4096)] = Field(default=360, description="Rays in a scan.")
+    field_of_view_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] = Field(
+        default=360.0, description="Angle that the rays are spread over, half of it on each side of x, degrees."
+    )
+    range_min_m: Metres = Field(default=0.06, description="Shortest distance that it measures, metres.")
+    range_max_m: Length = Field(default=3.5, description="What is farther away is not seen, metres.")
+    noise_std_m: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = Field(
+        default=0.005, description="Standard deviation of a distance, metres."
+    )
+
+
+class RobotImu(Model):
+    """A gyro and an accelerometer: those of the model, or new ones in a body."""
+
+    at: PartName | None = Field(default=None, description="Site or body (link) that gets a gyro and an accelerometer.")
+    gyro: PartName | None = Field(default=None, description="Name of the model's gyro instead.")
+    accelerometer: PartName | None = Field(default=None, description="Name of the model's accelerometer instead.")
+
+
+class RobotCamera(Model):
+    """A camera that the model does not have."""
+
+    name: PartName = Field(description="Its name.")
+    at: PartName = Field(description="Body (link) that it is on; it looks along its x axis, z is up.")
+    fovy_deg: Annotated[float, Field(gt=0, lt=180)] = Field(
+        default=60.0, description="Vertical field of view, degrees."
+    )
+
+
+class RobotSensors(Model):
+    """What the robot senses besides its joints."""
+
+    lidar: RobotLidar | None = Field(default=None, description="Lidar, and sensors in the bumper; absent: none.")
+    bumper_height_m: Length = Field(
+        default=0.04, description="Height over the floor of the 15 range sensors that come with a lidar, metres."
+    )
+    imu: RobotImu | None = Field(default=None, description="Gyro and accelerometer; absent: none.")
+    cameras: list[RobotCamera] = Field(default=[], description="Cameras to add; those of an MJCF are there anyway.")
+
+
+class RobotModelHead(Model):
+    """What every `robot.yaml` has besides its drive."""
+
+    version: Literal[1] = Field(description="Version of this document's form: 1.")
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = Field(
+        default=None, description="Short name, comes before the names of its parts in a world; absent: the folder's."
+    )
+    model: Annotated[str, Field(min_length=1)] = Field(
+        description="MJCF or URDF file, relative to this one; `menagerie:<model>/<file>` is one of MuJoCo Menagerie."
+    )
+    base: PartName = Field(description="Body (link) that all others hang on; x points forward, z up.")
+    footprint: RobotFootprint = Field(description="The room that it takes on the floor.")
+    spawn: RobotSpawn = Field(description="How it stands at the start.")
+    actuators: list[AddedActuator] = Field(default=[], description="Actuators to add to the model's own.")
+    sensors: RobotSensors = Field(default=RobotSensors(), description="What it senses.")
+    sliding: list[PartName] = Field(
+        default=[],
+        description="Bodies (links) or geoms that slide over the floor, such as casters made of balls: next to no "
+        "friction.",
+    )
+    joints: list[PartName] | None = Field(
+        default=None, description="Joints to observe and to record; absent: all hinges and slides."
+    )
+    video_camera: PartName | None = Field(
+        default=None, description="Camera for videos; absent: one that follows it is added."
+    )
+
+
+class DifferentialRobotModel(RobotModelHead):
+    """A robot on driven wheels."""
+
+    drive: DifferentialDriveModel = Field(description="How it moves.")
+
+
+class VelocityRobotModel(RobotModelHead):
+    """A robot whose base is moved by velocity actuators."""
+
+    drive: VelocityDriveModel = Field(description="How it moves.")
+
+
+class ActuatorsRobotModel(RobotModelHead):
+    """A robot that is told what its actuators do."""
+
+    drive: ActuatorsDriveModel = Field(description="How it moves.")
+
+
+RobotModel: TypeAlias = DifferentialRobotModel | VelocityRobotModel | ActuatorsRobotModel
+
+ROBOT_MODELS: dict[str, type[RobotModel]] = {
+    "differential": DifferentialRobotModel,
+    "velocity": VelocityRobotModel,
+    "actuators": ActuatorsRobotModel,
+}
+
+
+def robot_model_type(document: Any) -> type[RobotModel]:
+    """The model that a document is to be checked against, by its `drive.kind`; of the first kind when that is amiss."""
+    drive = document.get("drive") if isinstance(document, dict) else None
+    kind = drive.get("kind") if isinstance(drive, dict) else None
+    return ROBOT_MODELS.get(kind, DifferentialRobotModel) if isinstance(kind, str) else DifferentialRobotModel

@@ -1,0 +1,76 @@
+"""What came of running a run again: `robomaker verify`."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+
+Answer = Literal["bit-identical", "diverged", "not comparable"]
+
+RobotRepeat = Literal["factory", "recorded actions", "program"]
+ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
+    "factory": "",
+    "recorded actions": "; with the recorded actions, the robot's program was not run",
+    "program": "; the robot's program was run again",
+}
+"""What the robot was in a rerun, at the end of a sentence."""
+
+EXIT_CODES: dict[Answer, int] = {"bit-identical": 0, "diverged": 1, "not comparable": 3}
+"""What the command line ends with."""
+
+
+class Divergence(Model):
+    """The first difference between two runs."""
+
+    time_s: float = Field(description="Simulated time of the first state that differs.")
+    equal_until_s: float | None = Field(
+        default=None, description="Simulated time of the last state before that is equal; absent: none is."
+    )
+    what: str = Field(description="What differs, in words: a joint with its values, the model, the end.")
+    joint: str | None = Field(default=None, description="The joint that differs most; absent: none is known to.")
+    quantity: Literal["qpos", "qvel"] | None = Field(default=None, description="Which of the joint's numbers.")
+    value: float | None = Field(default=None, description="The number in the run.")
+    value_again: float | None = Field(default=None, description="The number in the rerun.")
+    value_time_s: float | None = Field(default=None, description="Simulated time at which both were kept.")
+
+
+class Verification(Model):
+    """Whether a rerun had the same states as the run."""
+
+    run: str = Field(description="The run, as it was asked for.")
+    job_arn: str = Field(description="ARN of its job.")
+    run_id: str = Field(description="Id of the run.")
+    answer: Answer = Field(description="What came of it.")
+    reasons: list[str] = Field(default=[], description="Why the runs cannot be compared.")
+    divergence: Divergence | None = Field(default=None, description="The first difference.")
+    looks: int = Field(default=0, description="States that were compared.")
+    until_s: float | None = Field(default=None, description="Simulated time of the last of them.")
+    digest: str | None = Field(default=None, description="Digest of the run's states.")
+    digest_again: str | None = Field(default=None, description="Digest of the rerun's states.")
+    robot: RobotRepeat = Field(
+        default="factory",
+        description="What the robot was in the rerun: its factory; where it is a program, what was recorded of it, or "
+        "the program itself.",
+    )
+
+    def __str__(self) -> str:
+        if self.answer == "not comparable":
+            return f"not comparable: {'; '.join(self.reasons)}"
+        how = ROBOT_IN_WORDS[self.robot]
+        if self.divergence is not None:
+            return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}{how}"
+        return f"bit-identical: {self.looks} states over {self.until_s or 0.0:.3f} s{how}"
+
+
+class ReproductionFolder(Model):
+    """What `robomaker repro` wrote."""
+
+    folder: Path = Field(description="Everything the run needs, with its first outputs.")
+    test: Path = Field(description="The test that repeats it.")
+    video: Path | None = Field(default=None, description="Film of the rerun.")
+    ending: str = Field(description="How the rerun ended, in words.")
+    same_ending: bool = Field(description="Whether that is how the run ended.")
+    other_inputs: list[str] = Field(default=[], description="What the rerun was given that the run was not.")
+    robot: RobotRepeat = Field(default="factory", description="What the robot was in the rerun; see `Verification`.")

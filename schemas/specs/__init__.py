@@ -1,0 +1,6 @@
+"""Specifications: YAML text, references and their types, every check before a run, and the JSON Schema.
+
+May import: `schemas.operations`, `schemas.templates`, `schemas.wire`.
+"""
+
+__all__ = ["check", "model", "references", "text", "world_counts"]

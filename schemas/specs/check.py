@@ -1,0 +1,230 @@
+"""Reads a specification and finds everything wrong with it before anything runs."""
+
+import re
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
+from pathlib import PurePath
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from ..operations.registry import OPERATIONS, operation_shape
+from ..wire.errors import Place, Problem, SpecError
+from ..wire.request_problems import nearest, problems_of
+from .inputs import InputCheck
+from .model import REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
+from .reference_kinds import ANYTHING, Kind, Structure
+from .rooms import room_problems
+from .text import Location, MappingNode, Node, ScalarNode, child, key_place, parse, path_text, plain, value_place
+
+_HEAD = ("version", "name", "description")
+
+
+def load_spec(text: str, filename: str) -> CheckedSpec:
+    """Reads and checks a specification: a pipeline, or a single operation.
+
+    A single operation is a file with `operation` and either `input` or the request's members themselves.
+
+    Args:
+      text: the file's content, YAML or JSON.
+      filename: what the problems' places say.
+
+    Raises:
+      SpecError: with everything that is wrong.
+    """
+    root = parse(text, filename)
+    if not isinstance(root, MappingNode):
+        raise SpecError([Problem(root.place, "", "a specification is a mapping with version, name and steps")])
+    if "operation" not in root.entries or "steps" in root.entries:
+        return _Check(root, (), text, filename).run()
+    operation = root.entries["operation"]
+    if not isinstance(root.entries.get("input"), MappingNode):
+        request = {key: node for key, node in root.entries.items() if key != "operation"}
+        return _load_bare(MappingNode(root.place, request, root.key_places), operation, text, filename)
+    step = {key: node for key, node in root.entries.items() if key not in _HEAD}
+    head = {key: node for key, node in root.entries.items() if key in _HEAD}
+    return _load_single(head, MappingNode(root.place, step, root.key_places), text, filename, ())
+
+
+def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
+    """Reads and checks an operation's request, as AWS CLI's `--cli-input-json` and `--cli-input-yaml` take it.
+
+    Args:
+      text: the request, YAML or JSON.
+      filename: what the problems' places say.
+      operation: the operation's name.
+
+    Returns:
+      A specification of one step.
+
+    Raises:
+      SpecError: with everything that is wrong with the request.
+      InvalidParameterException: there is no operation of that name.
+    """
+    operation_shape(operation)
+    root = parse(text, filename)
+    if not isinstance(root, MappingNode):
+        raise SpecError([Problem(root.place, "", f"a request of {operation} is a mapping")])
+    return _load_bare(root, ScalarNode(root.place, operation, operation), text, filename)
+
+
+def _load_bare(request: MappingNode, operation: Node, text: str, filename: str) -> CheckedSpec:
+    """Checks a request without anything around it."""
+    step = MappingNode(request.place, {"operation": operation, "input": request}, request.key_places)
+    return _load_single({}, step, text, filename, ("input",))
+
+
+def _load_single(
+    head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location
+) -> CheckedSpec:
+    """Checks a step without a pipeline around it, by putting one around it that the user does not see."""
+    stem = re.sub(r"[^a-zA-Z0-9_\-]+", "-", PurePath(filename).name.split(".")[0]).strip("-_")[:100] or "request"
+    name = re.sub(r"\W|^(?=\d)", "_", stem)[:63]
+    entries: dict[str, Node] = {
+        "version": ScalarNode(step.place, 1, "1"),
+        "name": ScalarNode(step.place, stem, stem),
+        **head,
+        "steps": MappingNode(step.place, {name: step}, {name: step.place}),
+    }
+    root = MappingNode(step.place, entries, {**step.key_places, "steps": step.place})
+    return _Check(root, ("steps", name, *hidden), text, filename).run()
+
+
+class _Check:
+    """One specification under check."""
+
+    def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str) -> None:
+        self._root = root
+        self._hidden = hidden
+        """What locations begin with, but the user did not write."""
+        self._text = text
+        self._filename = filename
+        self._problems: list[Problem] = []
+
+    def run(self) -> CheckedSpec:
+        """Finds all problems; without any, gives the checked specification."""
+        self._check_document()
+        nodes = self._step_nodes()
+        # A single step has nothing to refer to.
+        scope = {} if self._hidden else {name: self._output_kind(node) for name, node in nodes.items()}
+        steps = {
+            name: step for name, node in nodes.items() if (step := self._check_step(name, node, scope)) is not None
+        }
+        order = self._order(steps)
+        if not self._problems:
+            self._problems.extend(room_problems(steps))
+        if self._problems:
+            raise SpecError(sorted(set(self._problems), key=lambda problem: _position(problem.place)))
+        return CheckedSpec(
+            name=str(plain(self._root.entries["name"])),
+            description=str(plain(self._root.entries["description"])) if "description" in self._root.entries else "",
+            filename=self._filename,
+            text=self._text,
+            steps=steps,
+            order=order,
+        )
+
+    def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
+        place = (key_place if at_key else value_place)(self._root, location)
+        self._problems.append(Problem(place, path_text(self._shown(location)), message))
+
+    def _shown(self, location: Location) -> Location:
+        """A location as the user sees it."""
+        return location[len(self._hidden) :] if location[: len(self._hidden)] == self._hidden else location
+
+    def _check_document(self) -> None:
+        try:
+            Spec.model_validate(plain(self._root))
+        except ValidationError as error:
+            for problem in problems_of(error, Spec):
+                self._report(problem.location, problem.message, at_key=problem.about_key)
+
+    def _step_nodes(self) -> dict[str, MappingNode]:
+        steps = self._root.entries.get("steps")
+        entries = steps.entries if isinstance(steps, MappingNode) else {}
+        return {name: node for name, node in entries.items() if isinstance(node, MappingNode)}
+
+    def _output_kind(self, step: MappingNode) -> Kind:
+        operation = _operation(step)
+        return Structure(output_model(operation)) if operation and operation in OPERATIONS else ANYTHING
+
+    def _check_step(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> CheckedStep | None:
+        location: Location = ("steps", name)
+        operation = _operation(node)
+        if operation is None:
+            return None
+        needs = self._check_needs(name, node, scope)
+        if operation not in OPERATIONS:
+            hint = nearest(operation, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
+            self._report((*location, "operation"), f"there is no operation {operation!r}{hint}")
+        if_exists = _if_exists(node)
+        if if_exists != "fail" and operation in OPERATIONS and operation not in REUSABLE:
+            message = f"{if_exists!r} is for {' and '.join(sorted(REUSABLE))}; remove it"
+            self._report((*location, "ifExists"), message)
+        place = key_place(self._root, (*location, "input" if "input" in node.entries else "operation"))
+        request = node.entries.get("input", MappingNode(place, {}, {}))
+        if not isinstance(request, MappingNode):
+            return None
+        if operation in OPERATIONS:
+            shown = self._shown((*location, "input"))
+            check = InputCheck(operation, request, scope, shown, place).run()
+            self._problems.extend(check.problems)
+            needs |= check.names & scope.keys()
+        return CheckedStep(
+            name=name,
+            operation=operation,
+            input=request,
+            needs=tuple(each for each in scope if each in needs),
+            if_exists=if_exists,
+            location=self._shown((*location, "input")),
+            place=place,
+        )
+
+    def _check_needs(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> set[str]:
+        """The steps that a step names itself."""
+        named = plain(node.entries["needs"]) if "needs" in node.entries else []
+        found: set[str] = set()
+        for position, each in enumerate(named if isinstance(named, list) else []):
+            if isinstance(each, str) and each not in scope:
+                hint = nearest(each, scope) or f"; there are {', '.join(scope)}"
+                self._report(("steps", name, "needs", position), f"there is no step {each!r}{hint}")
+            elif isinstance(each, str):
+                found.add(each)
+        return found
+
+    def _order(self, steps: Mapping[str, CheckedStep]) -> tuple[str, ...]:
+        """The steps, each after those it needs, otherwise as in the file."""
+        graph = {name: [each for each in step.needs if each in steps] for name, step in steps.items()}
+        try:
+            TopologicalSorter(graph).prepare()
+        except CycleError as error:
+            circle = list(reversed(error.args[1]))
+            message = (
+                "refers to itself" if len(circle) == 2 else f"these steps wait for each other: {' -> '.join(circle)}"
+            )
+            self._report(("steps", circle[0]), message, at_key=True)
+            return ()
+        order: list[str] = []
+        while len(order) < len(graph):
+            order.append(next(name for name in graph if name not in order and set(graph[name]) <= set(order)))
+        return tuple(order)
+
+
+def _operation(step: MappingNode) -> str | None:
+    operation = _scalar(step, "operation")
+    return operation if isinstance(operation, str) else None
+
+
+def _scalar(step: MappingNode, key: str) -> Any:
+    node = child(step, key)
+    return node.value if isinstance(node, ScalarNode) else None
+
+
+def _if_exists(step: MappingNode) -> IfExists:
+    """What a step does when the name is taken; `fail` where it says something that does not exist."""
+    said = _scalar(step, "ifExists")
+    return said if said in get_args(IfExists) else "fail"
+
+
+def _position(place: Place) -> tuple[int, int]:
+    return place.line, place.column

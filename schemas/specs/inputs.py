@@ -1,0 +1,316 @@
+"""Checks one step's input before anything runs: references, their kinds, the request's shape, template bodies.
+
+References have no values yet. Placeholders that fit stand in for them while the request is validated;
+what the validator then says about a placeholder itself is left out.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias, get_args, get_origin
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from ..operations.registry import OPERATIONS, check_request
+from ..templates.parsing import parse_template_body
+from ..wire.errors import InvalidParameterException, Place, Problem
+from ..wire.request_problems import RequestProblem, nearest
+from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from .reference_kinds import (
+    ANYTHING,
+    BOOLEAN,
+    NUMBER,
+    TEXT,
+    WHOLE_NUMBER,
+    Anything,
+    Kind,
+    ListOf,
+    MapOf,
+    Scalar,
+    Structure,
+    fits,
+    kind_of,
+    members_of,
+    without_none,
+)
+from .references import ReferenceMistake, parse_template
+from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, path_text, plain, value_place
+
+Scope: TypeAlias = Mapping[str, Kind]
+
+TEMPLATE_BODY = "templateBody"
+
+# One of these fits every text that the requests ask for; both ends of the list are tried.
+_TEXTS = ("placeholder", "1", "arn:aws:iam::000000000000:role/placeholder", "placeholder.zip")
+_PATH_AND_MESSAGE = re.compile(r'((?:[A-Za-z_]\w*|"(?:[^"\\]|\\.)*"|\[\d+\]|\.)+): (.*)')
+_PATH_STEP = re.compile(r'([A-Za-z_]\w*)|("(?:[^"\\]|\\.)*")|\[(\d+)\]')
+
+
+@dataclass(frozen=True)
+class _Placeholder:
+    """Stands for a value that is not known yet."""
+
+    annotation: Any
+
+
+@dataclass
+class InputCheck:
+    """One step's input under check."""
+
+    operation: str
+    node: Node
+    scope: Scope
+    location: Location
+    """Keys that lead to the input in the file."""
+
+    place: Place
+    """Where the input begins: at its key."""
+
+    problems: list[Problem] = field(default_factory=list)
+    names: set[str] = field(default_factory=set)
+    """Steps it refers to."""
+
+    _references: list[Location] = field(default_factory=list)
+
+    def run(self) -> "InputCheck":
+        """Finds the problems and the steps it refers to."""
+        model = OPERATIONS[self.operation].request
+        request = self._walk(self.node, (), model, self.scope)
+        self.problems.extend(self._request_problems(request))
+        if (body := child(self.node, TEMPLATE_BODY)) and TEMPLATE_BODY in model.model_fields:
+            self.problems.extend(self._body_problems(body))
+        return self
+
+    def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
+        written = as_written(self.node, location)
+        place = key_place(self.node, written) if at_key else value_place(self.node, written)
+        self.problems.append(Problem(place, path_text((*self.location, *written)), message))
+
+    # References
+
+    def _walk(self, node: Node, location: Location, annotation: Any, scope: Scope) -> Any:
+        """The request with placeholders; locations are those in the request."""
+        if construct := for_each_of(node):
+            return self._for_each(construct, location, annotation, scope)
+        if isinstance(node, MappingNode):
+            annotation = _chosen(annotation, node)
+            if isinstance(kind_of(annotation), ListOf) and (key := _misspelt_for_each(node)):
+                self._report((*location, key), f"is not known; did you mean '{FOR_EACH}'?", at_key=True)
+                return self._unknown(location, annotation)
+            return {
+                key: self._walk(value, (*location, key), _inner(annotation, key), scope)
+                for key, value in node.entries.items()
+            }
+        if isinstance(node, ListNode):
+            inner = _inner(annotation, 0)
+            return [self._walk(item, (*location, index), inner, scope) for index, item in enumerate(node.items)]
+        return self._scalar(node, location, annotation, scope)
+
+    def _scalar(self, node: ScalarNode, location: Location, annotation: Any, scope: Scope) -> Any:
+        if not isinstance(node.value, str):
+            return node.value
+        kind = self._kind(node.value, location, scope)
+        if kind is None:
+            return parse_template(node.value).value({}) if "$${{" in node.value else node.value
+        wanted = kind_of(annotation)
+        if not fits(kind, wanted):
+            hint = "; to_string(…) makes text of it" if wanted == TEXT and isinstance(kind, Scalar) else ""
+            self._report(location, f"{node.value} is {_described(kind)}; it has to be {_described(wanted)}{hint}")
+        return _Placeholder(annotation)
+
+    def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
+        """What a text with references gives; `None` for one without."""
+        try:
+            template = parse_template(text)
+            if not template.references:
+                return None
+            self._references.append(location)
+            for reference in template.references:
+                self.names |= reference.names()
+            return template.kind(scope)
+        except ReferenceMistake as mistake:
+            self._references.append(location)
+            self._report(location, str(mistake))
+            return ANYTHING
+
+    def _for_each(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
+        problems = self._construct_problems(construct, scope)
+        wanted = kind_of(annotation)
+        if not isinstance(wanted, ListOf | Anything):
+            problems.append(RequestProblem((), f"forEach makes a list; it has to be {_described(wanted)}"))
+        for problem in problems:
+            self._report((*location, *problem.location), problem.message, at_key=problem.about_key)
+        item = self._source_item(construct.entries[FOR_EACH], (*location, FOR_EACH), scope)
+        value = construct.entries.get("value")
+        if value is None or any(problem.location == ("as",) for problem in problems):
+            return self._unknown(location, annotation)
+        inner_scope = {**scope, variable_of(construct): item, INDEX: WHOLE_NUMBER}
+        return [self._walk(value, (*location, 0), _inner(annotation, 0), inner_scope)]
+
+    def _unknown(self, location: Location, annotation: Any) -> _Placeholder:
+        """Stands for what cannot be checked before something else is put right."""
+        self._references.append(location)
+        return _Placeholder(annotation)
+
+    def _construct_problems(self, construct: MappingNode, scope: Scope) -> list[RequestProblem]:
+        problems = [
+            RequestProblem(
+                (key,), f"is not known{nearest(key, FOR_EACH_KEYS) or '; known are forEach, as, value'}", True
+            )
+            for key in construct.entries
+            if key not in FOR_EACH_KEYS
+        ]
+        if "value" not in construct.entries and not any(nearest("value", [key]) for key in construct.entries):
+            problems.append(RequestProblem((), "forEach needs a value: the entry to make for each of the list's"))
+        variable = variable_of(construct)
+        if not is_step_name(variable):
+            problems.append(
+                RequestProblem(
+                    ("as",), f"is {variable!r}; letters, digits and _, with no digit in front, would be right"
+                )
+            )
+        if variable in scope or variable == INDEX:
+            problems.append(RequestProblem(("as",), f"{variable!r} already means something else; choose another name"))
+        return problems
+
+    def _source_item(self, source: Node, location: Location, scope: Scope) -> Kind:
+        """The kind of the entries that a `forEach` goes through."""
+        if isinstance(source, ListNode):
+            self._walk(source, location, list, scope)
+            return ANYTHING
+        kind: Kind | None = None
+        if isinstance(source, ScalarNode) and isinstance(source.value, str):
+            kind = self._kind(source.value, location, scope)
+        if kind is None or not isinstance(kind, ListOf | Anything):
+            found = f"{source.value}, {_described(kind)}" if kind and isinstance(source, ScalarNode) else "neither"
+            self._report(location, f"is {found}; it has to be a list or a reference to one: ${{{{ step.list }}}}")
+        return kind.item if isinstance(kind, ListOf) else ANYTHING
+
+    # The request
+
+    def _request_problems(self, request: Any) -> Iterator[Problem]:
+        first = check_request(self.operation, _fill(request, _TEXTS))
+        again = {problem.location for problem in check_request(self.operation, _fill(request, _TEXTS[::-1]))}
+        for problem in first:
+            unknown = not problem.about_key and any(_within(problem.location, at) for at in self._references)
+            if problem.location in again and not unknown:
+                yield self._placed(problem)
+
+    def _placed(self, problem: RequestProblem) -> Problem:
+        written = as_written(self.node, problem.location)
+        found = _at(self.node, written)
+        message = problem.message
+        if isinstance(found, ScalarNode) and not isinstance(found.value, str | None) and "has to be text" in message:
+            message += f'; put it in quotes: "{found.source}"'
+        return Problem(place_of(problem, self.node, self.place), path_text((*self.location, *written)), message)
+
+    def _body_problems(self, body: Node) -> Iterator[Problem]:
+        """What is wrong with a template body that is written out in the file."""
+        if any(_within(at, (TEMPLATE_BODY,)) for at in self._references) or isinstance(body, ListNode):
+            return
+        is_text = isinstance(body, ScalarNode)
+        if is_text and not isinstance(body.value, str):
+            return
+        try:
+            parse_template_body(str(body.value) if is_text else json.dumps(plain(body)))
+        except InvalidParameterException as error:
+            for line in str(error).splitlines():
+                inside, message = _split(line)
+                place = body.place if is_text else _body_place(body, inside, message)
+                yield Problem(place, path_text((*self.location, TEMPLATE_BODY, *inside)), message)
+
+
+def _body_place(body: Node, inside: Location, message: str) -> Any:
+    return key_place(body, inside) if "unknown member" in message else value_place(body, inside)
+
+
+def _split(line: str) -> tuple[Location, str]:
+    """A line of `parse_template_body` as location and message."""
+    if not (match := _PATH_AND_MESSAGE.fullmatch(line)) or match[1] in ("body", TEMPLATE_BODY):
+        return (), line
+    steps = _PATH_STEP.finditer(match[1])
+    return tuple(int(step[3]) if step[3] else json.loads(step[2]) if step[2] else step[1] for step in steps), match[2]
+
+
+def _at(node: Node | None, location: Location) -> Node | None:
+    for step in location:
+        node = child(node, step) if node is not None else None
+    return node
+
+
+def _within(location: Location, outer: Location) -> bool:
+    return location[: len(outer)] == outer
+
+
+def _described(kind: Kind) -> str:
+    return f"a list of {kind.item}" if isinstance(kind, ListOf) and isinstance(kind.item, Scalar) else str(kind)
+
+
+def _inner(annotation: Any, step: str | int) -> Any:
+    """What a member or entry of something so annotated has to be."""
+    core = without_none(annotation)
+    if get_origin(core) is (list if isinstance(step, str) else dict):
+        return Any  # the wrong kind of collection; its entries are not to be blamed
+    if isinstance(core, type) and issubclass(core, BaseModel):
+        member = core.model_fields.get(str(step))
+        return member.rebuild_annotation() if member else Any
+    if get_origin(core) in (list, dict):
+        return get_args(core)[-1]
+    return Any
+
+
+def _chosen(annotation: Any, node: MappingNode) -> Any:
+    """The one of several models that a mapping says it is; what it was, if there is no choice or no such model."""
+    tag = node.entries.get("kind")
+    models = get_args(without_none(annotation)) if isinstance(tag, ScalarNode) else ()
+    for model in models:
+        is_model = isinstance(model, type) and issubclass(model, BaseModel) and "kind" in model.model_fields
+        if is_model and isinstance(tag, ScalarNode) and tag.value in get_args(model.model_fields["kind"].annotation):
+            return model
+    return annotation
+
+
+def _misspelt_for_each(node: MappingNode) -> str | None:
+    """The key of a mapping that was meant to be `forEach`."""
+    return next((key for key in node.entries if key not in FOR_EACH_KEYS and nearest(FOR_EACH, [key])), None)
+
+
+def _fill(value: Any, texts: tuple[str, ...]) -> Any:
+    """Puts values in place of placeholders."""
+    if isinstance(value, _Placeholder):
+        return _example(value.annotation, texts)
+    if isinstance(value, dict):
+        return {key: _fill(item, texts) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_fill(item, texts) for item in value]
+    return value
+
+
+def _example(annotation: Any, texts: tuple[str, ...]) -> Any:
+    """A value that fits, if one is easily found."""
+    kind = kind_of(annotation)
+    if isinstance(kind, ListOf):
+        return [_example(_inner(annotation, 0), texts)]
+    if isinstance(kind, MapOf):
+        return {}
+    if isinstance(kind, Structure) and members_of(kind):
+        required = (name for name, member in kind.model.model_fields.items() if member.is_required())
+        return {name: _example(_inner(annotation, name), texts) for name in required}
+    if kind == TEXT:
+        return _text_example(annotation, texts)
+    return {WHOLE_NUMBER: 1, NUMBER: 1.0, BOOLEAN: True}.get(kind)  # type: ignore[arg-type] # kinds are hashable
+
+
+def _text_example(annotation: Any, texts: tuple[str, ...]) -> str:
+    core = without_none(annotation)
+    if get_origin(core) is Literal:
+        return get_args(core)[0]
+    adapter = TypeAdapter[Any](annotation)
+    for text in texts:
+        try:
+            adapter.validate_python(text, strict=True)
+        except ValidationError:
+            continue
+        return text
+    return texts[0]

@@ -1,0 +1,145 @@
+"""The JSON Schema of specifications, for editors and for checking without this program.
+
+`python -m prefect_robomaker.schemas.specs.json_schema` writes `pipeline.schema.json` beside this module.
+It says less than `spec_check`: it knows nothing of what references give.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from ..operations.registry import OPERATIONS
+from ..templates.body import WorldTemplateBody
+from .model import FOR_EACH, REUSABLE, Spec, Step
+
+SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
+
+_REF = "#/$defs/{model}"
+_REFERENCE = {"$ref": "#/$defs/Reference"}
+_DEFINITIONS: dict[str, Any] = {
+    "Reference": {
+        "type": "string",
+        "pattern": r"\$\{\{[\s\S]*\}\}",
+        "description": "A reference `${{ step.member }}`: JMESPath over what earlier steps gave.",
+    },
+}
+
+
+def spec_schema() -> dict[str, Any]:
+    """Makes the schema from the models."""
+    models = [Spec, WorldTemplateBody, *(operation.request for operation in OPERATIONS.values())]
+    _, document = models_json_schema([(model, "validation") for model in models], ref_template=_REF)
+    # Step and Spec stay as they are; everything else may be written with references.
+    own = (Spec.__name__, Step.__name__)
+    definitions = {
+        name: schema if name in own else _with_references(schema) for name, schema in document["$defs"].items()
+    }
+    definitions |= _DEFINITIONS
+    _allow_body(definitions)
+    definitions["Step"] = _step(definitions["Step"])
+    spec = definitions.pop("Spec")
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "RoboMaker pipeline",
+        "description": "A pipeline of operations, or a single operation.",
+        "if": {"required": ["operation"], "not": {"required": ["steps"]}},
+        "then": {"$ref": "#/$defs/Single"},
+        "else": spec,
+        "$defs": {**definitions, "Single": _single()},
+    }
+
+
+def _step(schema: dict[str, Any]) -> dict[str, Any]:
+    """A step whose `input` is its operation's request."""
+    schema["properties"]["operation"]["enum"] = sorted(OPERATIONS)
+    rules: list[dict[str, Any]] = [
+        {
+            "if": {"properties": {"operation": {"const": name}}, "required": ["operation"]},
+            "then": {"properties": {"input": {"$ref": f"#/$defs/{operation.request.__name__}"}}},
+        }
+        for name, operation in sorted(OPERATIONS.items())
+    ]
+    rules.append(
+        {
+            "if": {"properties": {"operation": {"enum": sorted(REUSABLE)}}},
+            "else": {"properties": {"ifExists": {"const": "fail"}}},
+        }
+    )
+    return {**schema, "allOf": rules}
+
+
+def _single() -> dict[str, Any]:
+    """A file with one operation: with `input`, or with the request's members themselves."""
+    return {
+        "type": "object",
+        "required": ["operation"],
+        "properties": {"operation": {"enum": sorted(OPERATIONS), "description": "The operation to call."}},
+    }
+
+
+def _with_references(schema: dict[str, Any]) -> dict[str, Any]:
+    """A schema of a structure whose members may be written as references or, if lists, with `forEach`."""
+    properties = {name: _flexible(each) for name, each in schema.get("properties", {}).items()}
+    return {**schema, "properties": properties} if properties else schema
+
+
+def _flexible(schema: dict[str, Any]) -> dict[str, Any]:
+    """The same value, or a reference to one."""
+    described = {key: schema[key] for key in ("description", "title", "deprecated") if key in schema}
+    kept = {key: value for key, value in schema.items() if key not in (*described, "anyOf", "default")}
+    alternatives = [each for each in schema.get("anyOf", [kept]) if each != {"type": "null"}]
+    return {**described, "anyOf": [*(form for each in alternatives for form in _forms(each)), _REFERENCE]}
+
+
+def _forms(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """The ways to write a list or a mapping whose entries may be references; anything else is as it is."""
+    if schema.get("type") == "array":
+        items = _flexible(schema.get("items", {}))
+        return [{**schema, "items": items}, _for_each(items)]
+    if isinstance(values := schema.get("additionalProperties"), dict):
+        return [{**schema, "additionalProperties": _flexible(values)}]
+    if patterns := schema.get("patternProperties"):
+        return [{**schema, "patternProperties": {key: _flexible(each) for key, each in patterns.items()}}]
+    return [schema]
+
+
+def _for_each(item: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "description": "A list with one entry for each entry of another.",
+        "required": [FOR_EACH, "value"],
+        "additionalProperties": False,
+        "properties": {
+            FOR_EACH: {
+                "description": "The list to go through: a reference, or the entries themselves.",
+                "anyOf": [_REFERENCE, {"type": "array"}],
+            },
+            "as": {
+                "description": "Name of the variable that holds the entry in `value` (default: item); `index` holds "
+                "its position, from 0.",
+                "type": "string",
+                "pattern": "^[a-zA-Z_][a-zA-Z0-9_]*$",
+            },
+            "value": {**item, "description": "The new entry; may refer to the variable."},
+        },
+    }
+
+
+def _allow_body(definitions: dict[str, Any]) -> None:
+    """Lets a template body be written out, and says what it holds."""
+    for operation in OPERATIONS.values():
+        properties = definitions[operation.request.__name__].get("properties", {})
+        if "templateBody" in properties:
+            alternatives = [each for each in properties["templateBody"]["anyOf"] if each.get("type") != "object"]
+            properties["templateBody"]["anyOf"] = [{"$ref": "#/$defs/WorldTemplateBody"}, *alternatives]
+
+
+def schema_text() -> str:
+    """The schema as the committed file has it."""
+    return json.dumps(spec_schema(), indent=1, ensure_ascii=False, sort_keys=True) + "\n"
+
+
+if __name__ == "__main__":
+    SCHEMA_FILE.write_text(schema_text())

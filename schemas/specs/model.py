@@ -1,0 +1,257 @@
+"""Specifications: small pipelines of operations, written in YAML.
+
+```yaml
+version: 1
+name: two-flats
+steps:
+  template: {operation: CreateWorldTemplate, input: {name: flat, templateBody: {…}}}
+  worlds:
+    operation: CreateWorldGenerationJob
+    input: {template: "${{ template.arn }}", worldCount: {floorplanCount: 2, interiorCountPerFloorplan: 1}}
+```
+
+This module has the document's models and what a checked specification is; `spec_check.load_spec`
+makes one from text. What a step gives to later ones is its operation's response; a job gives its final
+`Describe…` response.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, NoReturn
+
+from pydantic import Field, ValidationError
+
+from ..operations.registry import OPERATIONS
+from ..wire.base import Model, Shape
+from ..wire.common import text
+from ..wire.errors import Place, Problem, SpecError
+from ..wire.request_problems import RequestProblem, problems_of
+from .references import ReferenceMistake, parse_template
+from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, path_text, plain, value_place
+
+_NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
+StepName = Annotated[str, text(1, 63, _NAME)]
+_SPEC_NAME = r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}"
+SpecName = Annotated[str, text(1, 100, _SPEC_NAME)]
+IfExists = Literal["fail", "reuse", "update"]
+
+FOR_EACH = "forEach"
+FOR_EACH_KEYS = (FOR_EACH, "as", "value")
+INDEX = "index"
+DEFAULT_VARIABLE = "item"
+
+_FINAL_ANSWERS = {
+    "CreateWorldGenerationJob": "DescribeWorldGenerationJob",
+    "CreateWorldExportJob": "DescribeWorldExportJob",
+    "CreateSimulationJob": "DescribeSimulationJob",
+    "StartSimulationJobBatch": "DescribeSimulationJobBatch",
+    "CreateDeploymentJob": "DescribeDeploymentJob",
+    "SyncDeploymentJob": "DescribeDeploymentJob",
+}
+REUSABLE = frozenset({"CreateRobotApplication", "CreateSimulationApplication"})
+"""Operations that `ifExists: reuse` and `ifExists: update` are for."""
+
+
+class Step(Model):
+    """One operation of a pipeline."""
+
+    operation: str = Field(description="The operation to call, by the service's name: `CreateWorldGenerationJob`.")
+    input: dict[str, Any] = Field(
+        default={},
+        description="The operation's request. Values may be references `${{ step.member }}` to what earlier steps "
+        "gave; a list may be written as `{forEach: ${{ … }}, as: name, value: …}`.",
+    )
+    needs: list[StepName] = Field(
+        default=[], description="Steps that have to end before this one; those it refers to are added by themselves."
+    )
+    ifExists: IfExists = Field(
+        default="fail",
+        description="For Create…Application: what to do when the name is taken; `reuse` takes the one there is if it "
+        "is identical, `update` makes it what the input says, with its archive as it is now.",
+    )
+
+
+class Spec(Model):
+    """A pipeline."""
+
+    version: Literal[1] = Field(description="Version of this form; 1.")
+    name: SpecName = Field(description="The pipeline's name, part of the run's folder and the report's title.")
+    description: str = Field(default="", description="What it is for, in words.")
+    steps: dict[StepName, Step] = Field(min_length=1, description="The steps by name, in any order.")
+
+
+@dataclass(frozen=True)
+class CheckedStep:
+    """A step whose input has been checked as far as it can be before anything runs."""
+
+    name: str
+    operation: str
+    input: Node
+    """The request, references unresolved; `resolve_input` resolves them."""
+
+    needs: tuple[str, ...]
+    """Every step that has to end before: those it names and those it refers to, in file order."""
+
+    if_exists: IfExists
+    location: Location
+    """Keys that lead to the input in the file."""
+
+    place: Place
+    """Where the input begins: at its key."""
+
+
+@dataclass(frozen=True)
+class CheckedSpec:
+    """A specification that can run."""
+
+    name: str
+    description: str
+    filename: str
+    text: str
+    """The file's content."""
+
+    steps: Mapping[str, CheckedStep]
+    """In file order."""
+
+    order: tuple[str, ...]
+    """Names of the steps; each comes after those it needs."""
+
+
+def output_model(operation: str) -> type[Shape]:
+    """The shape of what a step of this operation gives to later steps."""
+    return OPERATIONS[_FINAL_ANSWERS.get(operation, operation)].response
+
+
+def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
+
+    Args:
+      step: a checked step.
+      outputs: what each step it needs gave, by step name.
+
+    Raises:
+      SpecError: a reference gives nothing or something that does not fit, with its place.
+    """
+    resolved: dict[str, Any] = _resolve(step.input, outputs, step.location)
+    body = resolved.get("templateBody")
+    if isinstance(body, dict):
+        resolved["templateBody"] = json.dumps(body, ensure_ascii=False)
+    model = OPERATIONS[step.operation].request
+    try:
+        model.model_validate(resolved)
+    except ValidationError as error:
+        raise SpecError(
+            [
+                Problem(
+                    place_of(problem, step.input, step.place),
+                    path_text((*step.location, *problem.location)),
+                    problem.message,
+                )
+                for problem in problems_of(error, model)
+            ]
+        ) from error
+    return resolved
+
+
+def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
+    """Where a problem of a request stands.
+
+    Args:
+      problem: what is wrong.
+      node: the request as written.
+      outermost: where the request as a whole begins.
+    """
+    written = as_written(node, problem.location)
+    if problem.about_key:
+        return key_place(node, written)
+    if not written or (len(written) == 1 and child(node, written[0]) is None):
+        return outermost
+    return value_place(node, written)
+
+
+def for_each_of(node: Node) -> MappingNode | None:
+    """The node, if it is a `forEach` construct."""
+    return node if isinstance(node, MappingNode) and FOR_EACH in node.entries else None
+
+
+def is_step_name(name: str) -> bool:
+    """Whether a step or a variable may have this name."""
+    return re.fullmatch(_NAME, name) is not None
+
+
+def is_spec_name(name: str) -> bool:
+    """Whether a specification may have this name."""
+    return re.fullmatch(_SPEC_NAME, name) is not None
+
+
+def variable_of(construct: MappingNode) -> str:
+    """Name of a `forEach` construct's variable."""
+    return str(plain(construct.entries["as"])) if "as" in construct.entries else DEFAULT_VARIABLE
+
+
+def with_seed(spec: CheckedSpec, seed: int) -> CheckedSpec:
+    """The specification with another seed wherever its operations take one, in requests of a batch too."""
+    steps = {name: replace(step, input=_seeded(step, seed)) for name, step in spec.steps.items()}
+    return replace(spec, steps=steps)
+
+
+def _seeded(step: CheckedStep, seed: int) -> Node:
+    value = ScalarNode(step.place, seed, str(seed))
+    if "seed" in OPERATIONS[step.operation].request.model_fields:
+        return _with_entry(step.input, "seed", value)
+    requests = child(step.input, "createSimulationJobRequests")
+    if construct := requests and for_each_of(requests):
+        seeded: Node = _with_entry(construct, "value", _with_entry(construct.entries["value"], "seed", value))
+    elif isinstance(requests, ListNode):
+        seeded = ListNode(requests.place, tuple(_with_entry(item, "seed", value) for item in requests.items))
+    else:
+        return step.input
+    return _with_entry(step.input, "createSimulationJobRequests", seeded)
+
+
+def _with_entry(node: Node, key: str, value: Node) -> Node:
+    return replace(node, entries={**node.entries, key: value}) if isinstance(node, MappingNode) else node
+
+
+def as_written(node: Node, location: Location) -> Location:
+    """A location in the resolved request as a location in the file: entries that `forEach` made have one origin."""
+    written: list[str | int] = []
+    following: Node | None = node
+    for step in location:
+        made = following is not None and isinstance(step, int) and for_each_of(following)
+        written.append("value" if made else step)
+        following = child(following, written[-1]) if following is not None else None
+    return tuple(written)
+
+
+def _resolve(node: Node, scope: Mapping[str, Any], location: Location) -> Any:
+    if construct := for_each_of(node):
+        return _resolve_for_each(construct, scope, location)
+    if isinstance(node, MappingNode):
+        return {key: _resolve(value, scope, (*location, key)) for key, value in node.entries.items()}
+    if isinstance(node, ListNode):
+        return [_resolve(item, scope, (*location, position)) for position, item in enumerate(node.items)]
+    if not isinstance(node.value, str):
+        return node.value
+    try:
+        return parse_template(node.value).value(scope)
+    except ReferenceMistake as mistake:
+        _fail(node.place, location, str(mistake))
+
+
+def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
+    source = construct.entries[FOR_EACH]
+    entries = _resolve(source, scope, (*location, FOR_EACH))
+    if not isinstance(entries, list):
+        _fail(source.place, (*location, FOR_EACH), f"is {str(entries)[:80]!r}; it has to be a list")
+    variable, value = variable_of(construct), construct.entries["value"]
+    return [
+        _resolve(value, {**scope, variable: entry, INDEX: index}, (*location, "value"))
+        for index, entry in enumerate(entries)
+    ]
+
+
+def _fail(place: Place, location: Location, message: str) -> NoReturn:
+    raise SpecError([Problem(place, path_text(location), message)])

@@ -1,0 +1,198 @@
+"""Infers what a JMESPath expression gives over values of known kinds, and refuses what cannot work."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from jmespath.functions import Functions
+
+from ..wire.request_problems import nearest
+from .reference_kinds import (
+    ANYTHING,
+    BOOLEAN,
+    NUMBER,
+    TEXT,
+    WHOLE_NUMBER,
+    Anything,
+    Kind,
+    ListOf,
+    MapOf,
+    Record,
+    Structure,
+    common,
+    kind_of_value,
+    members_of,
+)
+
+
+class ReferenceMistake(ValueError):
+    """The expression cannot work; the message says why."""
+
+
+def infer(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    """The kind of value that an expression gives.
+
+    Args:
+      tree: a parsed expression, `jmespath.compile(…).parsed`.
+      scope: the kind of value it is evaluated over.
+
+    Raises:
+      ReferenceMistake: a member that is not there, an index into something that is no list, ….
+    """
+    return _RULES[tree["type"]](tree, scope)
+
+
+def _field(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    name = tree["value"]
+    if isinstance(scope, Anything):
+        return ANYTHING
+    if isinstance(scope, MapOf):
+        return scope.value
+    members = members_of(scope)
+    if members is None:
+        hint = "; choose entries with [0] or [*]" if isinstance(scope, ListOf) else ""
+        raise ReferenceMistake(f"{name!r} is asked of {scope}, which has no members{hint}")
+    if name not in members:
+        hint = nearest(name, members) or f"; there are {', '.join(members) or 'none'}"
+        owner = scope.model.__name__ if isinstance(scope, Structure) else "this mapping"
+        raise ReferenceMistake(f"{owner} has no member {name!r}{hint}")
+    return members[name]
+
+
+def _chain(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    for part in tree["children"]:
+        scope = infer(part, scope)
+    return scope
+
+
+def _item(scope: Kind, what: str) -> Kind:
+    if isinstance(scope, ListOf):
+        return scope.item
+    if isinstance(scope, Anything):
+        return ANYTHING
+    raise ReferenceMistake(f"{what} is asked of {scope}, which is no list")
+
+
+def _index(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    return _item(scope, f"[{tree['value']}]")
+
+
+def _slice(_tree: Mapping[str, Any], scope: Kind) -> Kind:
+    return ListOf(_item(scope, "a slice"))
+
+
+def _projection(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    left, right = tree["children"]
+    return ListOf(infer(right, _item(infer(left, scope), "every entry")))
+
+
+def _filter(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    left, right, condition = tree["children"]
+    item = _item(infer(left, scope), "a filter")
+    infer(condition, item)
+    return ListOf(infer(right, item))
+
+
+def _values(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    left, right = tree["children"]
+    kind = infer(left, scope)
+    members = members_of(kind)
+    if isinstance(kind, MapOf):
+        return ListOf(infer(right, kind.value))
+    if members is not None:
+        return ListOf(infer(right, common(*members.values())))
+    if isinstance(kind, Anything):
+        return ListOf(ANYTHING)
+    raise ReferenceMistake(f".* is asked of {kind}, which is no mapping")
+
+
+def _flatten(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    item = _item(infer(tree["children"][0], scope), "[]")
+    return item if isinstance(item, ListOf) else ListOf(item)
+
+
+def _either(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    return common(*(infer(part, scope) for part in tree["children"]))
+
+
+def _condition(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    for part in tree["children"]:
+        infer(part, scope)
+    return BOOLEAN
+
+
+def _list(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    return ListOf(common(*(infer(part, scope) for part in tree["children"])))
+
+
+def _mapping(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    return Record({part["value"]: infer(part["children"][0], scope) for part in tree["children"]})
+
+
+def _same(_tree: Mapping[str, Any], scope: Kind) -> Kind:
+    return scope
+
+
+def _literal(tree: Mapping[str, Any], _scope: Kind) -> Kind:
+    return kind_of_value(tree["value"])
+
+
+def _function(tree: Mapping[str, Any], scope: Kind) -> Kind:
+    name, arguments = tree["value"], tree["children"]
+    known: Mapping[str, Any] = Functions.FUNCTION_TABLE  # type: ignore[attr-defined] # set by its metaclass
+    if name not in known:
+        raise ReferenceMistake(f"there is no function {name}(){nearest(name, known)}")
+    signature = known[name]["signature"]
+    variadic = any(parameter.get("variadic") for parameter in signature)
+    if len(arguments) < len(signature) or (len(arguments) > len(signature) and not variadic):
+        raise ReferenceMistake(f"{name}() takes {len(signature)} argument(s), not {len(arguments)}")
+    kinds = [ANYTHING if part["type"] == "expref" else infer(part, scope) for part in arguments]
+    if name == "map":
+        return ListOf(infer(arguments[0]["children"][0], _item(kinds[1], "map()")))
+    if name.endswith("_by"):
+        infer(arguments[1]["children"][0], _item(kinds[0], f"{name}()"))
+    return _RESULTS[name](kinds)
+
+
+def _first(kinds: list[Kind]) -> Kind:
+    return kinds[0]
+
+
+def _first_item(kinds: list[Kind]) -> Kind:
+    return _item(kinds[0], "an entry")
+
+
+_RESULTS: dict[str, Callable[[list[Kind]], Kind]] = {
+    **dict.fromkeys(("abs", "avg", "sum", "to_number"), lambda _: NUMBER),
+    **dict.fromkeys(("ceil", "floor", "length"), lambda _: WHOLE_NUMBER),
+    **dict.fromkeys(("contains", "ends_with", "starts_with"), lambda _: BOOLEAN),
+    **dict.fromkeys(("join", "to_string", "type"), lambda _: TEXT),
+    **dict.fromkeys(("reverse", "sort", "sort_by"), _first),
+    **dict.fromkeys(("max", "min", "max_by", "min_by"), _first_item),
+    **dict.fromkeys(("merge", "values"), lambda _: ANYTHING),
+    "keys": lambda _: ListOf(TEXT),
+    "not_null": lambda kinds: common(*kinds),
+    "to_array": lambda kinds: kinds[0] if isinstance(kinds[0], ListOf) else ListOf(kinds[0]),
+}
+
+_RULES: dict[str, Callable[[Mapping[str, Any], Kind], Kind]] = {
+    "field": _field,
+    "subexpression": _chain,
+    "index_expression": _chain,
+    "pipe": _chain,
+    "index": _index,
+    "slice": _slice,
+    "projection": _projection,
+    "filter_projection": _filter,
+    "value_projection": _values,
+    "flatten": _flatten,
+    "or_expression": _either,
+    "and_expression": _either,
+    "not_expression": _condition,
+    "comparator": _condition,
+    "multi_select_list": _list,
+    "multi_select_dict": _mapping,
+    "literal": _literal,
+    "current": _same,
+    "identity": _same,
+    "function_expression": _function,
+}

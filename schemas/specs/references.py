@@ -1,0 +1,189 @@
+"""References in a specification: `${{ expression }}`, JMESPath over the outputs of earlier steps.
+
+A text that is one reference becomes the value it refers to, whatever its kind; inside a longer text
+a reference is replaced by the value's text. `$${{` stands for `${{` itself.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from functools import lru_cache
+from typing import Any
+
+import jmespath
+from jmespath.exceptions import JMESPathError
+
+from ..wire.request_problems import nearest
+from .reference_kinds import TEXT, Anything, Kind, Record, Scalar
+from .reference_typing import ReferenceMistake, infer
+
+MAX_EXPRESSION_CHARACTERS = 2000
+_OPENING = re.compile(r"\$?\$\{\{")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One expression."""
+
+    expression: str
+    tree: Mapping[str, Any]
+
+    def names(self) -> set[str]:
+        """Steps and variables it refers to."""
+        return set(_names(self.tree, outermost=True))
+
+    def kind(self, scope: Mapping[str, Kind]) -> Kind:
+        """What it gives, by the kinds of steps and variables.
+
+        Raises:
+          ReferenceMistake: it cannot work.
+        """
+        if unknown := sorted(self.names() - scope.keys()):
+            hint = nearest(unknown[0], scope)
+            if not hint:
+                hint = f"; there are {', '.join(scope)}" if scope else "; this file has no steps to refer to"
+            raise ReferenceMistake(f"there is no step or variable {unknown[0]!r}{hint}")
+        return infer(self.tree, Record(scope))
+
+    def value(self, scope: Mapping[str, Any]) -> Any:
+        """What it gives.
+
+        Raises:
+          ReferenceMistake: there is nothing, or it cannot be evaluated.
+        """
+        try:
+            found = jmespath.search(self.expression, scope)
+        except JMESPathError as error:
+            raise ReferenceMistake(f"{self.expression}: {_first_line(error)}") from error
+        if found is None:
+            raise ReferenceMistake(f"{self.expression} gives nothing: the output has no such value")
+        return found
+
+
+@dataclass(frozen=True)
+class Template:
+    """A text, cut at its references."""
+
+    parts: tuple[str | Reference, ...]
+
+    @property
+    def references(self) -> tuple[Reference, ...]:
+        """Its references, in order."""
+        return tuple(part for part in self.parts if isinstance(part, Reference))
+
+    @property
+    def whole(self) -> Reference | None:
+        """The reference, if the text is nothing else."""
+        return part if len(self.parts) == 1 and isinstance(part := self.parts[0], Reference) else None
+
+    def kind(self, scope: Mapping[str, Kind]) -> Kind:
+        """What it gives, by the kinds of steps and variables.
+
+        Raises:
+          ReferenceMistake: it cannot work.
+        """
+        if self.whole:
+            return self.whole.kind(scope)
+        for reference in self.references:
+            kind = reference.kind(scope)
+            if not isinstance(kind, Scalar | Anything):
+                raise ReferenceMistake(f"{reference.expression} is {kind}; only single values can stand inside text")
+        return TEXT
+
+    def value(self, scope: Mapping[str, Any]) -> Any:
+        """What it gives.
+
+        Raises:
+          ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
+        """
+        if self.whole:
+            return self.whole.value(scope)
+        return "".join(
+            part if isinstance(part, str) else _as_text(part.expression, part.value(scope)) for part in self.parts
+        )
+
+
+@lru_cache(maxsize=4096)
+def parse_template(text: str) -> Template:
+    """Finds the references in a text.
+
+    Raises:
+      ReferenceMistake: a reference is not closed, or is no JMESPath expression.
+    """
+    parts: list[str | Reference] = []
+    position = 0
+    while opening := _OPENING.search(text, position):
+        parts.append(text[position : opening.start()])
+        if opening.group().startswith("$$"):
+            parts.append("${{")
+            position = opening.end()
+        else:
+            reference, position = _reference(text, opening.end())
+            parts.append(reference)
+    parts.append(text[position:])
+    return Template(tuple(_joined(parts)))
+
+
+def _joined(parts: list[str | Reference]) -> Iterator[str | Reference]:
+    """Drops empty texts; a text of nothing keeps one."""
+    kept = [part for part in parts if part != ""]
+    yield from kept or [""]
+
+
+def _reference(text: str, start: int) -> tuple[Reference, int]:
+    """Reads a reference up to its `}}`: the first one that leaves a whole expression, since `}}` may be part of it."""
+    mistake: JMESPathError | None = None
+    end = text.find("}}", start)
+    while 0 <= end <= start + MAX_EXPRESSION_CHARACTERS:
+        expression = text[start:end].strip()
+        try:
+            return Reference(expression, jmespath.compile(expression).parsed), end + 2
+        except JMESPathError as error:
+            mistake = mistake or error
+        except RecursionError:
+            raise ReferenceMistake("the JMESPath expression is nested too deeply") from None
+        end = text.find("}}", end + 1)
+    if mistake is None:
+        limit = f" within {MAX_EXPRESSION_CHARACTERS} characters"
+        raise ReferenceMistake(f"a reference begins with ${{{{ and is not closed with }}}}{limit if end >= 0 else ''}")
+    hint = (
+        '; a name with other characters than letters, digits and _ needs quotes: "…"' if "'-'" in str(mistake) else ""
+    )
+    raise ReferenceMistake(f"not a JMESPath expression: {_first_line(mistake)}{hint}") from mistake
+
+
+def _first_line(error: JMESPathError) -> str:
+    return str(error).splitlines()[0].removeprefix("Bad jmespath expression: ").removesuffix(":")
+
+
+def _names(tree: Mapping[str, Any], *, outermost: bool) -> Iterator[str]:
+    """Fields that are looked up in the outermost scope: all but those after a dot, a pipe or a projection."""
+    if outermost and tree["type"] in ("field", "current"):
+        yield tree.get("value", "@")
+    inner = tree["type"] in _NARROWING
+    for position, part in enumerate(tree["children"]):
+        if isinstance(part, Mapping):
+            yield from _names(part, outermost=outermost and not (inner and position > 0) and part["type"] != "expref")
+
+
+# In these, only the first part sees the outermost scope.
+_NARROWING = {
+    "subexpression",
+    "index_expression",
+    "pipe",
+    "projection",
+    "filter_projection",
+    "value_projection",
+}
+
+
+def _as_text(expression: str, value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, datetime):
+        return value.isoformat()
+    if isinstance(value, bool | int | float):
+        return json.dumps(value)
+    raise ReferenceMistake(f"{expression} is a {type(value).__name__}; only single values can stand inside text")

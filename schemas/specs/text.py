@@ -1,0 +1,246 @@
+"""YAML text to a tree of nodes that know their places.
+
+The scalars are those of YAML 1.2's core schema, so `no` is text and `010` is ten; JSON is YAML and
+is read as well. Refused, with the place: duplicate keys, keys that are not text, tags, several
+documents, numbers that JSON does not have, and texts that are too large or nested too deeply.
+Anchors and aliases work; the number of nodes that aliases may add up to is bounded.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeAlias
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent, MappingStartEvent, NodeEvent, ScalarEvent, SequenceStartEvent
+
+from ..wire.errors import Place, Problem, SpecError
+
+MAX_BYTES = 1024 * 1024
+MAX_DEPTH = 64
+MAX_NODES = 100_000
+
+Location: TypeAlias = tuple[str | int, ...]
+"""Keys and list positions that lead to a node."""
+
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_BASED_INTEGER = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_WORDS: dict[str, bool | None] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+
+
+@dataclass(frozen=True)
+class ScalarNode:
+    """Text, a number, true, false or null."""
+
+    place: Place
+    value: str | int | float | bool | None
+    source: str
+    """The characters it was written with, without quotes."""
+
+
+@dataclass(frozen=True)
+class ListNode:
+    """A list."""
+
+    place: Place
+    items: tuple["Node", ...]
+
+
+@dataclass(frozen=True)
+class MappingNode:
+    """A mapping from text."""
+
+    place: Place
+    entries: dict[str, "Node"]
+    key_places: dict[str, Place]
+
+
+Node: TypeAlias = ScalarNode | ListNode | MappingNode
+
+
+def plain(node: Node) -> Any:
+    """The node as plain Python values."""
+    if isinstance(node, MappingNode):
+        return {key: plain(value) for key, value in node.entries.items()}
+    if isinstance(node, ListNode):
+        return [plain(item) for item in node.items]
+    return node.value
+
+
+def child(node: Node, step: str | int) -> Node | None:
+    """The entry of that key, or the item at that position; `None` if there is none."""
+    if isinstance(node, MappingNode) and isinstance(step, str):
+        return node.entries.get(step)
+    if isinstance(node, ListNode) and isinstance(step, int) and 0 <= step < len(node.items):
+        return node.items[step]
+    return None
+
+
+def value_place(node: Node, location: Location) -> Place:
+    """Where the value at a location stands; where it is missing, the key of whatever should hold it."""
+    place = node.place
+    for step in location:
+        following = child(node, step)
+        if following is None:
+            return place
+        place, node = key_place(node, (step,)), following
+    return node.place
+
+
+def key_place(node: Node, location: Location) -> Place:
+    """Where the key of the value at a location stands; for list items, where the item stands."""
+    for step in location[:-1]:
+        following = child(node, step)
+        if following is None:
+            return node.place
+        node = following
+    last = location[-1] if location else ""
+    if isinstance(node, MappingNode) and last in node.key_places:
+        return node.key_places[str(last)]
+    following = child(node, last)
+    return following.place if following is not None else node.place
+
+
+def path_text(location: Location) -> str:
+    """A location as people write it: `steps.worlds.input.tags[0]`."""
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in location).removeprefix(".")
+
+
+def parse(text: str, filename: str) -> Node:
+    """Reads one YAML or JSON document.
+
+    Args:
+      text: the document.
+      filename: what places say.
+
+    Raises:
+      SpecError: the text cannot be read; reading stops at the first problem.
+    """
+    start = Place(filename, 1, 1)
+    if len(text.encode(errors="surrogatepass")) > MAX_BYTES:
+        raise SpecError([Problem(start, "", f"the file is larger than {MAX_BYTES // 1024} KiB")])
+    try:
+        # The parser in C follows YAML 1.1 and takes no `arn:aws:…` without quotes inside braces.
+        return _Reader(filename, YAML(typ="safe", pure=True).parse(text)).document()
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = Place(filename, mark.line + 1, mark.column + 1) if mark else start
+        message = ", ".join(part for part in (error.context, error.problem) if part)
+        if "'\\t'" in message:
+            message += "; indent with spaces, not with tabs"
+        if "${{" in "".join(text.splitlines()[place.line - 1 : place.line]):  # the mark may be behind the last line
+            message += '; inside braces or brackets a reference needs quotes: "${{ … }}"'
+        raise SpecError([Problem(place, "", f"this is not YAML: {message}")]) from error
+    except YAMLError as error:
+        first_line = str(error).splitlines()[0]
+        raise SpecError([Problem(start, "", f"this is not YAML: {first_line}")]) from error
+
+
+class _Reader:
+    """Builds nodes from the parser's events."""
+
+    def __init__(self, filename: str, events: Iterator[Any]) -> None:
+        self._filename = filename
+        self._events = events
+        self._anchors: dict[str, tuple[Node, int]] = {}
+        self._count = 0
+
+    def document(self) -> Node:
+        """Reads the only document there is."""
+        root: Node | None = None
+        for event in self._events:
+            if isinstance(event, NodeEvent):
+                if root is not None:
+                    self._refuse(event, "a file holds one document; remove what follows the second '---'")
+                root = self._node(event, 0)
+        if root is None:
+            raise SpecError([Problem(Place(self._filename, 1, 1), "", "the file is empty")])
+        return root
+
+    def _node(self, event: NodeEvent, depth: int) -> Node:
+        if isinstance(event, AliasEvent):
+            return self._alias(event)
+        before = self._count
+        self._add(1, event)
+        if depth > MAX_DEPTH:
+            self._refuse(event, f"nested more than {MAX_DEPTH} deep")
+        if (tag := getattr(event, "tag", None)) is not None:
+            self._refuse(event, f"tags such as {tag} are not allowed")
+        if isinstance(event, MappingStartEvent):
+            node: Node = self._mapping(event, depth)
+        elif isinstance(event, SequenceStartEvent):
+            node = ListNode(self._place(event), tuple(self._node(each, depth + 1) for each in self._children()))
+        else:
+            node = self._scalar(event)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = (node, self._count - before)
+        return node
+
+    def _children(self) -> Iterator[NodeEvent]:
+        """The events that begin the children of a collection, up to its end."""
+        while isinstance(event := next(self._events), NodeEvent):
+            yield event
+
+    def _mapping(self, event: MappingStartEvent, depth: int) -> MappingNode:
+        entries: dict[str, Node] = {}
+        places: dict[str, Place] = {}
+        for key_event in self._children():
+            key = self._key(key_event)
+            if key in entries:
+                self._refuse(key_event, f"{key!r} is there twice; the first is at line {places[key].line}")
+            places[key] = self._place(key_event)
+            entries[key] = self._node(next(self._events), depth + 1)
+        return MappingNode(next(iter(places.values()), self._place(event)), entries, places)
+
+    def _key(self, event: NodeEvent) -> str:
+        if isinstance(event, AliasEvent) or not isinstance(event, ScalarEvent):
+            self._refuse(event, "a key has to be plain text")
+        if event.value == "<<" and event.style is None:
+            self._refuse(event, "merge keys (<<) are not part of YAML 1.2; repeat the entries, or alias a whole value")
+        return event.value
+
+    def _alias(self, event: AliasEvent) -> Node:
+        if event.anchor not in self._anchors:
+            self._refuse(event, f"there is no anchor &{event.anchor} before this alias")
+        node, size = self._anchors[event.anchor]
+        self._add(size, event)
+        return node
+
+    def _scalar(self, event: Any) -> ScalarNode:
+        text = event.value
+        value = self._plain_value(event, text) if event.style is None else text
+        return ScalarNode(self._place(event), value, text)
+
+    def _plain_value(self, event: NodeEvent, text: str) -> str | int | float | bool | None:
+        if text in _WORDS:
+            return _WORDS[text]
+        if len(text) <= 400:
+            if _INTEGER.fullmatch(text):
+                return int(text)
+            if _BASED_INTEGER.fullmatch(text):
+                return int(text[2:], 8 if text[1] == "o" else 16)
+            if _FLOAT.fullmatch(text) and math.isfinite(number := float(text)):
+                return number
+        if _NOT_FINITE.fullmatch(text) or _FLOAT.fullmatch(text):
+            self._refuse(event, f"{text[:40]} is not a number that JSON has")
+        return text
+
+    def _add(self, count: int, event: NodeEvent) -> None:
+        self._count += count
+        if self._count > MAX_NODES:
+            self._refuse(event, f"more than {MAX_NODES} values, aliases counted in full")
+
+    def _place(self, event: NodeEvent) -> Place:
+        mark = event.start_mark
+        return Place(self._filename, mark.line + 1, mark.column + 1)
+
+    def _refuse(self, event: NodeEvent, message: str) -> NoReturn:
+        raise SpecError([Problem(self._place(event), "", message)])

@@ -1,0 +1,266 @@
+"""The body of a world template, versions 1 and 2: what a user wishes a world to be.
+
+The members' names, defaults and limits are those of the published schema. `world_template_parsing` reads
+bodies; `world_template_rules` holds the rules that the schema leaves to prose.
+
+The models are those of version 2, which has all that version 1 has; what version 1 lacks is refused in its
+bodies by a rule. Version 2 adds doors, `Target.All` and `OriginalName`, and its default room has another name.
+"""
+
+import json
+import re
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..wire.base import Model
+from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
+from .doorways import TemplateDoorways
+from .targets import NameText, RoomTarget
+from .targets import TemplateTargetSet as TemplateTargetSet
+
+FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
+"""JSON path of the floor plan in a body."""
+
+INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
+"""JSON path of the interior in a body."""
+
+SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
+Side = Annotated[float, Field(ge=1, le=4)]
+
+
+def _one_of(what: str, values: tuple[str, ...]) -> AfterValidator:
+    """Lets only `values` pass and suggests the nearest one."""
+
+    def check(value: str) -> str:
+        if value in values:
+            return value
+        advice = nearest_of(value, values) or f"one of {', '.join(values)} would be right"
+        raise PydanticCustomError("unknown_value", "not a {what}; {advice}", {"what": what, "advice": advice})
+
+    return AfterValidator(check)
+
+
+def nearest_of(value: str, values: tuple[str, ...]) -> str:
+    """`did you mean "X"?`, or nothing when no value comes near."""
+    plain = {re.sub(r"[^a-z]", "", known.lower()): known for known in values}
+    near = get_close_matches(re.sub(r"[^a-z]", "", value.lower()), plain, n=1)
+    return f'did you mean "{plain[near[0]]}"?' if near else ""
+
+
+FloorMaterial = Annotated[
+    str, _one_of("floor material", FLOOR_MATERIALS), Field(json_schema_extra={"enum": [*FLOOR_MATERIALS]})
+]
+WallMaterial = Annotated[
+    str, _one_of("wall material", WALL_MATERIALS), Field(json_schema_extra={"enum": [*WALL_MATERIALS]})
+]
+ModelType = Annotated[str, _one_of("model type", MODEL_TYPES), Field(json_schema_extra={"enum": [*MODEL_TYPES]})]
+
+
+class TemplateAspectRatio(Model):
+    """A ratio of two sides; only the quotient counts."""
+
+    x: Side = Field(default=1.0, description="Share of the side along x.")
+    y: Side = Field(default=1.0, description="Share of the side along y.")
+
+
+class TemplateShape(Model):
+    """How large a room should be, and how long for its width."""
+
+    Area: float = Field(ge=10, le=300, description="Desired area in square metres.")
+    AspectRatio: TemplateAspectRatio = Field(description="Desired ratio of the sides; the room may be turned.")
+
+
+class TemplateRoom(Model):
+    """One wished room."""
+
+    Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
+    Name: NameText = Field(description="The room's name, unique in the template.")
+    OriginalName: str | None = Field(
+        default=None, description="What the user called the room, in any letters; only in version 2."
+    )
+    DesiredShape: TemplateShape = Field(
+        default=TemplateShape(Area=20.0, AspectRatio=TemplateAspectRatio()),
+        description="Desired area and aspect ratio.",
+    )
+
+
+class DesiredConnection(Model):
+    """A wished way between two rooms."""
+
+    Location: list[str] = Field(min_length=2, max_length=2, description="Names of the two rooms.")
+    ConnectionType: PassageKind = Field(description="Doorway: a gap in the wall; Opening: no wall.")
+
+    @property
+    def pair(self) -> frozenset[str]:
+        """The two rooms, in no order."""
+        return frozenset(self.Location)
+
+
+class TemplateFootprint(Model):
+    """The building's outline."""
+
+    DesiredAspectRatio: TemplateAspectRatio = Field(
+        default=TemplateAspectRatio(), description="Desired extent along x over extent along y."
+    )
+
+
+class TemplateCeiling(Model):
+    """The ceiling."""
+
+    Height: float = Field(default=3.0, ge=2.4, le=4.0, description="Floor to ceiling in metres; guaranteed.")
+
+
+class TemplateFloorplan(Model):
+    """Wishes about rooms and the ways between them."""
+
+    Footprint: TemplateFootprint = Field(default=TemplateFootprint(), description="The building's outline.")
+    Ceiling: TemplateCeiling = Field(default=TemplateCeiling(), description="The ceiling.")
+    Rooms: list[TemplateRoom] = Field(
+        default=[TemplateRoom(Type="Living", Name="My Living Room")],
+        min_length=1,
+        max_length=6,
+        description="The rooms.",
+    )
+    DesiredConnections: list[DesiredConnection] = Field(
+        default=[], max_length=12, description="Ways between rooms; more are added until every room is connected."
+    )
+
+
+class FloorSampleSet(Model):
+    """Floor materials to choose from."""
+
+    MaterialTypes: list[FloorMaterial] = Field(min_length=1, description="Floor materials to choose from.")
+
+
+class WallSampleSet(Model):
+    """Wall materials to choose from."""
+
+    MaterialTypes: list[WallMaterial] = Field(min_length=1, description="Wall materials to choose from.")
+
+
+class FurnitureSampleSet(Model):
+    """Kinds of furniture to choose from."""
+
+    ModelTypes: list[ModelType] = Field(description="Kinds of furniture; none leaves the rooms unfurnished.")
+
+
+class FloorMaterialSet(Model):
+    """Floor materials of some rooms."""
+
+    Name: NameText = Field(description="The set's name.")
+    TargetSet: RoomTarget = Field(description="The rooms it is for.")
+    SampleSet: FloorSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
+
+
+class WallMaterialSet(Model):
+    """Wall materials of some rooms."""
+
+    Name: NameText = Field(description="The set's name.")
+    TargetSet: RoomTarget = Field(description="The rooms it is for.")
+    SampleSet: WallSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
+
+
+class FurnitureArrangement(Model):
+    """Furniture of some rooms."""
+
+    Name: NameText = Field(description="The arrangement's name.")
+    TargetSet: RoomTarget = Field(description="The rooms it is for.")
+    SampleSet: FurnitureSampleSet | None = Field(default=None, description="Kinds; absent: by room type.")
+    DesiredSpatialDensity: SpatialDensity = Field(default="Moderate", description="How full the rooms should be.")
+
+
+class TemplateFlooring(Model):
+    """Floor materials."""
+
+    MaterialSets: list[FloorMaterialSet] = Field(default=[], max_length=6, description="Floor materials by room.")
+
+
+class TemplateWalls(Model):
+    """Wall materials."""
+
+    MaterialSets: list[WallMaterialSet] = Field(default=[], max_length=6, description="Wall materials by room.")
+
+
+class TemplateFurniture(Model):
+    """Furniture."""
+
+    FurnitureArrangements: list[FurnitureArrangement] = Field(
+        default=[], max_length=6, description="Furniture by room; other rooms are furnished at random."
+    )
+
+
+class TemplateInterior(Model):
+    """Wishes about materials and furniture."""
+
+    Doorways: TemplateDoorways | None = Field(default=None, description="Doors; only in version 2.")
+    Flooring: TemplateFlooring = Field(default=TemplateFlooring(), description="Floor materials.")
+    Walls: TemplateWalls = Field(default=TemplateWalls(), description="Wall materials.")
+    Furniture: TemplateFurniture = Field(default=TemplateFurniture(), description="Furniture.")
+
+
+class TemplateFloor(Model):
+    """One storey."""
+
+    Floorplan: TemplateFloorplan = Field(default=TemplateFloorplan(), description="Rooms and ways between them.")
+    Interior: TemplateInterior = Field(default=TemplateInterior(), description="Materials and furniture.")
+
+
+class TemplateBuilding(Model):
+    """One building."""
+
+    Floors: list[TemplateFloor] = Field(
+        default=[TemplateFloor()], min_length=1, max_length=1, description="Exactly one storey."
+    )
+
+
+_ROOMS: tuple[str | int, ...] = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
+_ROOM_OF_VERSION_2 = {"Type": "Living", "Name": "My_Living_Room", "OriginalName": "My Living Room"}
+
+
+def _with_default(value: Any, path: tuple[str | int, ...], default: Any) -> Any:
+    """A copy of a JSON value with `default` at a path where nothing is; a value of another form is left as it is."""
+    if not path:
+        return value
+    key, rest = path[0], path[1:]
+    if isinstance(key, int):
+        return [_with_default(value[0], rest, default), *value[1:]] if isinstance(value, list) and value else value
+    if not isinstance(value, dict):
+        return value
+    if not rest:
+        return {key: default, **value}
+    return {**value, key: _with_default(value.get(key, [{}] if isinstance(rest[0], int) else {}), rest, default)}
+
+
+class WorldTemplateBody(Model):
+    """A whole template body; `{}` is one, of version 1, and means a single default room."""
+
+    Version: Literal["1", "2"] = Field(
+        default="1", description="Version of the body's form; worlds of version 2 have doors."
+    )
+    Buildings: list[TemplateBuilding] = Field(
+        default=[TemplateBuilding()], min_length=1, max_length=1, description="Exactly one building."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_room(cls, document: Any) -> Any:
+        """The default room of version 2."""
+        second = isinstance(document, dict) and document.get("Version") == "2"
+        return _with_default(document, _ROOMS, [_ROOM_OF_VERSION_2]) if second else document
+
+    @property
+    def floorplan(self) -> TemplateFloorplan:
+        """The wishes about the one floor plan there is."""
+        return self.Buildings[0].Floors[0].Floorplan
+
+    @property
+    def interior(self) -> TemplateInterior:
+        """The wishes about the one interior there is."""
+        return self.Buildings[0].Floors[0].Interior
+
+    def canonical(self) -> str:
+        """The body as compact JSON with all defaults filled in and sorted keys: equal wishes, equal text."""
+        return json.dumps(self.model_dump(exclude_none=True), sort_keys=True, separators=(",", ":"))

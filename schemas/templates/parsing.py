@@ -1,0 +1,162 @@
+"""Reads the body of a world template.
+
+`parse_template_body` turns JSON text into a `WorldTemplateBody` or says, one line per problem, where
+the text is wrong and what would be right.
+"""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from ..wire.errors import InvalidParameterException
+from ..wire.request_problems import misspelt_members, pattern_in_words
+from ..wire.strict_json import load_strict, show
+from .body import WorldTemplateBody, nearest_of
+from .rules import rule_problems
+from .targets import CONSTANT_TAG, OBJECT_TAG
+
+MAX_BODY_CHARACTERS = 262_144
+_MAX_REPORTED_PROBLEMS = 20
+
+
+def parse_template_body(text: str) -> WorldTemplateBody:
+    """Reads a template body.
+
+    A body wrapped as `{"name": ..., "templateBody": {...}}`, as the official samples have it, is
+    unwrapped.
+
+    Args:
+      text: JSON text of at most 262144 characters.
+
+    Raises:
+      InvalidParameterException: with one line per problem: JSON path, value, what would be right.
+    """
+    document, prefix = _unwrap(load_strict(text, "templateBody", MAX_BODY_CHARACTERS))
+    problems = list(_version_problems(document)) or list(_null_problems(document))
+    if not problems:
+        try:
+            body = WorldTemplateBody.model_validate(document)
+        except ValidationError as error:
+            found = [_untagged(each) for each in error.errors(include_url=False)]
+            misspelt = misspelt_members(found)
+            problems = [_explain(each) for each in found if each["type"] != "missing" or each["loc"] not in misspelt]
+        else:
+            problems = list(rule_problems(body))
+            if not problems:
+                return body
+    more = len(problems) - _MAX_REPORTED_PROBLEMS
+    lines = [prefix + problem for problem in problems[:_MAX_REPORTED_PROBLEMS]]
+    raise InvalidParameterException("\n".join([*lines, f"... and {more} more problems"] if more > 0 else lines))
+
+
+def unwrapped_text(text: str) -> str:
+    """The body alone: the text itself, or, where that is a wrapped body, the JSON text of what it wraps.
+
+    Args:
+      text: a body that `parse_template_body` accepts.
+    """
+    document = json.loads(text)
+    body, prefix = _unwrap(document)
+    return json.dumps(body, ensure_ascii=False) if prefix else text
+
+
+def _unwrap(document: Any) -> tuple[Any, str]:
+    """The body itself, and what its paths start with in the text the user wrote."""
+    if isinstance(document, dict) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:
+        return document["templateBody"], "templateBody."
+    return document, ""
+
+
+def _version_problems(document: Any) -> Iterator[str]:
+    """Comes first: members of another version's bodies would only add noise."""
+    if not isinstance(document, dict):
+        yield f"body: {show(document)}: not a JSON object"
+    elif document.get("Version", "1") not in ("1", "2"):
+        yield f'Version: {show(document["Version"])}: no such version; "1" or "2", in quotes, would be right'
+
+
+def _null_problems(value: Any, path: str = "") -> Iterator[str]:
+    """The published schema knows no null: an absent member is left out."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _null_problems(item, _join(path, key))
+    elif value is None:
+        yield f"{path}: null: not allowed; leave it out instead"
+
+
+def _join(path: str, key: str | int) -> str:
+    if isinstance(key, int):
+        return f"{path}[{key}]"
+    # Member names that a user made up may hold anything; they stay on one printable line.
+    name = key if key.isidentifier() and key.isascii() else show(key)
+    return f"{path}.{name}" if path else name
+
+
+def _untagged(detail: ErrorDetails) -> ErrorDetails:
+    """The same error, located by what stands in the document alone."""
+    detail["loc"] = tuple(key for key in detail["loc"] if key not in (OBJECT_TAG, CONSTANT_TAG))
+    return detail
+
+
+def _explain(detail: ErrorDetails) -> str:
+    """One pydantic error as a line."""
+    path = ""
+    for key in detail["loc"]:
+        path = _join(path, key)
+    if detail["type"] == "missing":
+        return f"{path}: missing; it is required"
+    if detail["type"] == "extra_forbidden":
+        known = _members_at(detail["loc"][:-1])
+        advice = nearest_of(str(detail["loc"][-1]), known) or f"known here: {', '.join(known)}"
+        return f"{path}: unknown member; {advice}"
+    return f"{path}: {show(detail['input'])}: {_advice(detail)}"
+
+
+_RIGHT = {
+    "greater_than_equal": "{ge:g} or more",
+    "less_than_equal": "{le:g} or less",
+    "too_short": "{min_length} or more entries",
+    "too_long": "at most {max_length} entries",
+    "string_too_short": "{min_length} or more characters",
+    "string_too_long": "at most {max_length} characters",
+    "string_type": "text",
+    "list_type": "a list",
+    "model_type": "an object",
+}
+
+
+def _advice(detail: ErrorDetails) -> str:
+    """What would be right in place of a value."""
+    kind, context = detail["type"], dict(detail.get("ctx", {}))
+    if kind == "literal_error" and isinstance(detail["input"], str):
+        expected = tuple(re.findall("'([^']+)'", context["expected"]))
+        if advice := nearest_of(detail["input"], expected):
+            return advice
+    if kind == "string_pattern_mismatch":
+        return f"text {pattern_in_words(context['pattern'])} would be right"
+    if kind == "float_type":
+        return "a number without quotes would be right" if _is_number(detail["input"]) else "a number would be right"
+    if kind in _RIGHT:
+        return f"{_RIGHT[kind].format_map(context)} would be right"
+    message = detail["msg"].removeprefix("Input should be ")
+    return message if message == detail["msg"] else f"{message} would be right"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, str) and re.fullmatch(r"\d+(\.\d+)?", value) is not None
+
+
+def _members_at(location: tuple[int | str, ...]) -> tuple[str, ...]:
+    """Names of the members that the object at `location` may have."""
+    model: Any = WorldTemplateBody
+    for key in location:
+        if isinstance(key, str):
+            annotation = model.model_fields[key].annotation
+            while arguments := [argument for argument in get_args(annotation) if argument is not type(None)]:
+                annotation = arguments[0]
+            model = annotation
+    return tuple(model.model_fields)

@@ -1,0 +1,17 @@
+"""What all operations share: base classes, names, ARNs, ids, errors, and saying what is wrong with a request.
+
+May import: nothing of this package.
+"""
+
+__all__ = [
+    "arns",
+    "base",
+    "common",
+    "errors",
+    "globs",
+    "ids",
+    "job_configs",
+    "operation_shape",
+    "request_problems",
+    "strict_json",
+]

@@ -1,0 +1,141 @@
+"""What a world holds and what was proven of it, for other programs: the content of `world_description.json`.
+
+DescribeWorld answers with the same members and `contentHash` as `worldDescriptionBody`, and an export holds it beside
+each world. The service's own schema was never published; this one is ours. Lengths are metres, angles radians, areas
+square metres; x points east, y north, z up, and the floor's surface is z = 0.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from .checks import WorldChecks
+from .world import PassageKind, Point, RoomType, Wish
+
+DESCRIPTION_FILE = "world_description.json"
+"""Its name in a world bundle and in an export."""
+
+
+class Units(Model):
+    """Units of all numbers in a description."""
+
+    length: Literal["metre"] = Field(default="metre", description="Of positions and extents.")
+    angle: Literal["radian"] = Field(default="radian", description="Of yaws and openings.")
+    area: Literal["square metre"] = Field(default="square metre", description="Of floors.")
+
+
+class Position(Model):
+    """A place in the world."""
+
+    x: float = Field(description="East.")
+    y: float = Field(description="North.")
+    z: float = Field(default=0.0, description="Up, from the floor.")
+
+
+class Pose(Position):
+    """A place and a direction in the world."""
+
+    yaw: float = Field(description="Turn about z, counter-clockwise from x.")
+
+
+class Size(Model):
+    """Extents of a thing in its own frame."""
+
+    width: float = Field(description="Across the direction it faces.")
+    depth: float = Field(description="Along the direction it faces.")
+    height: float = Field(description="Upwards.")
+
+
+class DescribedRoom(Model):
+    """A room."""
+
+    name: str = Field(description="Its name in the template.")
+    originalName: str | None = Field(default=None, description="Its `OriginalName` in the template, if it has one.")
+    type: RoomType = Field(description="Its type in the template.")
+    area: float = Field(description="Inside the centre lines of its walls.")
+    polygon: list[Point] = Field(description="Its corners, counter-clockwise, on the centre lines of its walls.")
+    goal: Position = Field(description="A free spot in it that a robot can reach.")
+    floorMaterial: str = Field(description="Material of its floor.")
+    wallMaterial: str = Field(description="Material of its walls.")
+
+
+class DescribedPassage(Model):
+    """A way between two rooms."""
+
+    type: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
+    rooms: tuple[str, str] = Field(description="Names of the two rooms.")
+    start: Point = Field(description="One side, on the wall's centre line.")
+    end: Point = Field(description="The other side.")
+    width: float = Field(description="Between its sides.")
+    door: str | None = Field(default=None, description="Name of its door, if it has one.")
+
+
+class Opening(Model):
+    """How far a door is open at first."""
+
+    percent: float = Field(description="0: closed, 100: as far as it goes.")
+    angle: float = Field(description="The same as the joint's position.")
+
+
+class DescribedDoor(Model):
+    """A door: a leaf that turns about a hinge."""
+
+    name: str = Field(description="Name of its body and of its joint.")
+    rooms: tuple[str, str] = Field(description="Names of the two rooms it parts.")
+    opensInto: str = Field(description="Name of the room its leaf swings into.")
+    hinge: Pose = Field(description="Foot of the hinge's axis, and direction from there along the closed leaf.")
+    axis: tuple[float, float, float] = Field(description="The joint's axis: turning about it opens the door.")
+    maxAngle: float = Field(description="The furthest it opens; 0 is closed.")
+    size: Size = Field(description="The leaf: from the hinge to its free edge, its thickness, its height.")
+    clearWidth: float = Field(description="Clear width of the doorway with the leaf fully open.")
+    initialOpening: Opening = Field(description="How far it is open at first.")
+    style: str = Field(description="What it looks like.")
+
+
+class DescribedFurniture(Model):
+    """A piece of furniture, or a loose object."""
+
+    name: str = Field(description="Unique in the world; of a loose object, the name of its body.")
+    modelType: str = Field(description="What it is.")
+    style: str = Field(description="Which style of that.")
+    room: str = Field(description="Name of the room it stands in.")
+    pose: Pose = Field(description="Middle of its lower side, and the direction its front faces.")
+    size: Size = Field(description="Its extents.")
+    movable: bool = Field(description="Whether it is a free body.")
+
+
+class Seeds(Model):
+    """What the world was made from, besides the template."""
+
+    floorplan: int = Field(description="Seed of the floor plan.")
+    interior: int = Field(description="Seed of the interior.")
+
+
+class Proofs(Model):
+    """What was measured before the world counted as made, and whether it keeps what every world keeps."""
+
+    guaranteesHold: bool = Field(description="Whether none of the guarantees is broken.")
+    violations: list[str] = Field(description="The guarantees that are broken, one sentence each.")
+    checks: WorldChecks = Field(description="The measurements: the `checks` of `world.json`.")
+    wishes: list[Wish] = Field(description="What became of each wish of the template, with the reason.")
+
+
+class WorldDescription(Model):
+    """A whole world."""
+
+    version: Literal["1"] = Field(default="1", description="Version of this document's form.")
+    templateVersion: Literal["1", "2"] = Field(description="Version of the template's body.")
+    generatorVersion: str = Field(description="Version of the generator that made the world.")
+    contentHash: str | None = Field(
+        default=None, description="SHA-256 of the world's bundle; only in what DescribeWorld answers."
+    )
+    seeds: Seeds | None = Field(default=None, description="Seeds that give the same world again.")
+    units: Units = Field(default=Units(), description="Units of all numbers.")
+    ceilingHeight: float = Field(description="Floor to ceiling.")
+    footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, on centre lines of walls.")
+    rooms: list[DescribedRoom] = Field(description="The rooms, in the template's order.")
+    passages: list[DescribedPassage] = Field(description="The ways between rooms.")
+    doors: list[DescribedDoor] = Field(description="The doors.")
+    furniture: list[DescribedFurniture] = Field(description="Furniture and loose objects.")
+    proofs: Proofs | None = Field(default=None, description="What was measured; absent if nothing was.")

@@ -1,0 +1,186 @@
+"""What a generated world is: the content of `world.json` in a world bundle.
+
+A world bundle is a folder:
+
+| file | content |
+| --- | --- |
+| `world.json` | this module's `World` |
+| `world.xml` | MJCF |
+| `textures/*.png` | the floors' and walls' pictures, which the MJCF names |
+| `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
+| `world_description.json` | what the world holds, for other programs; only of templates of version 2 |
+| `floorplan.svg` | labelled plan |
+| `preview.png` | the furnished world from above |
+
+Lengths are metres, angles radians, areas square metres; x points east, y north, z up; the floor's
+surface is z = 0 and the origin lies in free space. Furniture stands at `(x, y)` (the middle of its
+footprint) with its front turned to `yaw`: at yaw 0 the front faces +x, `depth_m` is measured along
+the facing direction and `width_m` across it.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from .checks import PassageKind as PassageKind
+from .checks import WorldChecks as WorldChecks
+
+Point = tuple[float, float]
+RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet"]
+WishOutcome = Literal["satisfied", "missed", "contradictory"]
+
+ROOM_TYPES: tuple[RoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
+
+FLOOR_MATERIALS = ("Carpet", "Concrete", "Floorboards", "Linoleum", "Parquetry", "Tiles")
+WALL_MATERIALS = ("Brick", "Concrete", "Stone", "Tiles", "WoodPanels", "WallPaint", "Wallpaper")
+MODEL_TYPES = (
+    "Baths", "BarCabinets", "Beds", "Bookcases", "CoffeeTables", "ConsoleTables", "CornerCabinets",
+    "DeskChairs", "Desks", "DiningChairs", "DiningTables", "DishWashers", "Dressers", "EndAndSideTables",
+    "FloorLamps", "Fridges", "LivingRoomChairs", "KitchenIslandsAndCarts", "MediaStorage", "Nightstands",
+    "Ottomans", "Ovens", "ServingCarts", "Showers", "SideboardsAndBuffets", "Sofas", "Storage",
+    "StorageBenches", "Toilets", "VanityCounters", "WashingMachinesAndDryers",
+)  # fmt: skip
+
+
+class Room(Model):
+    """One room of a floor plan."""
+
+    name: str = Field(description="The room's name in the template.")
+    original_name: str | None = Field(default=None, description="The `OriginalName` in the template, if it has one.")
+    type: RoomType = Field(description="The room's type in the template.")
+    polygon: list[Point] = Field(
+        description="Corners, counter-clockwise, on the centre lines of the walls; axis-aligned."
+    )
+    area_m2: float = Field(description="Area inside the centre lines of the walls.")
+    aspect_ratio: float | None = Field(
+        default=None, description="Length over width, at least 1; absent in worlds of older generators."
+    )
+    desired_area_m2: float = Field(description="Area the template wished for.")
+    desired_aspect_ratio: float = Field(description="Length over width the template wished for.")
+    goal: Point = Field(description="A free spot a robot can reach, near the room's middle.")
+    floor_material: str = Field(default="Floorboards", description="Material of the floor.")
+    wall_material: str = Field(default="WallPaint", description="Material of the walls' inner faces.")
+    floor_finish: str = Field(default="", description="Which of the floor material's looks; empty: the first.")
+    wall_finish: str = Field(default="", description="Which of the wall material's looks; empty: the first.")
+
+
+class Wall(Model):
+    """One straight piece of wall, already cut at passages."""
+
+    start: Point = Field(description="One end of the centre line.")
+    end: Point = Field(description="The other end of the centre line.")
+    thickness_m: float = Field(description="Full thickness.")
+    exterior: bool = Field(description="Whether the outside lies on one of its sides.")
+    rooms: list[str] = Field(description="Names of the one or two rooms it bounds.")
+    lintel: bool = Field(default=False, description="Only above a doorway: from `bottom_m` to the ceiling.")
+    bottom_m: float = Field(default=0.0, description="Height of the lower edge.")
+
+
+class Door(Model):
+    """A leaf on hinges in a doorway.
+
+    The hinge's axis stands at `hinge`, on the face of the wall in `room`. In the leaf's own frame, whose
+    x axis starts there and points to the leaf's free edge, the leaf reaches from x = 0 to `leaf_width_m` and
+    is `thickness_m` thick, on the far side from where it swings: y from 0 to `-swing * thickness_m`.
+    """
+
+    id: str = Field(description="Unique in the world, `door-<n>`; name of its body and its joint in the MJCF.")
+    hinge: Point = Field(description="Where the hinge's axis stands.")
+    closed_yaw: float = Field(description="Direction from the hinge along the closed leaf.")
+    swing: Literal[1, -1] = Field(description="Opening turns the leaf: 1 counter-clockwise, -1 clockwise, from above.")
+    room: str = Field(description="Name of the room it opens into.")
+    leaf_width_m: float = Field(description="From the hinge's axis to the leaf's free edge.")
+    leaf_height_m: float = Field(description="Height of the leaf itself.")
+    thickness_m: float = Field(description="Thickness of the leaf.")
+    bottom_m: float = Field(default=0.01, description="Gap under the leaf.")
+    max_angle_rad: float = Field(description="The furthest it opens.")
+    open_percent: float = Field(default=100.0, ge=0, le=100, description="How far it is open at first; 0 is closed.")
+    clear_width_m: float = Field(description="Clear width of the doorway with the leaf fully open.")
+    style: str = Field(default="", description="Which of the parametric styles was built, `panelled oak`.")
+
+    @property
+    def open_angle_rad(self) -> float:
+        """How far the leaf is turned at first."""
+        return self.max_angle_rad * self.open_percent / 100
+
+    def yaw_at(self, angle_rad: float) -> float:
+        """Direction from the hinge along the leaf when it is open by an angle."""
+        return self.closed_yaw + self.swing * angle_rad
+
+
+class Passage(Model):
+    """A way between two rooms."""
+
+    kind: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
+    rooms: tuple[str, str] = Field(description="The two rooms it joins.")
+    start: Point = Field(description="One jamb, on the wall's centre line.")
+    end: Point = Field(description="The other jamb, on the wall's centre line.")
+    width_m: float = Field(description="Clear width between the jambs.")
+    requested: bool = Field(description="Whether the template asked for it; otherwise added to connect all rooms.")
+    door: Door | None = Field(default=None, description="Its door; absent in openings and in worlds of version 1.")
+
+
+class Window(Model):
+    """A window in an exterior wall (a picture of one: the wall behind it is solid)."""
+
+    start: Point = Field(description="One side, on the wall's centre line.")
+    end: Point = Field(description="The other side, on the wall's centre line.")
+    room: str = Field(description="The room it lights.")
+
+
+class Furniture(Model):
+    """One piece of furniture, or one loose object."""
+
+    id: str = Field(description="Unique in the world; the prefix of its geoms in the MJCF.")
+    model_type: str = Field(description="One of the 31 model types, or the kind of a loose object.")
+    style: str = Field(default="", description="Which of the type's parametric styles was built.")
+    room: str = Field(description="Name of the room it stands in.")
+    x: float = Field(description="Middle of the footprint.")
+    y: float = Field(description="Middle of the footprint.")
+    yaw: float = Field(description="Direction its front faces.")
+    width_m: float = Field(description="Extent across the facing direction.")
+    depth_m: float = Field(description="Extent along the facing direction.")
+    height_m: float = Field(description="Extent upwards from `base_m`.")
+    base_m: float = Field(default=0.0, description="Height of its lower side; not 0 when it stands on something.")
+    movable: bool = Field(default=False, description="Whether it is a free body.")
+
+
+class Wish(Model):
+    """What became of one wish of the template."""
+
+    path: str = Field(description="JSON path in the template body.")
+    wish: str = Field(description="The wish in words, with its value.")
+    outcome: WishOutcome = Field(description="Whether the world grants it.")
+    reason: str = Field(default="", description="Why not; empty when satisfied.")
+
+
+class Floorplan(Model):
+    """Rooms, walls and passages; shared by every interior made for it."""
+
+    footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, centre lines.")
+    ceiling_height_m: float = Field(description="Floor to ceiling.")
+    rooms: list[Room] = Field(description="In the template's order; materials are set with the interior.")
+    walls: list[Wall] = Field(description="All walls, cut at passages, lintels included.")
+    passages: list[Passage] = Field(description="All ways between rooms.")
+    windows: list[Window] = Field(default=[], description="Windows in exterior walls.")
+    wishes: list[Wish] = Field(description="What became of the wishes about the plan.")
+
+
+class World(Model):
+    """A whole world."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    generator_version: str = Field(description="Version of the generator; same version and seeds, same bytes.")
+    template_version: Literal["1", "2"] = Field(
+        default="1", description="Version of the template's body; worlds of version 2 have doors."
+    )
+    floorplan_seed: int = Field(description="Seed of the floor plan.")
+    interior_seed: int = Field(description="Seed of the interior.")
+    interior_attempt: int = Field(
+        default=0, description="Interiors that were made from the seed before and rejected by the checks."
+    )
+    floorplan: Floorplan = Field(description="The plan, with this world's materials in its rooms.")
+    furniture: list[Furniture] = Field(description="Furniture and loose objects.")
+    wishes: list[Wish] = Field(description="What became of the wishes about the interior.")
+    checks: WorldChecks | None = Field(default=None, description="Measured before the world was accepted.")

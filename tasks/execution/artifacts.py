@@ -1,0 +1,120 @@
+"""What Prefect's UI shows of a run besides states and logs: progress, tables, a summary, pictures.
+
+All of it is for people who look: what cannot be shown is logged, and fails nothing.
+"""
+
+import base64
+import logging
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+from uuid import UUID
+
+import httpx
+from prefect.artifacts import (
+    create_image_artifact,
+    create_markdown_artifact,
+    create_progress_artifact,
+    create_table_artifact,
+    update_progress_artifact,
+)
+from prefect.context import FlowRunContext
+from prefect.exceptions import PrefectException
+
+from ...schemas.reports.progress import FINISHED
+from ..service.service import Progress, Service
+
+_UPDATE_S = 1.0  # an update costs the server several milliseconds
+_MAX_PICTURE_BYTES = 2_000_000
+
+_logger = logging.getLogger(__name__)
+
+
+@contextmanager
+def shown_progress(service: Service, description: str) -> Iterator[Service]:
+    """The service, whose progress also shows as a progress artifact of the running flow."""
+    bar = _Bar(description, service.report_progress)
+    try:
+        yield service.watched_by(bar)
+    finally:
+        bar.flush()
+
+
+def artifact_key(*words: str) -> str:
+    """A key as Prefect takes it: small letters, digits, single hyphens."""
+    return re.sub("[^a-z0-9]+", "-", "-".join(words).lower()).strip("-")
+
+
+def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Shows simulation jobs as a table; does nothing outside a flow run."""
+    if rows and FlowRunContext.get():
+        with _logged("jobs"):
+            create_table_artifact(key=key, table=[dict(row) for row in rows], description="Simulation jobs")
+
+
+def show_summary(key: str, markdown: str) -> None:
+    """Shows a text; does nothing outside a flow run."""
+    if FlowRunContext.get():
+        with _logged("summary"):
+            create_markdown_artifact(key=key, markdown=markdown, description="How the run ended")
+
+
+def show_picture(key: str, png: bytes, description: str) -> None:
+    """Shows a picture of at most 2 MB; does nothing outside a flow run."""
+    if png and len(png) <= _MAX_PICTURE_BYTES and FlowRunContext.get():
+        url = "data:image/png;base64," + base64.b64encode(png).decode()
+        with _logged("picture"):
+            create_image_artifact(key=key, image_url=url, description=description)
+
+
+@contextmanager
+def _logged(what: str) -> Iterator[None]:
+    """Logs what the Prefect server's refusal or absence keeps from being shown."""
+    try:
+        yield
+    except (httpx.HTTPError, PrefectException) as error:
+        _logger.warning("the %s cannot be shown in Prefect: %s", what, error)
+
+
+class _Bar:
+    """Passes progress on, and to a progress artifact at most once a second."""
+
+    def __init__(self, description: str, listener: Callable[[Progress], None]) -> None:
+        self._description = description
+        self._listener = listener
+        self._lock = threading.Lock()
+        self._artifact: UUID | None = None
+        self._latest: Progress | None = None
+        self._shown_at = 0.0
+
+    def __call__(self, progress: Progress) -> None:
+        self._listener(progress)
+        self._latest = progress
+        if self._lock.acquire(blocking=False):
+            try:
+                if time.monotonic() - self._shown_at >= _UPDATE_S:
+                    self._show(progress)
+            finally:
+                self._lock.release()
+
+    def flush(self) -> None:
+        """Shows the latest progress, however recent the update before."""
+        if self._latest is not None:
+            with self._lock:
+                self._show(self._latest)
+
+    def _show(self, progress: Progress) -> None:
+        if FlowRunContext.get() is None:
+            return
+        done = sum(count for state, count in progress.counts.items() if state.lower() in FINISHED)
+        percent = 100.0 * done / max(progress.total, 1)
+        self._shown_at = time.monotonic()
+        with _logged("progress"):
+            if self._artifact is None:
+                made = create_progress_artifact(progress=percent, description=self._description)
+                self._artifact = made if isinstance(made, UUID) else None
+            else:
+                update_progress_artifact(artifact_id=self._artifact, progress=percent)

@@ -1,0 +1,69 @@
+"""Performing a stored job exactly once at a time, whoever tries.
+
+Every job operation has a perform half that carries a stored job to its end. Several may try: the
+flow that made the job, a worker that was handed it, someone who resumes after a crash. A lease in
+the catalog lets one of them work; the others wait for the end, or take over when the lease of a
+dead one runs out.
+"""
+
+import time
+from collections.abc import Callable
+
+from ...schemas.lifecycles import is_terminal
+from ..service.service import Service
+from . import leases as job_leases
+from .held_leases import HELD
+from .leases import Lease
+from .retry_limit import give_up, why_hopeless
+
+_WAIT_S = 0.5
+
+
+def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
+    """Runs `work` on a job unless it has ended, holding its lease meanwhile.
+
+    Args:
+      arn: the job.
+      kind: the resource kind it has to be.
+      service: where it is stored.
+      work: carries the job on from wherever it stands to a terminal state.
+
+    Raises:
+      ResourceNotFoundException: there is no such job.
+    """
+    while not perform_if_idle(arn, kind, service, work):
+        time.sleep(_WAIT_S)
+
+
+def perform_if_idle(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> bool:
+    """Runs `work` on a job if it has not ended and nobody performs it.
+
+    Args:
+      arn: the job.
+      kind: the resource kind it has to be.
+      service: where it is stored.
+      work: carries the job on, holding its lease.
+
+    Returns:
+      Whether there is nothing to wait for: `work` was run, or the job had ended; false if another
+      performs it.
+
+    Raises:
+      ResourceNotFoundException: there is no such job.
+      PerformerEnding: this process is about to end.
+    """
+    job = service.catalog.get(arn, kind=kind)
+    if is_terminal(job.kind, job.status):
+        return True
+    with HELD.owner_of(arn) as owner:
+        if not service.catalog.claim(arn, owner, job_leases.LEASE_S):
+            return False
+        lease = Lease(job, owner, service)
+        with lease.renewed():
+            if is_terminal(kind, lease.refreshed().status):
+                return True
+            if reason := why_hopeless(lease, service):
+                give_up(lease, reason, service)
+            else:
+                work(lease)
+    return True

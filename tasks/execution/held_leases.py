@@ -1,0 +1,129 @@
+"""The leases that this process holds, so that it can give all of them back before it ends.
+
+A process that performs jobs may have to end while they run. What it gives back, others perform at once;
+what it keeps, they wait for until the lease has run out. From then on it takes no more leases, and
+nothing that still runs in it can change a job.
+"""
+
+import os
+import socket
+import threading
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from ...schemas.wire.errors import RobomakerError, ServiceUnavailableException
+from ..catalog import Catalog
+
+
+class PerformerEnding(RobomakerError):
+    """This process takes no more leases."""
+
+
+def owners_of(pid: int) -> str:
+    """What the names begin with under which a process of this machine holds leases."""
+    return f"{socket.gethostname()}:{pid}:"
+
+
+def died_here(owner: str) -> bool:
+    """Whether a lease's owner was a process of this machine, and is none any more."""
+    host, _, rest = owner.partition(":")
+    pid = rest.partition(":")[0]
+    if host != socket.gethostname() or not pid.isdecimal():
+        return False
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False  # somebody else's
+    return False
+
+
+@dataclass
+class HeldLeases:
+    """The leases of one process; safe to use from several threads."""
+
+    _owners: dict[str, str] = field(default_factory=dict)
+    _reserved: set[str] = field(default_factory=set)
+    _closed: bool = False
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    @contextmanager
+    def owner_of(self, arn: str) -> Iterator[str]:
+        """The name under which a job's lease is taken and held inside the block.
+
+        Raises:
+          PerformerEnding: no more leases are taken.
+        """
+        with self._lock:
+            if self._closed:
+                raise PerformerEnding(f"{arn} is not begun: this performer is ending")
+            if arn in self._reserved:
+                owner = self._owners[arn]
+            else:
+                owner = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
+                self._owners.setdefault(arn, owner)
+        try:
+            yield owner
+        finally:
+            with self._lock:
+                if self._owners.get(arn) == owner and arn not in self._reserved:
+                    del self._owners[arn]
+
+    def reserve(self, arn: str, catalog: Catalog, lease_s: float) -> bool:
+        """Takes a job's lease for whoever begins it in this process next; `cancel_reservation` has to follow.
+
+        Returns:
+          Whether nobody else has it.
+        """
+        with self._lock:
+            if self._closed or arn in self._owners:
+                return False
+            owner = self._owners[arn] = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
+            self._reserved.add(arn)
+        if catalog.claim(arn, owner, lease_s):
+            return True
+        self._forget(arn)
+        return False
+
+    def renew_reservation(self, arn: str, catalog: Catalog, lease_s: float) -> None:
+        """Keeps a job's lease until it is begun."""
+        with self._lock:
+            owner = self._owners.get(arn)
+        if owner is not None:
+            catalog.renew(arn, owner, lease_s)
+
+    def cancel_reservation(self, arn: str, catalog: Catalog) -> None:
+        """Gives a reserved lease back, unless that has happened."""
+        if (owner := self._forget(arn)) is not None:
+            catalog.release(arn, owner)
+
+    def give_back_all(self, catalog: Catalog) -> tuple[str, ...]:
+        """Gives back every lease; this process takes none any more.
+
+        Returns:
+          ARNs of the jobs that were held, those of batches after the jobs in them.
+        """
+        with self._lock:
+            self._closed = True
+            # A batch's jobs first: who sees the batch's lease gone must find theirs gone too.
+            held = sorted(self._owners.items(), key=lambda item: ":simulation-job-batch/" in item[0])
+        given_back = []
+        for arn, owner in held:
+            try:
+                if catalog.release(arn, owner):
+                    given_back.append(arn)
+            except ServiceUnavailableException:
+                continue  # it runs out by itself
+        return tuple(given_back)
+
+    def _forget(self, arn: str) -> str | None:
+        with self._lock:
+            self._reserved.discard(arn)
+            return self._owners.pop(arn, None)
+
+
+HELD = HeldLeases()
+"""Those of this process."""

@@ -1,0 +1,91 @@
+"""The lease of a stored job: the right to change it, renewed by a thread while it is held."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from ...schemas.wire.errors import ServiceUnavailableException, StateConflictError
+from ..catalog import Resource
+from ..service.service import Service
+
+LEASE_S = 30.0
+"""How long after its last sign of life a performer counts as dead."""
+_RENEWALS = 6  # how often a lease is renewed before it would run out
+
+_logger = logging.getLogger(__name__)
+
+
+class Lease:
+    """The right to change one job, held by one performer.
+
+    Changes made through it fail with `StateConflictError` once another performer has taken over.
+
+    Args:
+      job: the job as it was when the lease was taken.
+      owner: who holds the lease.
+      service: where the job is stored.
+    """
+
+    def __init__(self, job: Resource, owner: str, service: Service) -> None:
+        self.job = job
+        self._owner = owner
+        self._service = service
+        self._ended = threading.Event()
+        self._lost = threading.Event()
+
+    @property
+    def lost(self) -> bool:
+        """Whether another performer has taken over, because this one was held up for too long."""
+        return self._lost.is_set()
+
+    @contextmanager
+    def renewed(self) -> Iterator[None]:
+        """Keeps the lease inside the block, and gives it back at its end."""
+        renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
+        renewer.start()
+        try:
+            yield
+        finally:
+            self._ended.set()
+            renewer.join()
+            self._service.catalog.release(self.job.arn, self._owner)
+
+    def transition(self, event: str, **changes: Any) -> Resource:
+        """Moves the job on and sets members of its document; returns the job, which `job` is from then on."""
+        with self._noticing_loss():
+            catalog, arn = self._service.catalog, self.job.arn
+            self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner)
+        return self.job
+
+    def update(self, changes: Callable[[dict[str, Any]], dict[str, Any]]) -> Resource:
+        """Changes the job's document; safe to call from several threads."""
+        with self._noticing_loss():
+            self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
+        return self.job
+
+    def refreshed(self) -> Resource:
+        """The job as it is now."""
+        self.job = self._service.catalog.get(self.job.arn)
+        return self.job
+
+    @contextmanager
+    def _noticing_loss(self) -> Iterator[None]:
+        """Finds out about a change that was refused whether it was for want of the lease, before any clean-up."""
+        try:
+            yield
+        except StateConflictError:
+            with suppress(ServiceUnavailableException):
+                if not self._service.catalog.renew(self.job.arn, self._owner, LEASE_S):
+                    self._lost.set()
+            raise
+
+    def _renew(self) -> None:
+        while not self._ended.wait(LEASE_S / _RENEWALS):
+            try:
+                if not self._service.catalog.renew(self.job.arn, self._owner, LEASE_S):
+                    self._lost.set()
+                    return
+            except ServiceUnavailableException as error:
+                _logger.warning("the lease of %s is not renewed: %s", self.job.arn, error)

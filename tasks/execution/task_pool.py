@@ -1,0 +1,61 @@
+"""Running a job's parts as Prefect tasks in threads, and ending them when their performer has to end.
+
+A task in a thread is told nothing when the flow run is cancelled or Ctrl-C is pressed: only the main
+thread is interrupted. So an interruption becomes what the tasks watch for anyway, a cancel request in
+the catalog. They end as cancelled work ends, and only then does the interruption go on.
+"""
+
+import concurrent.futures
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from prefect import Task
+from prefect.task_runners import ThreadPoolTaskRunner
+
+from ..service.service import Service
+
+_LOOK_S = 0.25
+
+
+def run_tasks(
+    task: Task[..., Any],
+    calls: Sequence[Mapping[str, Any]],
+    *,
+    workers: int,
+    job_arn: str,
+    service: Service,
+    look: Callable[[], bool | None] = lambda: None,
+) -> None:
+    """Runs a task once for each call and waits for all of them.
+
+    Args:
+      task: watches for a cancel request of the job, and ends soon after one.
+      calls: its arguments.
+      workers: how many run at once.
+      job_arn: the job that they are parts of.
+      service: where the job is stored.
+      look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
+        says true, calls that have not begun are left out.
+
+    Raises:
+      BaseException: what the first task raised, once all have ended, or the interruption.
+    """
+    with service.activated(), ThreadPoolTaskRunner(max_workers=workers) as runner:
+        try:
+            futures = [runner.submit(task, dict(call)) for call in calls]
+            waiting = {future.wrapped_future for future in futures}
+            while waiting:
+                if look():
+                    for future in waiting:
+                        future.cancel()
+                # Prefect's own `future.state` asks the server, for each future each time.
+                waiting = concurrent.futures.wait(waiting, timeout=_LOOK_S).not_done
+        except Exception:
+            raise
+        except BaseException:  # Ctrl-C, or a worker's termination signal
+            service.catalog.request_cancel(job_arn)
+            look()
+            raise
+    for future in futures:
+        if not future.wrapped_future.cancelled():
+            future.result()

@@ -1,0 +1,157 @@
+"""Finding a stored run by the ARN or id of its job, by a place in the store, or by a folder."""
+
+import errno
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from ...schemas.lifecycles import is_terminal
+from ...schemas.runs.provenance import PROVENANCE_FILE
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
+from ..catalog import Resource
+from ..runtime.agents.action_log import ACTIONS_FILE
+from ..runtime.episode.results import RESULT_FILE
+from ..runtime.limits.left_files import open_left
+from ..runtime.replay.replay import RunOutputs, read_outputs
+from ..runtime.states.digest import DIGEST_FILE
+from ..service.service import Service
+from ..storage.naming import join_key
+
+_KIND = "simulation-job"
+_NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
+"""A link, a folder or FIFO, a socket."""
+_WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE)
+
+
+@dataclass(frozen=True)
+class FoundRun:
+    """A run, with what it wrote down on this machine."""
+
+    outputs: RunOutputs
+    folder: Path
+    """What it wrote down; only that, not all of its outputs."""
+    job: Resource | None
+    """Its job, while the catalog has it."""
+
+
+@contextmanager
+def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
+    """Finds a run, and fetches what it wrote down into a folder that is there inside the block.
+
+    Args:
+      reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
+      service: where it is stored.
+
+    Raises:
+      ConfigurationError: that names no run, or one that has not ended.
+      ResourceNotFoundException: there is no such job.
+      StorageError: its outputs cannot be read.
+    """
+    with scratch_folder(service) as scratch:
+        job = _job_of(reference, service)
+        if job is not None:
+            _check_ended(job)
+            _fetch_of_job(job, scratch, service)
+        elif reference.startswith("s3://"):
+            bucket, _, prefix = reference.removeprefix("s3://").partition("/")
+            _fetch(bucket, prefix.rstrip("/"), scratch, service)
+        else:
+            _copy(Path(reference), scratch)
+        outputs = _read(scratch, reference)
+        if job is None:
+            plan = outputs.provenance.plan
+            job = service.catalog.get_many([plan.job_arn]).get(plan.job_arn)
+            if job is not None and job.document.get("runId") == plan.run_id:  # earlier runs of it have ended
+                _check_ended(job)
+        yield FoundRun(outputs, scratch, job)
+
+
+def _job_of(reference: str, service: Service) -> Resource | None:
+    if reference.startswith("arn:"):
+        return service.catalog.get(str(ResourceArn.parse(reference, _KIND)), kind=_KIND)
+    if reference.startswith("sim-") and "/" not in reference and not Path(reference).exists():
+        return service.catalog.get(service.arn(_KIND, reference), kind=_KIND)
+    return None
+
+
+def _check_ended(job: Resource) -> None:
+    """A run that goes on has files that are half written, and containers and sockets that its rerun would take."""
+    if not is_terminal(job.kind, job.status):
+        raise ConfigurationError(
+            f"{job.arn} has not ended, it is {job.status}: wait until it is Completed, Failed or Canceled, or cancel it"
+        )
+
+
+def _fetch_of_job(job: Resource, folder: Path, service: Service) -> None:
+    """Fetches what the last run of a job wrote down, from the store or from this machine."""
+    document = job.document
+    run_id = document.get("runId")
+    kept = service.settings.home / "jobs" / job.id / str(run_id) / "output"
+    if place := document.get("outputs"):
+        _fetch(place["bucket"], place["prefix"], folder, service)
+    elif kept.is_dir():
+        _copy(kept, folder)
+    else:
+        raise ConfigurationError(f"{job.arn} has no outputs: it is {job.status}, and none are on this machine")
+
+
+def _fetch(bucket: str, prefix: str, folder: Path, service: Service) -> None:
+    for name in _WRITTEN_DOWN:
+        try:
+            service.store.get_file(bucket, join_key(prefix, name), folder / name)
+        except ObjectNotFoundError:
+            continue  # runs without physics and failed ones lack some
+
+
+def _copy(outputs: Path, folder: Path) -> None:
+    if not outputs.is_dir():
+        raise ConfigurationError(
+            f"{str(outputs)!r} is no run: name the ARN or the id of a simulation job, s3://BUCKET/PREFIX or a folder"
+        )
+    for name in _WRITTEN_DOWN:
+        _copy_left(outputs / name, folder / name)
+
+
+def _copy_left(file: Path, copy: Path) -> None:
+    """Copies a file of outputs, which applications may write to; what is none is not followed, nor waited for."""
+    try:
+        with open_left(file) as left, copy.open("xb") as right:
+            shutil.copyfileobj(left, right)
+    except FileNotFoundError:
+        return  # runs without physics and failed ones lack some
+    except OSError as error:
+        why = "is a link or something else that no run writes" if error.errno in _NO_FILE else error.strerror
+        raise StorageError(f"its outputs cannot be read: {file} {why}") from error
+
+
+def _read(folder: Path, reference: str) -> RunOutputs:
+    try:
+        return read_outputs(folder)
+    except FileNotFoundError as error:
+        raise ConfigurationError(
+            f"{reference}: there is no {PROVENANCE_FILE} in its outputs; {_below(reference)}it ended before it ran, or "
+            "was run by an earlier version"
+        ) from error
+    except ValidationError as error:
+        raise StorageError(f"{reference}: its outputs cannot be read: {error.errors()[0]['msg']}") from error
+    except ValueError as error:
+        raise StorageError(f"{reference}: its outputs cannot be read: {error}") from error
+
+
+def _below(reference: str) -> str:
+    """A hint for those who named the folder of a job instead of that of its run."""
+    runs = sorted(str(path.parent) for path in Path(reference).glob(f"*/{PROVENANCE_FILE}"))
+    return f"did you mean {runs[0]}? Otherwise " if runs else ""
+
+
+@contextmanager
+def scratch_folder(service: Service) -> Iterator[Path]:
+    """Makes a folder that is there inside the block."""
+    with tempfile.TemporaryDirectory(prefix="replay-", dir=service.folder("scratch")) as folder:
+        yield Path(folder)

@@ -1,0 +1,200 @@
+"""Running a stored run again: to compare its states, or to take it apart on this machine."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from ...schemas.runs.plan import RunOutcome, RunPlan, VideoPolicy
+from ...schemas.runs.verification import ReproductionFolder, RobotRepeat, Verification
+from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
+from ..catalog import Resource
+from ..runtime.replay.replay import (
+    RunOutputs,
+    read_outputs,
+    rerun_plan,
+    why_not_comparable,
+    why_not_repeatable,
+    why_other_inputs,
+    without_robot,
+)
+from ..runtime.replay.repro import Reproduction, in_words, rerun_ending, write_reproduction
+from ..runtime.replay.run_comparison import first_difference
+from ..runtime.states.provenance import machine_facts
+from ..service.service import Service
+from ..simulations.containers.cleanup import remove_containers
+from ..simulations.job_runs import launcher
+from ..simulations.planning.run_plans import run_plan
+from ..simulations.ros.domains import own_domain
+from .found_runs import FoundRun, found_run, scratch_folder
+
+
+def verify_run(reference: str, service: Service, *, run_program: bool = False) -> Verification:
+    """Runs a run again on this machine and compares all states; neither job nor outputs are touched.
+
+    The program of a robot application is not run again: what it did was recorded, and is done again.
+
+    Args:
+      reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
+      service: where it is stored.
+      run_program: whether the robot's program, if it is one, is run again nevertheless.
+
+    Raises:
+      ConfigurationError: that names no run.
+      ResourceNotFoundException: there is no such job.
+      StorageError: its outputs cannot be read.
+    """
+    with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
+        first = run.outputs
+        reasons = [
+            *why_not_repeatable(first, run_program=run_program),
+            *_without_physics(first),
+            *why_not_comparable(first.provenance.machine, machine_facts()),
+        ]
+        if reasons:
+            return _verification(reference, first, reasons)
+        if run_program:
+            first = replace(first, actions=None)
+        try:
+            outcome, again = _run_again(replace(run, outputs=first), scratch, service, ros_domain)
+        except (LaunchError, FileNotFoundError) as error:
+            return _verification(reference, first, [f"it cannot be run here: {error}"])
+        if again.timeline is None:
+            return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
+        return _compared(reference, first, again)
+
+
+def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
+    """Runs a run again, with the program of its robot unless there are actions.
+
+    Raises:
+      FileNotFoundError: it did not begin.
+      LaunchError: it cannot be run here.
+    """
+    inputs = scratch / "inputs"
+    try:
+        plan = _plan_here(run, inputs, service, ros_domain)
+        # Where a program is run it finds the folders that it was planned with; a container has them mounted.
+        folders = {"work_dir": plan.work_dir, "output_dir": plan.output_dir} if plan.programs else {}
+        plan = rerun_plan(plan, run.outputs, scratch / "rerun").model_copy(update=folders)
+        outcome = launcher().run(plan, lambda: None)
+    finally:
+        remove_containers(inputs)
+    return outcome, read_outputs(plan.output_dir)
+
+
+def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPolicy = "always") -> ReproductionFolder:
+    """Fetches all that a run needs into a folder, runs it again and writes a test that does so.
+
+    Args:
+      reference: see `verify_run`.
+      folder: where to; it must be absent or hold no reproduction.
+      service: where the run is stored.
+      video: whether the rerun is filmed.
+
+    Raises:
+      ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
+      LaunchError: something that it needs cannot be had, or it cannot be started here.
+      ResourceNotFoundException: there is no such job.
+      StorageError: its outputs cannot be read.
+    """
+    with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
+        if reasons := why_not_repeatable(run.outputs):
+            raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
+        failure_code = run.job.document.get("failureCode") if run.job else None
+        plan = _plan_here(run, scratch / "inputs", service, ros_domain)
+        try:
+            test = write_reproduction(plan, run.folder, failure_code, folder)
+        except FileExistsError as error:
+            raise ConfigurationError(str(error)) from error
+    reproduction = Reproduction(folder)
+    rerun = reproduction.rerun(reproduction.folder / "rerun", video, launcher())
+    film = rerun.folder / "video.mp4"
+    return ReproductionFolder(
+        folder=reproduction.folder,
+        test=test.resolve(),
+        video=film if film.exists() else None,
+        ending=in_words(rerun.ending),
+        same_ending=rerun.ending == rerun_ending(reproduction.first, failure_code),
+        other_inputs=reproduction.other_inputs(rerun),
+        robot=_robot_in_rerun(reproduction.first),
+    )
+
+
+def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verification:
+    if reasons := why_other_inputs(first.provenance, again.provenance):
+        return _verification(reference, first, reasons)
+    difference = first_difference(first, again)
+    answer = _verification(reference, first, [])
+    digest = again.provenance.digest
+    return answer.model_copy(
+        update={
+            "answer": "diverged" if difference else "bit-identical",
+            "divergence": difference,
+            "digest_again": digest.value if digest else None,
+        }
+    )
+
+
+def _verification(reference: str, first: RunOutputs, reasons: list[str]) -> Verification:
+    provenance, timeline = first.provenance, first.timeline
+    return Verification(
+        run=reference,
+        job_arn=provenance.plan.job_arn,
+        run_id=provenance.plan.run_id,
+        answer="not comparable",
+        reasons=reasons,
+        looks=len(timeline.links) if timeline else 0,
+        until_s=float(timeline.times_s[-1]) if timeline and timeline.links else None,
+        digest=provenance.digest.value if provenance.digest else None,
+        robot=_robot_in_rerun(first),
+    )
+
+
+def _robot_in_rerun(first: RunOutputs) -> RobotRepeat:
+    if not first.provenance.plan.has_robot_program:
+        return "factory"
+    return "program" if first.actions is None else "recorded actions"
+
+
+def _without_physics(first: RunOutputs) -> list[str]:
+    if (first.timeline is not None and first.timeline.links) or not first.provenance.plan.has_episode:
+        return []
+    return ["it kept no states: its environment has no physics, or it ended before the first"]
+
+
+def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -> RunPlan:
+    """The run's plan with folders of this machine: from its job, else as it was while those folders are still here.
+
+    Raises:
+      LaunchError: something cannot be had.
+    """
+    plan = run.outputs.provenance.plan
+    if run.outputs.actions is not None:
+        plan = without_robot(plan)
+    if run.job is not None:
+        try:
+            return _plan_of_job(run.job, plan, folder, service, ros_domain)
+        except ResourceNotFoundException as error:
+            raise LaunchError(str(error), "ResourceNotFound") from error
+    if plan.programs:
+        raise LaunchError(
+            f"the catalog does not know its job {plan.job_arn} any more, which says how its programs are started",
+            "ResourceNotFound",
+        )
+    applications = [each for each in (plan.simulation_application, plan.robot_application) if each is not None]
+    wanted = [plan.world_dir, plan.data_dir, *(each.path for each in applications)]
+    if missing := [str(path) for path in wanted if path is not None and not path.is_dir()]:
+        raise LaunchError(
+            f"the catalog does not know its job {plan.job_arn} any more, and {', '.join(missing)} is not here",
+            "ResourceNotFound",
+        )
+    return plan
+
+
+def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service, ros_domain: int) -> RunPlan:
+    """The plan as the job orders it; of a robot whose actions are repeated neither bundle nor image is fetched."""
+    if not plan.has_robot_program or plan.programs:
+        return run_plan(job, plan.run_id, folder, service, ros_domain)
+    request = {name: value for name, value in job.document["request"].items() if name != "robotApplications"}
+    job = replace(job, document={**job.document, "request": request})
+    planned = run_plan(job, plan.run_id, folder, service, ros_domain)
+    return planned.model_copy(update={"robot_application": plan.robot_application})

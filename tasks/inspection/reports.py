@@ -1,0 +1,338 @@
+"""Gathering what a run left behind, for its report and its record."""
+
+import importlib.metadata
+import platform
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
+from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from ...schemas.reports.summary import ReportSummary
+from ...schemas.runs.plan import RunResult
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import (
+    InvalidParameterException,
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    StorageError,
+)
+from ..catalog import Resource
+from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
+from ..reporting import junit_xml, summarize, write_report
+from ..service.service import Service
+from ..simulations.inputs.bundles import world_bundle
+from ..simulations.planning.run_plans import world_arn
+from ..storage import read_manifest
+
+REPORT_NAME = "report.html"
+_PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
+
+
+def publish_report(
+    service: Service,
+    *,
+    name: str,
+    run_id: str,
+    command: Sequence[str],
+    steps: Sequence[StepRecord],
+    started_at: datetime,
+    ended_at: datetime,
+    versions: Mapping[str, str],
+    folder: Path,
+    state_of: Callable[[list[JobRecord]], RunState],
+) -> tuple[list[JobRecord], Path]:
+    """Writes the report of a run and shows its main parts in Prefect's UI.
+
+    Returns:
+      The run's simulation jobs in short, and the report's path.
+    """
+    reported = jobs_of(steps, service)
+    records = _job_records(reported, service)
+    report = Report(
+        name=name,
+        run_id=run_id,
+        state=state_of(records),
+        started_at=started_at,
+        ended_at=ended_at,
+        steps=[_reported_step(step) for step in steps],
+        worlds=_worlds(steps, reported, service),
+        jobs=reported,
+        command=shlex.join(command),
+        versions=dict(versions),
+    )
+    return records, _publish(report, records, folder)
+
+
+def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
+    """Writes the report of an earlier run again, from what is stored of it.
+
+    Args:
+      record: the run.
+      service: where its resources are stored.
+      junit: where to write it as JUnit XML besides; None: nowhere.
+
+    Returns:
+      Its numbers, with the paths of what was written.
+
+    Raises:
+      OSError: a file cannot be written.
+    """
+    report = report_of(record, service)
+    path = _publish(report, _job_records(report.jobs, service), record.run_dir)
+    summary = summarize(report)
+    if junit is not None:
+        junit.write_bytes(junit_xml(summary))
+    return summary.model_copy(update={"report_path": path, "junit_path": junit})
+
+
+def report_of(record: RunRecord, service: Service) -> Report:
+    """The report of an earlier run, from what is stored of it."""
+    reported = jobs_of(record.steps, service)
+    return Report(
+        name=record.name,
+        run_id=record.run_id,
+        state=record.state,
+        started_at=record.started_at,
+        ended_at=record.ended_at,
+        steps=[_reported_step(step) for step in record.steps],
+        worlds=_worlds(record.steps, reported, service),
+        jobs=reported,
+        command=shlex.join(record.command or ["robomaker", "run", record.spec_path]),
+        versions=dict(record.versions),
+    )
+
+
+def _publish(report: Report, records: Sequence[JobRecord], folder: Path) -> Path:
+    path = write_report(report, folder / REPORT_NAME)
+    _show(report, records, path)
+    return path
+
+
+def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
+    """The simulation jobs that steps made, and the requests that became none, in request order."""
+    jobs: list[ReportedJob] = []
+    for step in steps:
+        if step.arn:
+            try:
+                made = simulation_jobs(step.operation, step.arn, service)
+                jobs += [job.model_copy(update={"step": step.name}) for job in made]
+            except ResourceNotFoundException as error:
+                jobs.append(
+                    ReportedJob(
+                        label=short_name(step.arn),
+                        step=step.name,
+                        arn=step.arn,
+                        status="Deleted",
+                        failure_reason=str(error),
+                    )
+                )
+    return jobs
+
+
+def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
+    """The simulation jobs of what an operation made; none for operations that make no jobs.
+
+    Raises:
+      ResourceNotFoundException: it was deleted.
+    """
+    kinds = {"CreateSimulationJob": _single_job, "StartSimulationJobBatch": _batch_jobs}
+    return kinds[operation](arn, service) if operation in kinds else []
+
+
+def _single_job(arn: str, service: Service) -> list[ReportedJob]:
+    return [_reported_job(service.catalog.get(arn, kind="simulation-job"), service)]
+
+
+def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
+    document = service.catalog.get(arn, kind="simulation-job-batch").document
+    jobs = {
+        job.document["requestIndex"]: _reported_job(job, service)
+        for job in service.catalog.children(arn, kind="simulation-job")
+    }
+    for place, failure in document["failed"].items():
+        index = int(place)
+        jobs[index] = ReportedJob(
+            label=f"request {index + 1}",
+            status="NotCreated",
+            failure_code=failure["failureCode"],
+            failure_reason=failure["failureReason"],
+            world_arn=world_arn(document["request"]["createSimulationJobRequests"][index]),
+            application=_application(document["request"]["createSimulationJobRequests"][index]),
+        )
+    return [jobs[index] for index in sorted(jobs)]
+
+
+def installed_versions() -> dict[str, str]:
+    """Versions of what makes results what they are."""
+    return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
+
+
+def _reported_job(job: Resource, service: Service) -> ReportedJob:
+    files, result, poster = _outputs(job.document.get("outputs"), service)
+    duration = job.document.get("simulationTimeMillis")
+    return ReportedJob(
+        label=job.id,
+        arn=job.arn,
+        status=job.status,
+        failure_code=job.document.get("failureCode"),
+        failure_reason=job.document.get("failureReason"),
+        world_arn=world_arn(job.document["request"]),
+        application=_application(job.document["request"]),
+        seed=job.document["seed"],
+        result=result,
+        poster_png=poster,
+        files=files,
+        duration_s=None if duration is None else duration / 1000,
+    )
+
+
+def _application(request: Mapping[str, Any]) -> str | None:
+    """Name of a request's robot application, else of its simulation application; as it says where that is no ARN."""
+    applications = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
+    said = str(applications[0].get("application") or "") if applications else ""
+    try:
+        return ResourceArn.parse(said).name
+    except InvalidParameterException:
+        return said or None
+
+
+def _outputs(place: Mapping[str, str] | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes]:
+    """Files, result and poster of a run; nothing of outputs that cannot be read any more."""
+    if place is None:
+        return [], None, b""
+    bucket, prefix = place["bucket"], place["prefix"]
+    try:
+        entries = read_manifest(service.store, bucket, prefix).files
+        names = {entry.path for entry in entries}
+        result = service.store.get_bytes(bucket, f"{prefix}/result.json") if "result.json" in names else None
+        poster = service.store.get_bytes(bucket, f"{prefix}/poster.png") if "poster.png" in names else b""
+        parsed = RunResult.model_validate_json(result) if result else None
+    except ObjectNotFoundError:
+        return _unfinished(bucket, prefix, service), None, b""
+    except (StorageError, ValidationError):
+        return [], None, b""
+    files = [
+        ReportedFile(
+            name=entry.path, uri=service.store.uri(bucket, f"{prefix}/{entry.path}"), size_bytes=entry.size_bytes
+        )
+        for entry in entries
+    ]
+    return files, parsed, poster
+
+
+def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
+    """What a crashed or killed run left: no manifest names it, and its logs say why."""
+    try:
+        return [
+            ReportedFile(
+                name=item.key.removeprefix(f"{prefix}/"),
+                uri=service.store.uri(bucket, item.key),
+                size_bytes=item.size_bytes,
+            )
+            for item in service.store.list(bucket, f"{prefix}/")
+        ]
+    except StorageError:
+        return []
+
+
+def _job_records(jobs: Sequence[ReportedJob], service: Service) -> list[JobRecord]:
+    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+    places = {arn: resource.document.get("outputs") for arn, resource in stored.items()}
+    return [_job_record(job, places.get(job.arn or ""), service) for job in jobs]
+
+
+def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Service) -> JobRecord:
+    result = job.result
+    return JobRecord(
+        arn=job.arn,
+        label=job.label,
+        status=job.status,
+        verdict=result.verdict if result else None,
+        world=job.world_arn and short_name(job.world_arn),
+        rooms_visited=sum(room.visited for room in result.rooms) if result and result.rooms else None,
+        rooms_total=len(result.rooms) if result and result.rooms else None,
+        duration_s=job.duration_s,
+        failure_code=job.failure_code,
+        failure_reason=job.failure_reason,
+        verdict_reason=_why_failed(result),
+        remarks=result.remarks if result else [],
+        metrics=result.metrics if result else {},
+        output_uri=service.store.uri(place["bucket"], place["prefix"]) if place else None,
+    )
+
+
+def _why_failed(result: RunResult | None) -> str | None:
+    if result is None or result.verdict not in ("FAIL", "ERROR"):
+        return None
+    broken = [item.detail for item in result.requirements if item.counts and not item.satisfied]
+    return "; ".join(broken) or result.summary
+
+
+def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:
+    """Worlds that steps made or jobs drove in, each once."""
+    arns = [
+        arn
+        for step in steps
+        if step.operation == "CreateWorldGenerationJob"
+        for arn in step.output.get("finishedWorldsSummary", {}).get("succeededWorlds", [])
+    ]
+    arns += [job.world_arn for job in jobs if job.world_arn]
+    worlds = []
+    for arn in dict.fromkeys(arns):
+        try:
+            worlds.append(_reported_world(service.catalog.get(arn, kind="world"), service))
+        except (ResourceNotFoundException, StorageError):
+            continue  # deleted since; the job's card says which world it was
+    return worlds
+
+
+def _reported_world(world: Resource, service: Service) -> ReportedWorld:
+    folder = world_bundle(world, service)
+    preview = folder / "preview.png"
+    return ReportedWorld(
+        arn=world.arn,
+        label=short_name(world.arn),
+        world_json=folder / "world.json",
+        floorplan_svg=(folder / "floorplan.svg").read_text(),
+        preview_png=preview.read_bytes() if preview.exists() else b"",
+    )
+
+
+def short_name(arn: str) -> str:
+    """The part of an ARN that people tell resources apart by: `generation-…/world-3`."""
+    return arn.split(":", 5)[-1].partition("/")[2]
+
+
+def _reported_step(step: StepRecord) -> ReportedStep:
+    duration = (step.ended_at - step.started_at).total_seconds() if step.started_at and step.ended_at else 0.0
+    return ReportedStep(
+        name=step.name,
+        operation=step.operation,
+        status=step.status,
+        duration_s=duration,
+        detail=step.error or step.arn or "",
+    )
+
+
+def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
+    rows: list[dict[str, Any]] = [
+        {"job": job.label, "world": job.world or "", "status": job.status, "verdict": job.verdict or ""}
+        | {name: round(value, 2) for name, value in job.metrics.items()}
+        for job in jobs
+    ]
+    show_jobs(artifact_key("robomaker", report.run_id, "jobs"), rows)
+    passed = sum(job.verdict == "PASS" for job in jobs)
+    lines = [f"# {report.name}: {report.state}", "", f"{passed} of {len(jobs)} jobs pass.", "", f"Report: `{path}`"]
+    lines += [
+        f"- **{job.label}** {job.verdict or job.status}: {job.failure_code or ''} {job.failure_reason or ''}".rstrip()
+        for job in jobs
+        if job.verdict != "PASS"
+    ]
+    show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
+    for world in report.worlds[:1]:
+        show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.label)

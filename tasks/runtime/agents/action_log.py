@@ -1,0 +1,187 @@
+"""The actions of a robot program as its run took them, one for each step: what a run needs to be repeated without it.
+
+`actions.bin` begins with two lines: its name, and a JSON object that says how an action lies in its bytes
+(`ActionLogHeader`). Chunks follow, each a header (`_CHUNK`) and its content. A chunk is of one action, as it is, or of
+many, compressed: the columns of their bytes, each byte as the difference (exclusive or) to that of the action before,
+so that what is held costs next to nothing.
+
+An action is in the file as soon as it is taken, however the process ends. Once there are enough of them they are
+replaced by one compressed chunk, which a killed process may leave half-written; chunks say which action they begin
+with, so that what is left behind it of those that it replaced is not read as something new.
+"""
+
+import hashlib
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, Literal, NamedTuple
+
+import numpy as np
+import zstandard
+from pydantic import Field, ValidationError
+
+from ....schemas.runs.provenance import ActionsSummary
+from ....schemas.wire.base import Model
+from ..limits.left_files import open_left
+from .agent_client import ACTION_HEADER
+from .agent_layout import Layout
+
+ACTIONS_FILE = "actions.bin"
+CHUNK_ACTIONS = 1024
+"""Most actions of a chunk."""
+CHUNK_BYTES = 64 * 1024
+"""Actions are compressed when they have so many bytes: what is kept in memory, if one action is not larger."""
+
+MAGIC = b"robomaker actions 1\n"
+PLAIN, PACKED = b"RMAP", b"RMAZ"
+"""Kinds of chunks: one action as it is, several compressed."""
+_CHUNK = struct.Struct("<4sIIQI")
+"""Kind, actions, bytes of the content, number of the first action, CRC-32 of all but kind and this."""
+_MOST_HEADER_BYTES = 16 * 1024 * 1024
+_MOST_ACTION_BYTES = 2**30
+_MOST_OVERHEAD_BYTES = 1024
+
+
+class ActionLogError(ValueError):
+    """A log that cannot be read; says why."""
+
+
+_Bound = bool | int | float | None
+
+
+class ActionArray(Model):
+    """One array of an action, as the greeting of the simulation says it."""
+
+    path: list[str | int] = Field(description="Keys that lead to it; empty when it is all there is.")
+    dtype: str = Field(description="Type of its items, `float64`; little-endian.")
+    shape: list[int] = Field(description="Length of each dimension.")
+    offset: int = Field(ge=0, description="Where it begins, in bytes from the action's first.")
+    minimum: _Bound | list[_Bound] = Field(default=None, description="Lower bound of all items, or of each.")
+    maximum: _Bound | list[_Bound] = Field(default=None, description="Upper bound of all items, or of each.")
+    description: str | None = Field(default=None, description="The name that the environment gives it.")
+
+    def __str__(self) -> str:
+        """Its form in words: `grip: bool[]`, or `float64[2]` when it is all there is."""
+        where = "/".join(map(str, self.path))
+        return (f"{where}: " if where else "") + f"{self.dtype}{self.shape}"
+
+
+class ActionLogHeader(Model):
+    """What the actions of a log are."""
+
+    mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each of them.")
+    size: int = Field(ge=0, le=_MOST_ACTION_BYTES, description="Bytes of one action.")
+    arrays: list[ActionArray] = Field(description="What it holds.")
+
+    def __str__(self) -> str:
+        """The form of an action in words: `grip: bool[], wheels: float32[4]`."""
+        return ", ".join(map(str, self.arrays)) or "nothing"
+
+
+def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHeader:
+    """Describes actions that lie in messages in a certain way: in a log they have no header of their own."""
+    arrays = layout.describe()["arrays"]
+    return ActionLogHeader(
+        mode=mode,
+        size=layout.size - ACTION_HEADER.size,
+        arrays=[ActionArray(**{**array, "offset": array["offset"] - ACTION_HEADER.size}) for array in arrays],
+    )
+
+
+def chunk_of(kind: bytes, count: int, first: int, content: bytes) -> bytes:
+    """A chunk: its header and its content."""
+    return _CHUNK.pack(kind, count, len(content), first, _checksum(count, first, content)) + content
+
+
+class ActionLog:
+    """The actions of a run that was; they are read as they are asked for."""
+
+    def __init__(self, path: Path) -> None:
+        """Opens a log, also of a process that was killed.
+
+        Args:
+            path: The file.
+
+        Raises:
+            ActionLogError: It is something else, or cannot be read.
+        """
+        self._path = path
+        try:
+            with open_left(path) as file:
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise ActionLogError(f"{path} is no log of actions")
+                self.header = ActionLogHeader.model_validate_json(file.readline(_MOST_HEADER_BYTES))
+                self._begin = file.tell()
+        except OSError as error:
+            raise ActionLogError(f"{path} cannot be read: {error}") from error
+        except ValidationError as error:
+            problem = error.errors()[0]
+            where = ".".join(map(str, problem["loc"])) or "its header"
+            raise ActionLogError(f"{path} is no log of actions: {where}: {problem['msg']}") from error
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Yields the actions in order, up to the last whole chunk."""
+        with open_left(self._path) as file:
+            file.seek(self._begin)
+            number = 0
+            while (chunk := _read_chunk(file, self.header.size, number)) is not None:
+                yield from chunk
+                number += len(chunk)
+
+    def summary(self) -> ActionsSummary:
+        """Counts the actions and hashes the file.
+
+        Raises:
+            OSError: It cannot be read.
+        """
+        with open_left(self._path) as file:
+            sha256, size_bytes = hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
+        actions = sum(1 for _ in self)
+        return ActionsSummary(mode=self.header.mode, actions=actions, size_bytes=size_bytes, sha256=sha256)
+
+
+class _Head(NamedTuple):
+    kind: bytes
+    actions: int
+    length: int
+    first: int
+    checksum: int
+
+
+def _checksum(count: int, first: int, content: bytes) -> int:
+    return zlib.crc32(content, zlib.crc32(struct.pack("<IQ", count, first)))
+
+
+def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
+    """The next chunk's actions; None when none follows that is whole and begins with the action of that number."""
+    packed = file.read(_CHUNK.size)
+    if len(packed) < _CHUNK.size:
+        return None
+    head = _Head(*_CHUNK.unpack(packed))
+    # Lengths are looked at before anything is read or unpacked: outputs may come from anybody.
+    if head.first != number or not _is_plausible(head, size):
+        return None
+    content = file.read(head.length)
+    if len(content) < head.length or _checksum(head.actions, head.first, content) != head.checksum:
+        return None
+    return [content] if head.kind == PLAIN else _restored(content, head.actions, size)
+
+
+def _is_plausible(head: _Head, size: int) -> bool:
+    if head.kind == PLAIN:
+        return (head.actions, head.length) == (1, size)
+    is_short = head.length <= CHUNK_BYTES + _MOST_OVERHEAD_BYTES
+    return head.kind == PACKED and is_short and head.actions <= CHUNK_ACTIONS and head.actions * size <= CHUNK_BYTES
+
+
+def _restored(content: bytes, count: int, size: int) -> list[bytes] | None:
+    """The actions of a compressed chunk; None when it is none."""
+    try:
+        if zstandard.frame_content_size(content) != count * size:
+            return None
+        columns = np.frombuffer(zstandard.ZstdDecompressor().decompress(content), np.uint8).reshape(size, count)
+    except zstandard.ZstdError:
+        return None
+    rows = np.ascontiguousarray(np.bitwise_xor.accumulate(columns, axis=1).T)
+    return [row.tobytes() for row in rows]

@@ -1,0 +1,500 @@
+"""Be the robot of a simulation job from a process of your own.
+
+```python
+from agent_client import connect
+
+with connect() as simulation:
+    for step in simulation:
+        simulation.act([0.2, 0.0])
+```
+
+This one file is all a robot program needs: copy it into a container or a bundle, or import it as
+`prefect_robomaker.tasks.runtime.agents.agent_client`. It runs on Python 3.8 and newer with nothing but the standard
+library. With numpy installed, observations are arrays; without, they are numbers and (nested) lists.
+
+The protocol is specified in `docs/agents.md`; the constants and `FrameBuffer` below are the simulation's too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    try:
+        import numpy as np
+    except ImportError:
+        np = None
+
+SOCKET_VARIABLE = "ROBOMAKER_AGENT_SOCKET"
+"""The environment variable that holds the path of the simulation's socket."""
+
+PROTOCOL = "robomaker-agent"
+VERSION = 1
+
+HELLO, OBSERVATION, ACTION, END, ERROR = 1, 2, 3, 4, 5  # types of messages
+
+HEADER = struct.Struct("<II")
+"""Before every message: bytes that follow, type."""
+
+OBSERVATION_HEADER = struct.Struct("<QdddBB6x")
+"""Before the arrays of an observation: number, simulated time (s), reward, discount, step type, flags."""
+
+ACTION_HEADER = struct.Struct("<Q")
+"""Before the arrays of an action: the number of the observation that it answers."""
+
+HAS_REWARD, HAS_DISCOUNT = 1, 2  # flags of an observation
+
+ITEM_FORMATS = {
+    "bool": "?", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
+    "int64": "q", "uint64": "Q", "float16": "e", "float32": "f", "float64": "d",
+}  # fmt: skip
+"""What arrays may hold, always little-endian, with the letters of `struct`."""
+
+_MAX_MESSAGE_BYTES = 2**31
+_RETRY_S = 0.05
+
+
+class ProtocolError(Exception):
+    """What arrived is not what the protocol says."""
+
+
+class SimulationError(Exception):
+    """The simulation refused something, failed, or is gone."""
+
+
+class FrameBuffer:
+    """Cuts a stream of bytes into messages; reads and writes nothing itself."""
+
+    def __init__(self, limits: dict[int, int]) -> None:
+        """Takes the most bytes that a message may have, by type; other types are errors."""
+        self.limits = limits
+        self._buffer = bytearray(8192)
+        self._start = self._end = 0
+
+    @property
+    def pending(self) -> int:
+        """Bytes that have arrived and are not a whole message yet."""
+        return self._end - self._start
+
+    def space(self) -> memoryview:
+        """Where to put bytes that arrive; invalidates what `next` returned."""
+        pending, needed = self.pending, HEADER.size
+        if pending >= HEADER.size:
+            needed += self._header()[0]
+        if pending == 0:
+            self._start = self._end = 0
+        elif self._start + needed > len(self._buffer) or self._end == len(self._buffer):
+            old = memoryview(self._buffer)[self._start : self._end]
+            # A new one even where the old would do: what `next` returned may still be looked at.
+            self._buffer = bytearray(max(len(self._buffer), needed))
+            self._buffer[:pending] = old
+            self._start, self._end = 0, pending
+        return memoryview(self._buffer)[self._end :]
+
+    def received(self, count: int) -> None:
+        """Says that so many bytes were put into the space."""
+        self._end += count
+
+    def next(self) -> tuple[int, memoryview] | None:
+        """Returns type and content of the next message, None while it has not arrived whole.
+
+        Raises:
+            ProtocolError: It has an unknown type or is longer than messages of its type can be.
+        """
+        if self.pending < HEADER.size:
+            return None
+        length, kind = self._header()
+        begin = self._start + HEADER.size
+        if self._end < begin + length:
+            return None
+        self._start = begin + length
+        return kind, memoryview(self._buffer)[begin : begin + length]
+
+    def _header(self) -> tuple[int, int]:
+        length, kind = HEADER.unpack_from(self._buffer, self._start)
+        if kind not in self.limits:
+            known = ", ".join(map(str, sorted(self.limits)))
+            raise ProtocolError(f"a message has type {kind}; it has to be one of {known}")
+        if length > self.limits[kind]:
+            raise ProtocolError(
+                f"a message of type {kind} has {length} bytes; there may be {self.limits[kind]} at most"
+            )
+        return length, kind
+
+
+def words(kind: int, content: dict[str, Any]) -> bytes:
+    """Returns a message of JSON: in ASCII, without blanks, members in the order they have."""
+    payload = json.dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
+    return HEADER.pack(len(payload), kind) + payload
+
+
+class ArraySpec:
+    """One array of an observation or of the action."""
+
+    def __init__(self, description: dict[str, Any]) -> None:
+        """Reads what the simulation says of an array."""
+        self.path: tuple[str | int, ...] = tuple(description["path"])
+        """Keys that lead to it in nested observations; empty when the observation is this array."""
+        self.name: str = description.get("description", "")
+        """What the environment says about it."""
+        self.dtype: str = description["dtype"]
+        """`float64`, `bool`, …: a key of `ITEM_FORMATS`."""
+        self.shape: tuple[int, ...] = tuple(description["shape"])
+        """Length of each dimension; empty for a number."""
+        self.offset: int = description["offset"]
+        """Where it begins in a message's content, in bytes."""
+        self.minimum: Any = description.get("minimum")
+        """Smallest value: a number for all, or a list in C order; None where there is none."""
+        self.maximum: Any = description.get("maximum")
+        """Largest value, in the same form."""
+        self.count = 1
+        for length in self.shape:
+            self.count *= length
+        self._items = struct.Struct(f"<{self.count}{ITEM_FORMATS[self.dtype]}")
+        if np is not None:
+            self._numpy_dtype = np.dtype(self.dtype).newbyteorder("<")
+            self.minimum = self._numpy_bound(self.minimum, -np.inf)
+            self.maximum = self._numpy_bound(self.maximum, np.inf)
+
+    def read(self, data: bytearray) -> Any:
+        """Returns the array in a message's content."""
+        if np is not None:
+            return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
+        return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)
+
+    def write(self, value: Any, data: bytearray) -> None:
+        """Puts a value into a message's content.
+
+        Raises:
+            ValueError: It has another shape or cannot be such a number.
+        """
+        if np is not None:
+            array = np.asarray(value)
+            if array.shape != self.shape:
+                raise ValueError(f"{self}: the value has shape {list(array.shape)}")
+            np.ndarray(self.shape, self._numpy_dtype, data, self.offset)[...] = array
+            return
+        flat = [value]
+        try:
+            for length in self.shape:
+                if any(len(item) != length for item in flat):
+                    raise TypeError("the value has another shape")
+                flat = [item for items in flat for item in items]
+            self._items.pack_into(data, self.offset, *flat)
+        except (TypeError, struct.error) as error:
+            raise ValueError(f"{self}: {error}") from error
+
+    def _numpy_bound(self, bound: Any, unbounded: float) -> Any:
+        """An array of one number or of the array's shape, as with dm_env."""
+        if bound is None:
+            return None
+        if isinstance(bound, list):
+            values = [unbounded if item is None else item for item in bound]
+            return np.array(values, None if None in bound else self._numpy_dtype).reshape(self.shape)
+        return np.array(bound, self._numpy_dtype)
+
+    def __repr__(self) -> str:
+        where = "/".join(map(str, self.path)) or "array"
+        return f"{where} ({self.dtype}{list(self.shape)})"
+
+
+def _shaped(items: Iterator[Any], shape: tuple[int, ...]) -> Any:
+    return [_shaped(items, shape[1:]) for _ in range(shape[0])] if shape else next(items)
+
+
+class _Layout:
+    """All arrays of an observation or of the action."""
+
+    def __init__(self, description: dict[str, Any]) -> None:
+        self.size: int = description["size"]
+        self.arrays = [ArraySpec(array) for array in description["arrays"]]
+        self._flat = all(len(array.path) == 1 for array in self.arrays)
+
+    def specs(self) -> Any:
+        return _nested([(array.path, array) for array in self.arrays])
+
+    def read(self, data: bytearray) -> Any:
+        if self._flat:  # the usual case, quickly
+            return {array.path[0]: array.read(data) for array in self.arrays}
+        return _nested([(array.path, array.read(data)) for array in self.arrays])
+
+    def write(self, value: Any, data: bytearray) -> None:
+        for array in self.arrays:
+            item = value
+            for key in array.path:
+                item = item[key]
+            array.write(item, data)
+
+
+def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
+    """Builds dictionaries of what has a path."""
+    root: dict[str | int, Any] = {}
+    for path, value in items:
+        if not path:
+            return value
+        place = root
+        for key in path[:-1]:
+            place = place.setdefault(key, {})
+        place[path[-1]] = value
+    return root
+
+
+class TimeStep(NamedTuple):
+    """What the robot knows at a moment; the first four are those of a `dm_env.TimeStep`."""
+
+    step_type: int  # 0 for the first, 1 for others
+    reward: float | None
+    discount: float | None
+    observation: Any
+    """An array, or arrays by name, or by index."""
+    step: int
+    """Number of the observation, from 0; gaps show how many this program missed."""
+    time_s: float
+    """Simulated time; NaN when the environment has no clock."""
+
+    def first(self) -> bool:
+        """Whether it is the first of the run."""
+        return self.step_type == 0
+
+    def last(self) -> bool:
+        """Whether the run is over: never, since then there is nothing to decide any more."""
+        return self.step_type == 2
+
+
+class Simulation:
+    """The simulation, seen from the robot; `connect` makes it.
+
+    Iterating gives time steps until the run is over. Leaving a `with` block ends the run; an exception fails it.
+    """
+
+    def __init__(self, connection: socket.socket, options: dict[str, Any]) -> None:
+        """Greets the simulation.
+
+        Raises:
+            SimulationError: It refused, with its reason.
+        """
+        self._socket = connection
+        limit = _MAX_MESSAGE_BYTES
+        self._frames = FrameBuffer({HELLO: limit, OBSERVATION: limit, END: limit, ERROR: limit})
+        self.mode: str = options["mode"]
+        self.ended_by: str | None = None
+        """What ended the run, once it is over: `environment`, `canceled`, `duration limit`, …"""
+        kind, payload = self._receive()
+        hello = json.loads(bytes(payload))
+        if kind != HELLO or hello.get("protocol") != PROTOCOL:
+            raise ProtocolError("whoever listens does not speak the agent protocol")
+        self.hello: dict[str, Any] = hello
+        """All that the simulation said: `job_id`, `run_id`, `seed`, `world_dir`, `control_timestep_s`, …"""
+        self._observation = _Layout(hello["observation"])
+        self._action = _Layout(hello["action"])
+        self._message = bytearray(HEADER.size + self._action.size)
+        HEADER.pack_into(self._message, 0, self._action.size, ACTION)
+        self._content = bytearray(self._action.size)
+        self._step = -1
+        self._send(words(HELLO, {"version": VERSION, **options}))
+
+    def action_spec(self) -> Any:
+        """What `act` takes: an `ArraySpec`, or several by name."""
+        return self._action.specs()
+
+    def observation_spec(self) -> Any:
+        """What observations hold: an `ArraySpec`, or several by name."""
+        return self._observation.specs()
+
+    def receive(self) -> TimeStep | None:
+        """Returns the next time step, in free mode the newest, when there is one; None when the run is over.
+
+        Raises:
+            SimulationError: The simulation refused the last action, failed, or is gone.
+        """
+        if self.ended_by is not None:
+            return None
+        message: tuple[int, memoryview] | None = self._receive()
+        data = bytearray()
+        while message is not None:
+            kind, payload = message
+            if kind == END:
+                self._note_end(payload)
+                return None
+            if kind != OBSERVATION or len(payload) != self._observation.size:
+                raise ProtocolError(f"a message of type {kind} with {len(payload)} bytes is no observation")
+            data = bytearray(payload)
+            message = self._receive_waiting() if self.mode == "free" else None
+        self._step, time_s, reward, discount, step_type, flags = OBSERVATION_HEADER.unpack_from(data)
+        return TimeStep(
+            step_type,
+            reward if flags & HAS_REWARD else None,
+            discount if flags & HAS_DISCOUNT else None,
+            self._observation.read(data),
+            self._step,
+            time_s,
+        )
+
+    def act(self, action: Any) -> None:
+        """Sends an action, as the answer to the last observation; in lock-step, one to each.
+
+        Args:
+            action: In the form of `action_spec`: an array or list, or several by name.
+
+        Raises:
+            ValueError: It does not have that form.
+            SimulationError: The simulation is gone.
+        """
+        if self.ended_by is not None:
+            return  # in free mode this is nobody's mistake
+        if self._step < 0:
+            raise ValueError("an action answers an observation, and none was received yet")
+        ACTION_HEADER.pack_into(self._content, 0, self._step)
+        self._action.write(action, self._content)
+        self._message[HEADER.size :] = self._content
+        self._send(self._message)
+
+    def run(self, agent: Callable[[TimeStep], Any]) -> None:
+        """Answers every observation with `agent(time_step)` until the run is over or it raises `StopIteration`.
+
+        Such a function is what robot applications are that run in the job's process.
+        """
+        for step in self:
+            try:
+                action = agent(step)
+            except StopIteration:
+                self.end()
+                return
+            self.act(action)
+
+    def end(self) -> None:
+        """Says that the robot is done, which ends the run normally."""
+        if self.ended_by is None:
+            self.ended_by = "agent"
+            self._say(END, {})
+
+    def fail(self, error: str) -> None:
+        """Says that the robot cannot go on, which ends the job as failed; the text is its reason."""
+        if self.ended_by is None:
+            self.ended_by = "failed"
+            self._say(ERROR, {"error": error})
+
+    def close(self) -> None:
+        """Closes the connection."""
+        self._socket.close()
+
+    def __iter__(self) -> Iterator[TimeStep]:
+        step = self.receive()
+        while step is not None:
+            yield step
+            step = self.receive()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        if error is None:
+            self.end()
+        elif not isinstance(error, (SimulationError, ProtocolError)):
+            self.fail(f"{type(error).__name__}: {error}")
+        self.close()
+
+    def _note_end(self, payload: memoryview) -> None:
+        self.ended_by = json.loads(bytes(payload))["ended_by"]
+
+    def _say(self, kind: int, content: dict[str, Any]) -> None:
+        with suppress(OSError):  # whoever was to be told has gone
+            self._socket.sendall(words(kind, content))
+
+    def _send(self, message: bytes | bytearray) -> None:
+        try:
+            self._socket.sendall(message)
+        except (BrokenPipeError, ConnectionResetError):
+            # Why it has gone is in what it sent last.
+            kind, payload = self._receive()
+            while kind != END:
+                kind, payload = self._receive()
+            self._note_end(payload)
+
+    def _receive(self) -> tuple[int, memoryview]:
+        while True:
+            message = self._frames.next()
+            if message is not None:
+                return self._checked(message)
+            self._fill(0)
+
+    def _receive_waiting(self) -> tuple[int, memoryview] | None:
+        """The next message, if it is there already."""
+        message = self._frames.next()
+        while message is None:
+            try:
+                self._fill(socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return None
+            message = self._frames.next()
+        return self._checked(message)
+
+    def _fill(self, flags: int) -> None:
+        try:
+            count = self._socket.recv_into(self._frames.space(), 0, flags)
+        except ConnectionResetError:
+            count = 0
+        if count == 0:
+            raise SimulationError("the simulation closed the connection without a word: it failed or was killed")
+        self._frames.received(count)
+
+    def _checked(self, message: tuple[int, memoryview]) -> tuple[int, memoryview]:
+        if message[0] == ERROR:
+            raise SimulationError(json.loads(bytes(message[1]))["error"])
+        return message
+
+
+def connect(
+    path: str | None = None,
+    mode: str = "lockstep",
+    *,
+    timeout_s: float = 30.0,
+    real_time_factor: float = 1.0,
+    connect_timeout_s: float = 30.0,
+) -> Simulation:
+    """Connects to the simulation that this program is the robot of.
+
+    Args:
+        path: Its socket; what `ROBOMAKER_AGENT_SOCKET` says, if not given.
+        mode: `lockstep`: the simulation waits for an action after each observation. `free`: it goes on with the
+            last action in real time, from the first action on, and takes new ones as they come.
+        timeout_s: Time to answer an observation (in free mode: the first one), after which the job fails.
+        real_time_factor: In free mode, simulated seconds per second.
+        connect_timeout_s: How long to try, while nobody listens.
+
+    Raises:
+        SimulationError: Nobody listens, or the simulation refused.
+    """
+    path = path or os.environ.get(SOCKET_VARIABLE)
+    if not path:
+        raise SimulationError(
+            f"{SOCKET_VARIABLE} is not set; it is in programs that a simulation job starts as its robot application"
+        )
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    deadline_s = time.monotonic() + connect_timeout_s
+    while True:
+        try:
+            connection.connect(path)
+            break
+        except (FileNotFoundError, ConnectionRefusedError, NotADirectoryError) as error:
+            if time.monotonic() >= deadline_s:
+                connection.close()
+                raise SimulationError(f"no simulation listens at {path} after {connect_timeout_s:g} s") from error
+            time.sleep(_RETRY_S)
+    options: dict[str, Any] = {"mode": mode, "timeout_s": timeout_s}
+    if mode == "free":
+        options["real_time_factor"] = real_time_factor
+    try:
+        return Simulation(connection, options)
+    except BaseException:
+        connection.close()
+        raise

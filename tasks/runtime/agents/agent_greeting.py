@@ -1,0 +1,133 @@
+"""The greeting between a run and the program that is its robot (`docs/agents.md`)."""
+
+import time
+from contextlib import suppress
+
+from ....schemas.wire.errors import LaunchError
+from ..episode.progress import AGENT_GONE
+from .agent_client import END, ERROR, HELLO, SOCKET_VARIABLE, ProtocolError
+from .agent_protocol import MAX_WORDS_BYTES, RobotHello, read_hello, read_words
+from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Message, Stop, Stopped
+
+CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
+GREETING_TIMEOUT_S = 5.0
+"""How long a connection may say nothing while another one waits; a robot that is alone may take its time."""
+CRASH = "RobotApplicationCrash"
+"""Failure code of a job whose robot greets wrongly."""
+
+_UNHEALTHY = "RobotApplicationHealthCheckFailure"
+_LOOK_S = 0.05
+_WORDS = {HELLO: MAX_WORDS_BYTES, END: MAX_WORDS_BYTES, ERROR: MAX_WORDS_BYTES}
+
+
+class _MuteError(Exception):
+    """Who connected says nothing, and somebody else has connected."""
+
+
+class Greeter:
+    """Waits for the robot's program and greets it."""
+
+    def __init__(self, listening: AgentSocket, robot: str, stop: Stop, clock: Clock = time.monotonic) -> None:
+        """Takes a socket that nobody has connected to.
+
+        Args:
+            listening: The socket.
+            robot: The robot application's name.
+            stop: Whether the run is to stop.
+            clock: Seconds.
+        """
+        self._socket = listening
+        self._robot = robot
+        self._stop = stop
+        self._clock = clock
+        self._did, self._lacks = "did not connect", "connecting to"
+
+    def greet(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
+        """Greets until a robot greets back; whoever leaves without a word, or says none while others wait, is none.
+
+        Args:
+            greeting: The simulation's.
+            timeout_s: Time for all of it.
+
+        Returns:
+            The connection, and the robot's greeting.
+
+        Raises:
+            LaunchError: None did so in time, or before the robot's program ended, or one greeted wrongly and was told.
+            Stopped: The run was told to stop.
+        """
+        try:
+            return self._greeted(greeting, timeout_s)
+        except Stopped:
+            if self._stop.reason != AGENT_GONE:
+                raise
+            raise self._gone() from None
+
+    def _greeted(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
+        deadline_s = self._clock() + timeout_s
+        while True:
+            try:
+                connection = self._socket.accept(deadline_s, self._stop, self._clock)
+            except TimeoutError:
+                raise self._late(timeout_s) from None
+            self._did, self._lacks = "connected, but did not greet", "greeting"
+            link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
+            try:
+                return link, self._exchange(link, greeting, deadline_s)
+            except (Closed, _MuteError):
+                link.close()
+            except TimeoutError:
+                _part(link, self._text(timeout_s))
+                raise self._late(timeout_s) from None
+            except ProtocolError as error:
+                _part(link, str(error))
+                raise LaunchError(f"the program of robot application {self._robot}: {error}", CRASH) from error
+            except BaseException:
+                link.close()
+                raise
+
+    def _exchange(self, link: AgentLink, greeting: bytes, deadline_s: float) -> RobotHello:
+        with suppress(BrokenPipeError):  # what it said before it left is still to be read
+            link.send(greeting, deadline_s - self._clock())
+        kind, payload = self._receive(link, deadline_s)
+        if kind == ERROR:
+            raise ProtocolError(f"it said: {read_words(payload).get('error')}")
+        if kind == END:
+            raise ProtocolError("it ended the run before it greeted")
+        return read_hello(payload)
+
+    def _receive(self, link: AgentLink, deadline_s: float) -> Message:
+        patient_until_s = self._clock() + GREETING_TIMEOUT_S
+        while True:
+            try:
+                return link.receive(min(_LOOK_S, deadline_s - self._clock()))
+            except TimeoutError:
+                if self._clock() >= deadline_s:
+                    raise
+            if self._clock() >= patient_until_s and self._socket.somebody_waits():
+                link.refuse(f"no greeting came within {GREETING_TIMEOUT_S:g} s, and another program has connected")
+                raise _MuteError
+
+    def _text(self, timeout_s: float) -> str:
+        return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
+
+    def _gone(self) -> LaunchError:
+        """Its exit code was 0: other ones are crashes, and a run is not told that the robot is gone after these."""
+        return LaunchError(
+            f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
+            f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names",
+            _UNHEALTHY,
+        )
+
+    def _late(self, timeout_s: float) -> LaunchError:
+        return LaunchError(
+            f"{self._text(timeout_s)}; it has to connect to the Unix socket that {SOCKET_VARIABLE} names, "
+            f"here {self._socket.path}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
+            _UNHEALTHY,
+        )
+
+
+def _part(link: AgentLink, text: str) -> None:
+    """Tells a robot what is wrong, and closes the connection."""
+    link.refuse(text)
+    link.close()

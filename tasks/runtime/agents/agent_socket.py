@@ -1,0 +1,290 @@
+"""The socket over which a robot in a process of its own drives the simulation.
+
+Waiting never lasts longer than a twentieth of a second without looking whether the run is to stop.
+"""
+
+import hashlib
+import os
+import select
+import socket
+import stat
+import struct
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.wire.errors import LaunchError
+from .agent_client import ERROR, FrameBuffer, ProtocolError, words
+
+_SYSTEM_FOLDER = Path("/tmp")  # noqa: S108  (not TMPDIR: applications may set it; what is made there is private)
+_FOLDER = ".robomaker"
+_SHARED_FOLDER = "agent"
+_SOCKET = "agent.sock"
+_MAX_PATH_BYTES = 107  # `sun_path` has 108, with the zero at the end
+_PATIENCE_S = 0.05
+_BACKLOG = 8
+_GOODBYE_S = 0.5
+
+Clock = Callable[[], float]
+Message = tuple[int, memoryview]
+
+
+class Stop(Protocol):
+    """Whether the run was told to stop (see `loop.Stop`)."""
+
+    reason: str
+
+
+class Stopped(Exception):
+    """The run was told to stop while the robot was waited for."""
+
+
+class Closed(Exception):
+    """The robot closed the connection."""
+
+
+def agent_socket_path(plan: RunPlan) -> Path:
+    """Returns where the socket of a run's robot is; nothing need be there.
+
+    Its folder holds nothing else, so that it can be mounted into a container; whoever may look into the folder
+    may connect. The folder above it is for this user alone. Both are in the plan's work folder, or in the
+    system's temporary folder when that path would be too long for a socket.
+    """
+    work_dir = plan.work_dir.absolute()
+    path = work_dir / _FOLDER / _SHARED_FOLDER / _SOCKET
+    if len(os.fsencode(path)) <= _MAX_PATH_BYTES:
+        return path
+    identity = "\0".join((plan.job_id, plan.run_id, str(work_dir)))
+    digest = hashlib.sha256(identity.encode("utf-8", "surrogateescape")).hexdigest()[:20]
+    return _SYSTEM_FOLDER / f"robomaker-{os.getuid()}-{digest}" / _SHARED_FOLDER / _SOCKET
+
+
+def remove_agent_socket(plan: RunPlan) -> None:
+    """Removes the socket and its folders, for runs that were killed before they could do so themselves."""
+    path = agent_socket_path(plan)
+    with suppress(OSError):
+        path.unlink()
+    for folder in (path.parent, path.parent.parent):
+        with suppress(OSError):
+            folder.rmdir()
+
+
+class AgentSocket:
+    """A socket that one robot may connect to."""
+
+    def __init__(self, plan: RunPlan) -> None:
+        """Listens.
+
+        Raises:
+            LaunchError: It cannot.
+        """
+        self.path = agent_socket_path(plan)
+        self._plan = plan
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            _make_private(self.path.parent.parent)
+            self.path.parent.mkdir(exist_ok=True)
+            self.path.parent.chmod(0o755)  # a container's user may be another one
+            self.path.unlink(missing_ok=True)
+            self._socket.bind(str(self.path))
+            self.path.chmod(0o666)
+            self._socket.listen(_BACKLOG)
+        except OSError as error:
+            self._socket.close()
+            raise LaunchError(
+                f"the socket for the robot application cannot be made at {self.path}: {error}", "InternalServiceError"
+            ) from error
+
+    def accept(self, deadline_s: float, stop: Stop, clock: Clock = time.monotonic) -> socket.socket:
+        """Waits for a connection.
+
+        Raises:
+            TimeoutError: Nobody connected before the clock showed the deadline.
+            Stopped: The run was told to stop.
+        """
+        while True:
+            if stop.reason:
+                raise Stopped
+            remaining_s = deadline_s - clock()
+            if remaining_s <= 0:
+                raise TimeoutError
+            self._socket.settimeout(min(_PATIENCE_S, remaining_s))
+            with suppress(TimeoutError):
+                return self._socket.accept()[0]
+
+    def somebody_waits(self) -> bool:
+        """Whether another connection is there to be accepted."""
+        return bool(select.select([self._socket], [], [], 0.0)[0])
+
+    def close(self) -> None:
+        """Stops listening and removes the socket."""
+        self._socket.close()
+        remove_agent_socket(self._plan)
+
+
+class AgentLink:
+    """A connection to a robot."""
+
+    def __init__(
+        self, connection: socket.socket, limits: dict[int, int], stop: Stop, clock: Clock = time.monotonic
+    ) -> None:
+        """Takes a connection over.
+
+        Args:
+            connection: The connection.
+            limits: The longest message of each type that the robot may send.
+            stop: Whether the run is to stop.
+            clock: Seconds.
+        """
+        self.limits = limits
+        self._socket = connection
+        self._frames = FrameBuffer(limits)
+        self._stop = stop
+        self._clock = clock
+        self._unsent = memoryview(b"")
+        self._said_last = False
+        connection.setblocking(True)
+        # Cheaper than Python's own timeouts, which ask the kernel twice.
+        patience = struct.pack("ll", 0, int(_PATIENCE_S * 1e6))
+        for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+            connection.setsockopt(socket.SOL_SOCKET, option, patience)
+
+    def send(self, message: bytes | bytearray, timeout_s: float) -> None:
+        """Sends a message whole.
+
+        Raises:
+            TimeoutError: The robot did not take it in time.
+            Stopped: The run was told to stop.
+            BrokenPipeError: The robot has closed the connection; there may be something from it to receive.
+        """
+        deadline_s = self._clock() + timeout_s
+        left = memoryview(message)
+        while True:
+            try:
+                count = self._socket.send(left)
+            except BlockingIOError:
+                count = 0
+            if count == len(left):
+                return
+            left = left[count:]
+            self._check(deadline_s)
+
+    def receive(self, timeout_s: float) -> Message:
+        """Waits for a message; its content is valid until the next call.
+
+        Raises:
+            TimeoutError: None came whole in time.
+            Stopped: The run was told to stop.
+            Closed: The robot closed the connection.
+            ProtocolError: What came is no message of the protocol.
+        """
+        message = self._frames.next()
+        if message is not None:
+            return message
+        deadline_s = self._clock() + timeout_s
+        while True:
+            with suppress(BlockingIOError):
+                self._fill(0)
+            message = self._frames.next()
+            if message is not None:
+                return message
+            self._check(deadline_s)
+
+    def receive_until(self, due_s: float) -> Message | None:
+        """Waits for a message until the clock shows a time; looks once in any case.
+
+        Raises:
+            Stopped, Closed, ProtocolError: As `receive`.
+        """
+        while True:
+            message = self._frames.next()
+            if message is not None:
+                return message
+            if self._stop.reason:
+                raise Stopped
+            try:
+                self._fill(socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                wait_s = due_s - self._clock()
+                if wait_s <= 0:
+                    return None
+                writable = [self._socket] if self._unsent else []
+                select.select([self._socket], writable, [], min(wait_s, _PATIENCE_S))
+                if writable:
+                    self._flush()
+
+    def offer(self, message: bytearray) -> bool:
+        """Sends a message if the robot can take it now; says whether it will get it.
+
+        A message that does not fit whole is finished before any other one begins.
+        """
+        self._flush()
+        if self._unsent:
+            return False
+        # A copy only of what is left: the message's memory is used again.
+        try:
+            count = self._socket.send(message, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return False
+        except BrokenPipeError:
+            return False  # receiving tells more
+        if count < len(message):
+            self._unsent = memoryview(bytes(memoryview(message)[count:]))
+        return True
+
+    def say_last(self, kind: int, content: dict[str, object]) -> None:
+        """Says the last thing to the robot, if nothing was said last yet and it is still there to listen."""
+        if self._said_last:
+            return
+        self._said_last = True
+        try:
+            self.send(bytes(self._unsent) + words(kind, content), _GOODBYE_S)
+        except (OSError, Stopped):
+            return
+
+    def refuse(self, text: str) -> None:
+        """Tells the robot what is wrong."""
+        self.say_last(ERROR, {"error": text})
+
+    def close(self) -> None:
+        """Closes the connection."""
+        self._socket.close()
+
+    def _fill(self, flags: int) -> None:
+        try:
+            count = self._socket.recv_into(self._frames.space(), 0, flags)
+        except ConnectionResetError:
+            count = 0
+        if count == 0:
+            if self._frames.pending:
+                raise ProtocolError("the connection was closed in the middle of a message")
+            raise Closed
+        self._frames.received(count)
+
+    def _flush(self) -> None:
+        with suppress(BlockingIOError, BrokenPipeError):
+            while self._unsent:
+                self._unsent = self._unsent[self._socket.send(self._unsent, socket.MSG_DONTWAIT) :]
+
+    def _check(self, deadline_s: float) -> None:
+        if self._stop.reason:
+            raise Stopped
+        if self._clock() >= deadline_s:
+            raise TimeoutError
+
+
+def _make_private(folder: Path) -> None:
+    """Makes a folder for this user alone, also where others could have made one of its name before.
+
+    Raises:
+        OSError: There is something of that name that is not this user's folder.
+    """
+    with suppress(FileExistsError):
+        folder.mkdir(0o700)
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
+        raise PermissionError(f"{folder} is not a folder of this user")
+    folder.chmod(0o700)

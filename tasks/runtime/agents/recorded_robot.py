@@ -1,0 +1,105 @@
+"""The recorded actions of a robot program in its place: a rerun that needs neither the program nor its timing."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import dm_env
+
+from ....schemas.runs.plan import RecordedActions
+from ....schemas.wire.errors import LaunchError
+from ..episode.context import ActionError, SimulationContext
+from ..episode.results import Findings
+from ..episode.stops import RunEnded
+from .action_log import ActionLog, ActionLogError, ActionLogHeader, header_of
+from .agent_client import ACTION_HEADER
+from .agent_protocol import ActionReader
+from .remote_agent import RobotProgramError
+from .remote_robot import action_layout
+
+_INVALID = "InvalidInput"
+_NO_NUMBER = ACTION_HEADER.pack(0)
+
+
+class RecordedRobot:
+    """The robot's side of a rerun: does what a program did (see `remote_robot.RemoteRobot`, whose place it takes)."""
+
+    next_time_s = math.inf
+
+    def __init__(self, recorded: RecordedActions, robot: str) -> None:
+        """Opens the recorded actions.
+
+        Args:
+            recorded: What was done, and how it ended.
+            robot: The robot application's name.
+
+        Raises:
+            LaunchError: They cannot be read.
+        """
+        try:
+            self._log = ActionLog(recorded.path)
+        except ActionLogError as error:
+            raise LaunchError(f"the recorded actions of robot application {robot}: {error}", _INVALID) from error
+        self._ended_by = recorded.ended_by
+        self._robot = robot
+        self._taken = 0
+
+    def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Callable[..., Any]:
+        """Returns an agent that does what was recorded.
+
+        Args:
+            context: The run.
+            environment: What it is to act in.
+
+        Raises:
+            LaunchError: The environment takes other actions than those that were recorded.
+        """
+        del context
+        layout = action_layout(environment)
+        if _form(header_of(self._log.header.mode, layout)) != _form(self._log.header):
+            raise LaunchError(
+                f"the recorded actions of robot application {self._robot} are {self._log.header}; this "
+                f"environment takes {layout.summary()}",
+                _INVALID,
+            )
+        reader, actions = ActionReader(layout), iter(self._log)
+
+        def agent(timestep: dm_env.TimeStep) -> Any:
+            del timestep
+            action = next(actions, None)
+            if action is None:
+                raise self._end()
+            self._taken += 1
+            try:
+                return reader.read(memoryview(_NO_NUMBER + action), range(1))
+            except ActionError as error:  # the file was made by somebody else
+                raise RobotProgramError(f"recorded action {self._taken - 1}: {error}") from error
+
+        return agent
+
+    def actions(self) -> None:
+        """Keeps none anew."""
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Never called: there is nothing to look at."""
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Returns what the result says about the robot."""
+        del ended_by
+        return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
+
+    def _end(self) -> Exception:
+        """What ends the rerun where the run ended, if nothing in it has done so."""
+        if self._ended_by == "agent":
+            return StopIteration()
+        if self._ended_by is not None:
+            return RunEnded(self._ended_by)
+        return RobotProgramError(
+            f"the recorded actions of robot application {self._robot} end here, after {self._taken} steps, where the "
+            "run failed; the program itself is not run again"
+        )
+
+
+def _form(header: ActionLogHeader) -> list[tuple[Any, ...]]:
+    """What has to be the same for actions to mean the same."""
+    return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

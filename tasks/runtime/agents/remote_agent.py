@@ -1,0 +1,182 @@
+"""A robot application that is a process of its own, as an agent of the run's loop.
+
+The process connects to a socket (`agent_socket`) and speaks the protocol of `docs/agents.md`.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import dm_env
+
+from ..episode.context import ActionError
+from ..episode.results import Findings
+from ..episode.stops import RunStopped
+from .agent_client import ACTION, ACTION_HEADER, END, ERROR, ProtocolError
+from .agent_layout import Layout
+from .agent_protocol import ActionReader, ObservationWriter, RobotHello, read_words
+from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
+
+
+class RobotProgramError(ActionError):
+    """The robot's program said or did something wrong, or nothing at all."""
+
+
+class RemoteAgent:
+    """Answers time steps with what a robot in another process says.
+
+    In lock-step it waits for the answer to every observation. Free-running it keeps simulated time at real time,
+    times a factor, sends every observation that the robot can take, and answers with the newest action.
+    """
+
+    def __init__(
+        self,
+        link: AgentLink,
+        hello: RobotHello,
+        observation: Layout,
+        action: Layout,
+        *,
+        robot: str,
+        simulated_time: Callable[[int], float],
+        control_timestep_s: float | None = None,
+        keep: Callable[[bytes], None] | None = None,
+        clock: Clock = time.monotonic,
+        wall_clock: Clock = time.perf_counter,
+    ) -> None:
+        """Takes over a connection on which both have greeted.
+
+        Args:
+            link: The connection.
+            hello: The robot's greeting.
+            observation: How observations lie in messages.
+            action: How actions do.
+            robot: The robot application's name, for what goes wrong.
+            simulated_time: Seconds at a time step, by its number; NaN if unknown.
+            control_timestep_s: Simulated seconds of a step; needed for free-running.
+            keep: Told each action that the environment is given, as its arrays lie in the message.
+            clock: Seconds of the link's clock.
+            wall_clock: Seconds, for measuring how long answers take.
+        """
+        self._link = link
+        self._hello = hello
+        self._writer = ObservationWriter(observation)
+        self._reader = ActionReader(action)
+        self._robot = robot
+        self._simulated_time = simulated_time
+        self._period_s = (control_timestep_s or 0.0) / hello.real_time_factor
+        self._keep = keep
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._due_s = 0.0
+        self._number = -1
+        self._action: Any = None
+        self._content = b""
+        """The same as it came, without its number."""
+        self._sent = self._actions = 0
+        self._waited_s = 0.0
+
+    def __call__(self, timestep: dm_env.TimeStep) -> Any:
+        """Returns the robot's action.
+
+        Raises:
+            StopIteration: The robot is done, or has closed the connection.
+            RobotProgramError: It sent something wrong, or did not answer in time.
+            ObservationError: The time step is not what the environment's specs say.
+            RunStopped: The run was told to stop.
+        """
+        self._number += 1
+        try:
+            self._writer.write(self._number, self._simulated_time(self._number), timestep)
+            action = self._in_lockstep() if self._hello.mode == "lockstep" else self._freely()
+        except TimeoutError:
+            raise self._refusal(
+                f"observation {self._number} was not answered within {self._hello.timeout_s:g} s"
+            ) from None
+        except Stopped:
+            raise RunStopped from None
+        except Closed:
+            raise StopIteration from None
+        except RobotProgramError:
+            raise
+        except (ProtocolError, ActionError) as error:
+            raise self._refusal(str(error)) from None
+        # Before the environment sees it, which may not survive it.
+        if self._keep is not None:
+            self._keep(self._content)
+        return action
+
+    def findings(self) -> Findings:
+        """Returns what the run's result says about the conversation."""
+        about: dict[str, Any] = {
+            "mode": self._hello.mode,
+            "observations": self._number + 1,
+            "observations_dropped": self._number + 1 - self._sent,
+            "actions": self._actions,
+        }
+        if self._hello.mode == "free":
+            about["real_time_factor_asked"] = self._hello.real_time_factor
+        elif self._actions:
+            about["mean_answer_us"] = round(1e6 * self._waited_s / self._actions, 1)
+        return Findings(extra={"agent": about})
+
+    def end(self, ended_by: str) -> None:
+        """Tells the robot that the run is over."""
+        self._link.say_last(END, {"ended_by": ended_by})
+
+    def fail(self, text: str) -> None:
+        """Tells the robot that the run failed."""
+        self._link.refuse(text)
+
+    def _in_lockstep(self) -> Any:
+        began_s = self._wall_clock()
+        with suppress(BrokenPipeError):  # what it said before it closed the connection is still to be read
+            self._link.send(self._writer.message, self._hello.timeout_s)
+        self._sent += 1
+        expected = range(self._number, self._number + 1)
+        action = self._understood(self._link.receive(self._hello.timeout_s), expected)
+        self._waited_s += self._wall_clock() - began_s
+        return action
+
+    def _freely(self) -> Any:
+        if self._actions == 0:
+            action = self._in_lockstep()
+            self._due_s = self._clock()
+            return _copied(action)
+        self._sent += self._link.offer(self._writer.message)
+        # What could not be made up for is forgotten: nobody wants a burst of steps after a pause.
+        self._due_s = max(self._due_s + self._period_s, self._clock())
+        expected = range(self._number + 1)
+        latest_s = self._due_s + self._period_s
+        while (message := self._link.receive_until(self._due_s)) is not None:
+            self._action = self._understood(message, expected)
+            if self._clock() > latest_s:
+                break  # it sends faster than can be read
+        return _copied(self._action)
+
+    def _understood(self, message: Message, expected: range) -> Any:
+        kind, payload = message
+        if kind == ACTION:
+            self._action = self._reader.read(payload, expected)
+            self._content = bytes(payload[ACTION_HEADER.size :])
+            self._actions += 1
+            return self._action
+        if kind == ERROR:
+            said = str(read_words(payload).get("error", "an error"))
+            raise RobotProgramError(f"the program of robot application {self._robot} said: {said}")
+        if kind == END:
+            raise StopIteration
+        raise ProtocolError(f"a second greeting, in place of an action (type {ACTION})")
+
+    def _refusal(self, text: str) -> RobotProgramError:
+        self._link.refuse(text)
+        return RobotProgramError(f"the program of robot application {self._robot}: {text}")
+
+
+def _copied(action: Any) -> Any:
+    """Environments may keep or change what they are given."""
+    if isinstance(action, dict):
+        return {key: _copied(item) for key, item in action.items()}
+    if isinstance(action, list | tuple):
+        return type(action)(_copied(item) for item in action)
+    return action.copy()

@@ -1,0 +1,116 @@
+"""The built-in simulation application: a furnished world with a robot in it."""
+
+import logging
+import math
+import os
+import sys
+from functools import cached_property
+from pathlib import Path
+
+from .....schemas.runs.variables import number_in
+from .....schemas.wire.errors import LaunchError
+from .....schemas.worlds.world import World
+from ...episode.context import SimulationContext
+from ...episode.results import EnvironmentReport
+from ...episode.resumable import ResumableEnvironment
+from ...robots.lookup import find_robot
+from ...robots.robot import CONTROL_TIMESTEP_S, Robot
+from ...robots.scout import SCOUT
+from .navigation_task import NavigationTask
+from .occupancy_map import OccupancyMap, read_world_map
+from .scene import ScenePhysics, assemble
+from .telemetry import frames_of_bodies
+
+TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
+
+_INVALID = "InvalidInput"
+_logger = logging.getLogger(__name__)
+
+
+class IndoorNavigation(ResumableEnvironment):
+    """An environment that knows how its run went, and that can be continued."""
+
+    records_itself = True
+    """It publishes its own clock and joint states."""
+
+    def __init__(self, physics: ScenePhysics, task: NavigationTask, robot: Robot) -> None:
+        super().__init__(physics, task, control_timestep=CONTROL_TIMESTEP_S, legacy_step=False)
+        self._navigation = task
+        self.robot = robot
+        """The robot in the world; agents that plan ask it for its limits."""
+        if robot.video_camera is not None:
+            self.video_camera = f"{robot.prefix}{robot.video_camera}"
+
+    @cached_property
+    def tf_frames(self) -> dict[int, str]:
+        """Frames by numbers of bodies; a recording's `/tf` tells where they are."""
+        return frames_of_bodies(self.robot, self.physics.model.ptr)
+
+    def run_result(self) -> EnvironmentReport:
+        """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
+
+        Raises:
+          RuntimeError: no run has begun.
+        """
+        if self._reset_next_step and self._step_count == 0:
+            raise RuntimeError("there is no run to report on; call reset first")
+        return self._navigation.report()
+
+
+def make_environment(context: SimulationContext) -> IndoorNavigation:
+    """Makes the environment of one run.
+
+    The robot is that of the robot application (`robots/lookup.py`). Actions and observations are described by the
+    environment's specs. A run ends when the robot
+    has been in every room and is told to stand still, when it is told to stand still for 10 s, when
+    it tips over, or at the limit of simulated time: `ROBOMAKER_SIM_TIME_LIMIT_S` seconds from the
+    environment variables, else what suits the size of the world.
+
+    Args:
+      context: the run; it has to have a world.
+
+    Raises:
+      LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds, or there is
+        no such robot.
+    """
+    if context.world is None or context.world_dir is None:
+        raise LaunchError(
+            "indoor-navigation drives through a world and the job names none; "
+            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
+            _INVALID,
+        )
+    found = find_robot(context.plan.robot_application, {**os.environ, **context.environment})
+    sys.stdout.write(f"{found}\n")
+    robot = found.robot
+    limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world, robot)
+    try:
+        physics = assemble(context.world_dir / "world.xml", robot)
+    except ValueError as cause:
+        raise LaunchError(str(cause), _INVALID) from cause
+    known = _known_map(context.world_dir) if context.recorder.enabled else None
+    task = NavigationTask(context.world, robot, context.rng, context.recorder, limit_s, known)
+    return IndoorNavigation(physics, task, robot)
+
+
+def _known_map(world_dir: Path) -> OccupancyMap | None:
+    """The world's map, if it has one that can be read."""
+    try:
+        return read_world_map(world_dir) if (world_dir / "map.yaml").is_file() else None
+    except (OSError, ValueError) as cause:
+        _logger.warning("there is no map in the recording: %s", cause)
+        return None
+
+
+def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
+    """The limit that was asked for, else about three times what Scout needs, and more for slower robots."""
+    if text is None:
+        rooms = world.floorplan.rooms
+        slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)
+        return math.ceil(slowness * (60 + 20 * len(rooms) + 2 * sum(room.area_m2 for room in rooms)))
+    limit_s = number_in(text)
+    if not (math.isfinite(limit_s) and limit_s > 0):
+        raise LaunchError(
+            f"{TIME_LIMIT_VARIABLE}: {text!r} is not a limit; it has to be simulated seconds above 0, such as 300",
+            _INVALID,
+        )
+    return limit_s

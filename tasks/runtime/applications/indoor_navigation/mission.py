@@ -1,0 +1,151 @@
+"""Keeps the score of a run: rooms, way, touches; and judges it."""
+
+import math
+from collections.abc import Sequence
+
+from .....schemas.runs.plan import Collision, Requirement, RoomVisit
+from .....schemas.worlds.polygons import contains
+from .....schemas.worlds.world import Point, Room
+from ...episode.results import EnvironmentReport
+from ...episode.resumable import KeepsAttributes
+from .telemetry import RobotState
+
+HARD_COLLISION_N = 20.0
+"""Normal force above which a touch counts as a crash: Scout's bumper reaches it at about 0.12 m/s against a wall."""
+
+TIPPED_OVER_RAD = math.radians(35)
+
+MAX_PATH_POINTS = 600
+
+_PATH_PERIOD_S = 0.2
+
+
+class Mission(KeepsAttributes):
+    """Progress of one run towards having been in every room."""
+
+    KEPT = ("_unvisited", "first_visit_s", "tipped_over", "_distance_m", "_path", "_last")
+
+    def __init__(self, rooms: Sequence[Room], time_limit_s: float) -> None:
+        """Starts with nothing visited.
+
+        Args:
+          rooms: the rooms to visit, in any order.
+          time_limit_s: simulated time that ends the run.
+        """
+        self._rooms = rooms
+        self._unvisited = {index: (_bounds(room.polygon), room.polygon) for index, room in enumerate(rooms)}
+        self.time_limit_s = time_limit_s
+        self.first_visit_s: list[float | None] = [None] * len(rooms)
+        self.tipped_over = False
+        self._distance_m = 0.0
+        self._path: list[tuple[float, float, float]] = []
+        self._last: RobotState | None = None
+
+    @property
+    def visited_count(self) -> int:
+        """Rooms the robot has been in."""
+        return len(self._rooms) - len(self._unvisited)
+
+    @property
+    def all_visited(self) -> bool:
+        """Whether the robot has been in every room."""
+        return not self._unvisited
+
+    def update(self, state: RobotState, tilt_rad: float) -> int:
+        """Takes note of the robot's state.
+
+        Args:
+          state: the state now.
+          tilt_rad: angle between the robot's axis and the vertical.
+
+        Returns:
+          Number of rooms that were entered for the first time.
+        """
+        self.tipped_over |= tilt_rad > TIPPED_OVER_RAD
+        if self._last is not None:
+            self._distance_m += math.hypot(state.x - self._last.x, state.y - self._last.y)
+        self._last = state
+        if not self._path or state.time_s - self._path[-1][0] >= _PATH_PERIOD_S - 1e-6:
+            self._path.append((round(state.time_s, 3), round(state.x, 4), round(state.y, 4)))
+        x, y = state.x, state.y
+        entered = [
+            index
+            for index, ((west, south, east, north), polygon) in self._unvisited.items()
+            if west <= x <= east and south <= y <= north and contains(polygon, x, y)
+        ]
+        for index in entered:
+            self.first_visit_s[index] = round(state.time_s, 3)
+            del self._unvisited[index]
+        return len(entered)
+
+    def report(self, collisions: list[Collision], touches: int, max_force_N: float) -> EnvironmentReport:  # noqa: N803
+        """Judges the run.
+
+        Args:
+          collisions: the touches to list.
+          touches: how many there were.
+          max_force_N: the hardest one's force.
+        """
+        time_s = self._last.time_s if self._last else 0.0
+        requirements = self._requirements(time_s, max_force_N)
+        missed = [requirement for requirement in requirements if not requirement.satisfied]
+        progress = f"{self.visited_count} of {len(self._rooms)} rooms visited in {time_s:.1f} s"
+        return EnvironmentReport(
+            verdict="FAIL" if missed else "PASS",
+            summary=f"{progress}; failed: {'; '.join(item.detail for item in missed)}." if missed else f"{progress}.",
+            requirements=requirements,
+            metrics={
+                "sim_time_s": round(time_s, 3),
+                "distance_m": round(self._distance_m, 3),
+                "mean_speed_mps": round(self._distance_m / time_s, 4) if time_s else 0.0,
+                "rooms": float(len(self._rooms)),
+                "rooms_visited": float(self.visited_count),
+                "collisions": float(touches),
+                "max_collision_force_N": round(max_force_N, 2),
+            },
+            rooms=[
+                RoomVisit(name=room.name, visited=time_s is not None, first_visit_s=time_s)
+                for room, time_s in zip(self._rooms, self.first_visit_s, strict=True)
+            ],
+            collisions=collisions,
+            path=thin_out(self._path, MAX_PATH_POINTS),
+        )
+
+    def _requirements(self, time_s: float, max_force_N: float) -> list[Requirement]:  # noqa: N803
+        unseen = [room.name for room, at in zip(self._rooms, self.first_visit_s, strict=True) if at is None]
+        in_time = time_s < self.time_limit_s - 1e-6 or not unseen
+        return [
+            Requirement(
+                name="rooms_visited",
+                satisfied=not unseen,
+                detail=f"not visited: {', '.join(unseen)}" if unseen else f"all {len(self._rooms)} rooms visited",
+            ),
+            Requirement(
+                name="no_hard_collision",
+                satisfied=max_force_N <= HARD_COLLISION_N,
+                detail=f"hardest touch {max_force_N:.1f} N, at most {HARD_COLLISION_N:g} N allowed",
+            ),
+            Requirement(
+                name="within_time_limit",
+                satisfied=in_time,
+                detail=f"ended at {time_s:.1f} s, limit {self.time_limit_s:g} s",
+            ),
+            Requirement(
+                name="upright",
+                satisfied=not self.tipped_over,
+                detail="the robot tipped over" if self.tipped_over else "the robot stayed upright",
+            ),
+        ]
+
+
+def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
+    """Keeps evenly spread points, the first and the last among them, at most `limit` (2 or more)."""
+    if len(path) <= limit:
+        return list(path)
+    last = len(path) - 1
+    return [path[round(index * last / (limit - 1))] for index in range(limit)]
+
+
+def _bounds(polygon: Sequence[Point]) -> tuple[float, float, float, float]:
+    xs, ys = zip(*polygon, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)

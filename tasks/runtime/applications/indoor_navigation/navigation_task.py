@@ -1,0 +1,317 @@
+"""The task of indoor navigation: drive through every room of a world and stop.
+
+Built for dm_control's `rl.control.Environment`, which calls the methods in this order at every step:
+`before_step`, (physics), `after_step`, `get_reward`, `get_observation`, `get_termination`.
+"""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+# dm_control has no annotations, so that its abstract methods seem to return None.
+# pyright: reportIncompatibleMethodOverride=false
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+from dm_control.rl.control import Task
+from dm_env import specs
+from numpy.typing import NDArray
+
+from .....schemas.worlds.world import World
+from ...episode.results import EnvironmentReport
+from ...recording.recorder import Recorder
+from ...robots.bases import bind_base, take_home_pose
+from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
+from . import lidar
+from .collisions import CollisionMonitor
+from .mission import Mission
+from .occupancy_map import OccupancyMap
+from .scene import ScenePhysics
+from .scene_markers import ContactMarkers
+from .telemetry import RobotState, Telemetry
+
+_SETTLED_S = 0.5
+"""With all rooms visited, standing still on command for this long ends the run."""
+
+_IDLE_S = 10.0
+"""Standing still on command for this long ends the run in any case: the agent has given up."""
+
+_KEPT = ("_steps", "_still_s", "_ever_moved", "_newly_visited", "_visited")
+_KEPT_RANGES = ("_scan", "_proximity", "_scan_time")
+
+
+class NavigationTask(Task):
+    """Hands actions to the robot, senses, keeps the score."""
+
+    def __init__(
+        self,
+        world: World,
+        robot: Robot,
+        rng: np.random.Generator,
+        recorder: Recorder,
+        time_limit_s: float,
+        known: OccupancyMap | None = None,
+    ) -> None:
+        """Prepares the task; a run begins with `initialize_episode`.
+
+        Args:
+          world: the world that the physics was made from.
+          robot: the robot that was put into it.
+          rng: source of the first heading and of the lidar's noise.
+          recorder: where ROS 2 messages go.
+          time_limit_s: simulated time that ends a run.
+          known: the world's map, for the recording.
+        """
+        self._world = world
+        self._robot = robot
+        self._rng = rng
+        self._recorder = recorder
+        self._telemetry = Telemetry(recorder, robot, known)
+        self._time_limit_s = time_limit_s
+        self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
+        self._goals.setflags(write=False)
+
+    # -- Called by dm_control ------------------------------------------------
+
+    def initialize_episode(self, physics: ScenePhysics) -> None:
+        """Stands the robot on the origin with a random heading and starts a new score."""
+        self._bind(physics)
+        heading = self._rng.uniform(-math.pi, math.pi)
+        self._base.place(heading)
+        take_home_pose(self._robot, physics.model.ptr, physics.data.ptr)
+        mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
+        self._start_sensing(physics)
+        self._controller = self._robot.drive.bind(physics.model.ptr, physics.data.ptr, self._robot.prefix)
+        physics.between_substeps = self._between_substeps()
+        self.mission = Mission(self._world.floorplan.rooms, self._time_limit_s)
+        self._steps = 0
+        self._still_s = 0.0
+        self._ever_moved = False
+        self._newly_visited = 0
+        self._visited = np.zeros(len(self._goals), dtype=np.bool_)
+        self._visited.setflags(write=False)
+        if self._recorder.enabled:
+            self._telemetry.start(physics.model.ptr, physics.data.ptr)
+            self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
+        self._sense()
+
+    def before_step(self, action: Action, physics: ScenePhysics) -> None:
+        """Hands a command to the robot's controller, which clips it to what the robot can do.
+
+        Args:
+          action: see `action_spec`.
+          physics: unused; the task is bound to it.
+
+        Raises:
+          ActionError: it is not an action of this robot.
+        """
+        del physics
+        standing = self._controller.command(action)
+        self._ever_moved |= not standing
+        self._still_s = self._still_s + CONTROL_TIMESTEP_S if standing else 0.0
+
+    def after_step(self, physics: ScenePhysics) -> None:
+        """Reads the sensors, keeps the score, records."""
+        del physics
+        self._steps += 1
+        self._sense()
+
+    def get_reward(self, physics: ScenePhysics) -> float:
+        """1 for every room that was entered for the first time."""
+        del physics
+        return float(self._newly_visited)
+
+    def get_observation(self, physics: ScenePhysics) -> dict[str, NDArray[Any]]:
+        """What the robot knows; see `observation_spec`."""
+        del physics
+        state = self._state
+        observation = {
+            "time": np.array(state.time_s),
+            "pose": np.array((state.x, state.y, state.yaw)),
+            "velocity": np.array((state.linear, state.angular)),
+            "goals": self._goals,
+            "visited": self._visited,
+        }
+        if self._robot.is_differential:
+            observation["wheel_velocity"] = np.array(state.joint_velocities)
+        else:
+            observation["joint_position"] = np.array(state.joint_positions)
+            observation["joint_velocity"] = np.array(state.joint_velocities)
+        if self._robot.imu is not None:
+            observation["imu"] = np.array(self._imu())
+        if self._ranging is not None:
+            observation.update(scan=self._scan, proximity=self._proximity, scan_time=self._scan_time)
+        return observation
+
+    def get_termination(self, physics: ScenePhysics) -> float | None:
+        """0 when the run is over, else nothing."""
+        del physics
+        over = (
+            (self.mission.all_visited and self._still_s >= _SETTLED_S)
+            or (self._ever_moved and self._still_s >= _IDLE_S)
+            or self.mission.tipped_over
+            or self._state.time_s >= self._time_limit_s - 1e-6
+        )
+        return 0.0 if over else None
+
+    def action_spec(self, physics: ScenePhysics) -> specs.BoundedArray:
+        """Forward velocity in m/s and turning rate in rad/s, or what the robot's actuators take."""
+        return self._robot.drive.action_spec(physics.model.ptr, self._robot.prefix)
+
+    def observation_spec(self, physics: ScenePhysics) -> dict[str, specs.Array]:
+        """Names, shapes and units of what the robot knows."""
+        del physics
+        rooms, joints = len(self._goals), len(self._robot.joints)
+        observed = {
+            "time": specs.Array((), np.float64, name="time: s"),
+            "pose": specs.Array((3,), np.float64, name="pose: x m, y m, yaw rad in the map"),
+            "velocity": specs.Array((2,), np.float64, name="velocity: forward m/s, turning rad/s"),
+            "goals": specs.Array((rooms, 2), np.float64, name="goals: m, one free spot per room"),
+            "visited": specs.Array((rooms,), np.bool_, name="visited: rooms entered so far"),
+        }
+        if self._robot.is_differential:
+            observed["wheel_velocity"] = specs.Array((2,), np.float64, name="wheel_velocity: left, right rad/s")
+        else:
+            names = ", ".join(self._robot.joints)
+            observed["joint_position"] = specs.Array((joints,), np.float64, name=f"joint_position: rad or m, {names}")
+            observed["joint_velocity"] = specs.Array((joints,), np.float64, name=f"joint_velocity: 1/s, {names}")
+        if self._robot.imu is not None:
+            observed["imu"] = specs.Array((6,), np.float64, name="imu: gyro rad/s, accelerometer m/s^2")
+        return observed if self._robot.lidar is None else observed | _range_specs(self._robot.lidar)
+
+    # -- Called by the environment --------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """What it remembers besides the physics; see `checkpoints.Resumable`."""
+        return {
+            "own": {name: getattr(self, name) for name in (*_KEPT, *_KEPT_RANGES) if hasattr(self, name)},
+            "mission": self.mission.state(),
+            "monitor": self._monitor.state(),
+            "controller": self._controller.state(),
+            "telemetry": self._telemetry.state(),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from where `state` was taken; the physics is as it was then."""
+        for name, value in state["own"].items():
+            setattr(self, name, value)
+        self.mission.restore(state["mission"])
+        self._monitor.restore(state["monitor"])
+        self._controller.restore(state["controller"])
+        self._telemetry.restore(state["telemetry"])
+        self._state, _ = self._read_state()
+
+    def report(self) -> EnvironmentReport:
+        """Judges the run so far."""
+        collisions = self._monitor.finish()
+        return self.mission.report(collisions, self._monitor.count, self._monitor.max_force_N)
+
+    # -- Inside -----------------------------------------------------------------
+
+    def _bind(self, physics: ScenePhysics) -> None:
+        """Takes views of the robot's part of the state, so that a step need not look anything up."""
+        model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
+        self._data = data
+        self._base = bind_base(robot, model, data)
+        joints = [model.joint(f"{robot.prefix}{name}") for name in robot.joints]
+        self._joint_positions = _picked(data.qpos, [int(joint.qposadr[0]) for joint in joints])
+        self._joint_velocities = _picked(data.qvel, [int(joint.dofadr[0]) for joint in joints])
+        sensors = [int(model.sensor(f"{robot.prefix}{name}").adr[0]) for name in robot.imu or ()]
+        self._imu = _picked(data.sensordata, [first + axis for first in sensors for axis in range(3)])
+
+    def _start_sensing(self, physics: ScenePhysics) -> None:
+        model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
+        body = robot.footprint_id(model)
+        furniture = [item.id for item in self._world.furniture]
+        show = ContactMarkers(self._recorder, model, data, body, furniture).publish if self._recorder.enabled else None
+        self._monitor = CollisionMonitor(model, data, body, furniture, show)
+        self._ranging = None
+        self._scan_every_steps = robot.lidar.every_steps if robot.lidar else 0
+        if robot.lidar is not None:
+            unseen = physics.unseen_group
+            far = (robot.lidar.height_m, robot.lidar.angles_rad, robot.lidar.range_max_m)
+            near = (robot.proximity_height_m, lidar.PROXIMITY_ANGLES_RAD, lidar.PROXIMITY_RANGE_MAX_M)
+            self._ranging = (
+                lidar.RangeFinder(model, data, body, *far, unseen),
+                lidar.RangeFinder(model, data, body, *near, unseen),
+                robot.lidar,
+            )
+
+    def _between_substeps(self) -> Callable[[], None]:
+        """What is done every 10 ms: contacts are looked at, states are recorded, and legs move."""
+        sample, move, record = self._monitor.sample, self._controller.substep, self._telemetry.sample
+
+        def sample_and_record() -> None:
+            sample()
+            record()
+
+        look = sample_and_record if self._recorder.enabled else sample
+        if move is None:
+            return look
+
+        def look_and_move() -> None:
+            look()
+            move()
+
+        return look_and_move
+
+    def _sense(self) -> None:
+        self._state, tilt_rad = self._read_state()
+        self._newly_visited = self.mission.update(self._state, tilt_rad)
+        if self._newly_visited:
+            self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])
+            self._visited.setflags(write=False)
+            if self._recorder.enabled:
+                self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
+        if self._ranging is not None and self._steps % self._scan_every_steps == 0:
+            self._measure_ranges(*self._ranging)
+
+    def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder, model: Lidar) -> None:
+        noise = self._rng.normal(0.0, model.noise_std_m, model.rays)
+        ranges = np.maximum(scanner.measure() + noise, model.range_min_m)
+        self._scan = ranges.astype(np.float32)
+        self._proximity = bumper.measure().astype(np.float32)
+        self._scan_time = np.array(self._state.time_s)
+        if self._recorder.enabled:
+            self._telemetry.publish_scan(self._state.time_s, self._scan)
+
+    def _read_state(self) -> tuple[RobotState, float]:
+        base = self._base.read()
+        state = RobotState(
+            time_s=float(self._data.time),
+            x=base.x,
+            y=base.y,
+            yaw=base.yaw,
+            linear=base.linear,
+            angular=base.angular,
+            joint_positions=self._joint_positions(),
+            joint_velocities=self._joint_velocities(),
+        )
+        return state, base.tilt
+
+
+def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tuple[float, ...]]:
+    """A function that reads some of the values; a view where they lie in a row, which is quicker."""
+    if places and places == list(range(places[0], places[0] + len(places))):
+        view = values[places[0] : places[0] + len(places)]
+        return lambda: tuple(view.tolist())
+    indices = np.array(places, np.intp)
+    return lambda: tuple(values[indices].tolist())
+
+
+def _range_specs(model: Lidar) -> dict[str, specs.Array]:
+    """What range sensors measure."""
+    near = specs.BoundedArray(
+        lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
+    )
+    first, last = model.angles_rad[0], model.angles_rad[-1]
+    around = f"from {first:.4g} to {last:.4g} rad"
+    return {
+        "scan": specs.BoundedArray(
+            (model.rays,), np.float32, 0.0, np.inf, name=f"scan: m, {around}, {model.rate_hz:g} Hz"
+        ),
+        "proximity": near,
+        "scan_time": specs.Array((), np.float64, name="scan_time: s, of scan and proximity"),
+    }

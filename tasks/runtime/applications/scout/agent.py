@@ -1,0 +1,275 @@
+"""The built-in robot application: visits every room of a world, then stops.
+
+It plans on the world's map, orders the rooms into a short tour, follows smooth paths, drives around
+things that its range sensors see and the map does not show, backs out when it is stuck, and gives a
+room up after a few tries.
+"""
+
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import dm_env
+import numpy as np
+from numpy.typing import NDArray
+
+from .....schemas.wire.errors import LaunchError
+from .....schemas.worlds.world import Point
+from ...episode.context import SimulationContext
+from ...episode.resumable import KeepsAttributes
+from ...robots.robot import Lidar, Limits, robot_of
+from ...robots.scout import LIDAR, LIMITS
+from ..indoor_navigation.occupancy_map import OccupancyMap, read_world_map
+from .following import PathFollower
+from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path, ray_directions
+from .plan_telemetry import PlanTelemetry
+from .planner import GridPlanner, WayKind
+from .tour import plan_tour
+
+_logger = logging.getLogger(__name__)
+
+_STOP = (0.0, 0.0)
+
+_GOODBYE_S = 1.0
+"""Time between stopping for good and leaving, for an environment that wants to end the run itself."""
+
+_SPEED_LIMIT_MPS: dict[WayKind, float] = {"free": math.inf, "tight": 0.2, "pushing": 0.09}
+
+_CAREFUL_MPS = 0.25
+_CAREFUL_WITHIN_M = 0.3
+_CREEPING_MPS = 0.08
+_CLOSING_S = 0.45
+"""Speed is limited such that what is straight ahead is at least this far away in time."""
+
+_LOOK_AHEAD_M = 1.0
+_REPLAN_PERIOD_S = 0.6
+
+_TRIES = 3
+"""Times a room is tried again after getting stuck or finding no way, before it is put off or given up."""
+
+_STUCK_S = 1.5
+_PROGRESS_M = 0.04
+_PROGRESS_RAD = 0.15
+
+_BACK_S = 1.0
+_BACK_MPS = -0.2
+_BUMP_MARGIN_M = 0.03
+_BUMP_ARC_RAD = np.linspace(-0.6, 0.6, 7)
+
+
+class _Anchor(NamedTuple):
+    """The last pose from which there was progress."""
+
+    time_s: float
+    pose: Pose
+
+
+class Scout(KeepsAttributes):
+    """The robot's program: called with every time step, answers with a velocity command."""
+
+    KEPT = (
+        *("_queue", "_put_off", "_follower", "_way_kind", "_tries", "_backing_until_s", "_planned_s", "_scan_s"),
+        *("_speed_limit", "_anchor", "_done_s", "given_up"),
+    )
+
+    def __init__(
+        self,
+        known: OccupancyMap,
+        goals: Mapping[str, Point],
+        limits: Limits = LIMITS,
+        plans: PlanTelemetry | None = None,
+        lidar: Lidar = LIDAR,
+    ) -> None:
+        """Prepares for a run.
+
+        Args:
+          known: the map.
+          goals: one place per room, metres, by the room's name.
+          limits: how large the robot is and what it can do.
+          plans: told of every way that is planned.
+          lidar: what its scans are.
+        """
+        self._plans = plans
+        self._limits = limits
+        self._rays = ray_directions(lidar.angles_rad)
+        self._planner = GridPlanner(known, limits.radius_m)
+        self._memory = ObstacleMemory(self._planner)
+        self._goals = dict(goals)
+        # All that the map alone says about ways is known before the robot is switched on.
+        self._planner.prepare(self._goals.values())
+        self._queue: list[str] | None = None
+        self._put_off: set[str] = set()
+        self._follower: PathFollower | None = None
+        self._way_kind: WayKind = "free"
+        self._tries = 0
+        self._backing_until_s = -math.inf
+        self._planned_s = -math.inf
+        self._scan_s = -math.inf
+        self._speed_limit = limits.linear_mps
+        self._anchor = _Anchor(0.0, (0.0, 0.0, 0.0))
+        self._done_s = math.inf
+        self.given_up: list[str] = []
+        """Rooms that could not be reached."""
+
+    def state(self) -> dict[str, Any]:
+        """What it remembers; ways on the map are worked out again, and obstacles are put on it before each plan."""
+        return {**super().state(), "memory": self._memory.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from there."""
+        super().restore(state)
+        self._memory.restore(state["memory"])
+
+    @property
+    def done(self) -> bool:
+        """Whether every goal was reached or given up; the robot stands still from then on."""
+        return self._queue == []
+
+    def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
+        """Decides on forward velocity (m/s) and turning rate (rad/s).
+
+        Raises:
+          StopIteration: the robot has been standing still for a second with nothing left to do.
+        """
+        observation = timestep.observation
+        x, y, yaw = observation["pose"].tolist()
+        now_s = float(observation["time"])
+        speed = float(observation["velocity"][0])
+        if self._queue is None:
+            self._queue = self._order_rooms((x, y))
+            self._anchor = _Anchor(now_s, (x, y, yaw))
+        if float(observation["scan_time"]) > self._scan_s:
+            self._scan_s = float(observation["scan_time"])
+            self._look((x, y, yaw), observation, now_s)
+        return np.array(self._decide((x, y, yaw), speed, now_s))
+
+    def _decide(self, pose: Pose, speed: float, now_s: float) -> tuple[float, float]:
+        if now_s < self._backing_until_s:
+            self._anchor = _Anchor(now_s, pose)
+            return _BACK_MPS, 0.0
+        if self._follower is not None and self._follower.arrived:
+            self._next_goal()
+        if self._follower is None and not self._set_out(pose, now_s):
+            self._done_s = min(self._done_s, now_s)
+            if now_s - self._done_s > _GOODBYE_S:
+                raise StopIteration
+            return _STOP
+        if self._is_stuck(pose, now_s):
+            self._bump(pose, now_s)
+            return _STOP
+        follower = self._follower
+        assert follower is not None
+        return follower.command(*pose, speed, min(self._speed_limit, _SPEED_LIMIT_MPS[self._way_kind]))
+
+    def _order_rooms(self, here: tuple[float, float]) -> list[str]:
+        """Plans the tour; rooms that the map shows no way to come last, since the map may be wrong."""
+        rooms = list(self._goals)
+        tour = plan_tour(self._planner.distances([here, *self._goals.values()]))
+        order = [rooms[place - 1] for place in tour]
+        return order + [room for room in rooms if room not in order]
+
+    def _set_out(self, pose: Pose, now_s: float) -> bool:
+        """Finds a path to the next goal that has one; says whether there is one left."""
+        while self._queue:
+            self._planner.set_obstacles(self._memory.points(now_s))
+            goal = self._goals[self._queue[0]]
+            way = self._planner.plan(pose[:2], goal)
+            self._planned_s = now_s
+            if way is not None:
+                self._follower, self._way_kind = PathFollower(way.path, self._limits), way.kind
+                self._anchor = _Anchor(now_s, pose)
+                if self._plans is not None:
+                    self._plans.publish(goal, way.path, now_s)
+                return True
+            self._leave_goal()
+        return False
+
+    def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
+        """Slows down for unknown things near the path and plans again when one is on it."""
+        hits = near_hits(self._rays, observation["scan"], observation["proximity"])
+        unknown = self._memory.see(pose, hits, now_s)
+        self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, self._limits.radius_m) / _CLOSING_S)
+        if self._follower is None or len(unknown) == 0:
+            return
+        gap_m = nearest_to_path(unknown, self._follower.ahead(_LOOK_AHEAD_M))
+        if gap_m < _CAREFUL_WITHIN_M:
+            self._speed_limit = min(self._speed_limit, _CAREFUL_MPS)
+        blocked = gap_m < self._limits.radius_m and self._way_kind != "pushing"
+        if blocked and now_s - self._planned_s >= _REPLAN_PERIOD_S:
+            self._follower = None
+
+    def _is_stuck(self, pose: Pose, now_s: float) -> bool:
+        """Whether commands have had no effect for a while."""
+        was = self._anchor.pose
+        moved = math.hypot(pose[0] - was[0], pose[1] - was[1]) > _PROGRESS_M
+        turned = abs(math.remainder(pose[2] - was[2], math.tau)) > _PROGRESS_RAD
+        if moved or turned:
+            self._anchor = _Anchor(now_s, pose)
+        return now_s - self._anchor.time_s > _STUCK_S
+
+    def _bump(self, pose: Pose, now_s: float) -> None:
+        """Takes it that something stands in front, backs off and plans again."""
+        x, y, yaw = pose
+        arc, reach_m = yaw + _BUMP_ARC_RAD, self._limits.radius_m + _BUMP_MARGIN_M
+        self._memory.add(np.stack((x + reach_m * np.cos(arc), y + reach_m * np.sin(arc)), axis=1), now_s)
+        self._backing_until_s = now_s + _BACK_S
+        self._follower = None
+        self._tries += 1
+        if self._tries >= _TRIES:
+            self._leave_goal()
+
+    def _next_goal(self) -> None:
+        assert self._queue
+        del self._queue[0]
+        self._follower = None
+        self._tries = 0
+
+    def _leave_goal(self) -> None:
+        """Puts the present goal off to the end of the tour, the second time gives it up."""
+        assert self._queue
+        goal = self._queue[0]
+        self._next_goal()
+        if goal in self._put_off:
+            self.given_up.append(goal)
+            _logger.warning("gave up on %s: no way there that the robot could drive", goal)
+        else:
+            self._put_off.add(goal)
+            self._queue.append(goal)
+
+
+def make_agent(context: SimulationContext, environment: dm_env.Environment) -> Scout:
+    """Makes the robot's program for one run.
+
+    Args:
+      context: the run; its world's map is what the robot knows.
+      environment: `indoor-navigation`, or another one with the same observations and actions.
+
+    Raises:
+      LaunchError: there is no world or its map cannot be read, or the environment is of another kind.
+    """
+    if context.world is None or context.world_dir is None:
+        raise LaunchError(
+            "scout plans on the map of a world and the job names none; "
+            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
+            "InvalidInput",
+        )
+    given: Any = environment.observation_spec()
+    missing = {"time", "pose", "velocity", "scan", "proximity", "scan_time"} - set(given)
+    if missing:
+        raise LaunchError(
+            f"scout needs observations that the environment does not give: {', '.join(sorted(missing))}; "
+            "use it with indoor-navigation",
+            "InvalidInput",
+        )
+    try:
+        known = read_world_map(context.world_dir)
+    except (OSError, ValueError) as cause:
+        raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
+    robot = robot_of(environment)
+    goals = {room.name: room.goal for room in context.world.floorplan.rooms}
+    lidar = robot.lidar if robot else None
+    if lidar is None:  # as of an environment that does not say; its rays are all around
+        lidar = replace(LIDAR, rays=given["scan"].shape[0])
+    return Scout(known, goals, robot.limits if robot else LIMITS, PlanTelemetry(context.recorder), lidar)

@@ -1,0 +1,102 @@
+"""Drives along a path: pure pursuit, turning on the spot where the path leads elsewhere."""
+
+import math
+
+from ...robots.robot import Limits
+from ...robots.scout import LIMITS
+from .planner import Path
+
+_LOOKAHEAD_MIN_M = 0.10
+_LOOKAHEAD_PER_MPS_S = 0.55
+_TURN_ON_SPOT_RAD = 0.95
+_TURNED_RAD = 0.25
+_TURN_GAIN = 3.5
+_BRAKING_MPS2 = 0.7
+_LATERAL_MPS2 = 0.45
+"""Limits the speed in bends."""
+
+_ARRIVED_M = 0.08
+_SEARCH_POINTS = 12
+"""How far ahead of the last nearest point the next one is looked for."""
+
+
+class PathFollower:
+    """Turns poses into velocity commands along one path."""
+
+    def __init__(self, path: Path, limits: Limits = LIMITS) -> None:
+        """Starts at the path's beginning.
+
+        Args:
+          path: points of shape (n, 2), about 5 cm apart, n at least 2.
+          limits: what the robot can do.
+        """
+        self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
+        self._points: list[tuple[float, float]] = [(x, y) for x, y in path.tolist()]
+        self._along = [0.0]
+        for (x0, y0), (x1, y1) in zip(self._points, self._points[1:], strict=False):
+            self._along.append(self._along[-1] + math.hypot(x1 - x0, y1 - y0))
+        self._nearest = 0
+        self._turning = True
+
+    @property
+    def remaining_m(self) -> float:
+        """Length of the path from the point nearest to the robot to the end."""
+        return self._along[-1] - self._along[self._nearest]
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the end is reached."""
+        return self.remaining_m < _ARRIVED_M
+
+    def ahead(self, distance_m: float) -> list[tuple[float, float]]:
+        """Points of the path from the robot on, as far as a distance."""
+        end = self._index_at(distance_m)
+        return self._points[self._nearest : end + 1]
+
+    def command(self, x: float, y: float, yaw: float, speed: float, speed_limit: float) -> tuple[float, float]:
+        """Decides on a velocity.
+
+        Args:
+          x: position, metres.
+          y: position, metres.
+          yaw: heading, radians.
+          speed: present forward speed, m/s; sets how far ahead to aim.
+          speed_limit: most that is allowed now, m/s.
+
+        Returns:
+          Forward velocity in m/s and turning rate in rad/s.
+        """
+        self._advance(x, y)
+        lookahead_m = _LOOKAHEAD_MIN_M + _LOOKAHEAD_PER_MPS_S * max(0.0, speed)
+        target_x, target_y = self._points[self._index_at(lookahead_m)]
+        distance_m = math.hypot(target_x - x, target_y - y)
+        error = math.remainder(math.atan2(target_y - y, target_x - x) - yaw, math.tau)
+        self._turning = abs(error) > (_TURNED_RAD if self._turning else _TURN_ON_SPOT_RAD)
+        if self._turning:
+            return 0.0, _clip(_TURN_GAIN * error, self._max_angular)
+        curvature = 2 * math.sin(error) / max(distance_m, 0.1)
+        bend_limit = math.sqrt(_LATERAL_MPS2 / max(abs(curvature), 1e-3))
+        brake_limit = math.sqrt(2 * _BRAKING_MPS2 * self.remaining_m) + 0.03
+        linear = min(self._max_linear, speed_limit, bend_limit, brake_limit)
+        return linear, _clip(linear * curvature, self._max_angular)
+
+    def _advance(self, x: float, y: float) -> None:
+        """Moves on to the nearest point, never back."""
+        points, best = self._points, math.inf
+        for index in range(self._nearest, min(self._nearest + _SEARCH_POINTS, len(points))):
+            point_x, point_y = points[index]
+            square = (point_x - x) ** 2 + (point_y - y) ** 2
+            if square < best:
+                best, self._nearest = square, index
+
+    def _index_at(self, distance_m: float) -> int:
+        """Index of the first point at least that far along from the nearest one."""
+        wanted = self._along[self._nearest] + distance_m
+        index, last = self._nearest, len(self._points) - 1
+        while index < last and self._along[index] < wanted:
+            index += 1
+        return index
+
+
+def _clip(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))

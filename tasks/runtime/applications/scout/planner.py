@@ -1,0 +1,207 @@
+"""Plans ways for a disc over an occupancy map, away from walls where there is room."""
+
+from collections.abc import Iterable
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+
+from ..indoor_navigation.occupancy_map import OccupancyMap
+from .path_smoothing import smooth
+
+COMFORT_M = 0.38
+"""Clearance from which more clearance is worth no detour."""
+
+_LEAST_COMFORT_M = 0.1
+"""By how much that is more than the robot's radius, however large it is."""
+
+_NARROWNESS_COST = 5.0
+"""How many times more a way costs that just fits, added to one that is comfortable."""
+
+_PUSHING_COST = 40.0
+"""How many times more a way costs that leads through an obstacle besides the map."""
+
+_SNAP_M = 0.5
+"""How far a start or a goal may lie from a cell where the disc fits."""
+
+Path = NDArray[np.float64]
+"""Points of shape (n, 2), metres."""
+
+WayKind = Literal["free", "tight", "pushing"]
+"""`free`: with a margin; `tight`: it just fits; `pushing`: through things that the map does not know."""
+
+_MARGIN_M: dict[WayKind, float] = {"free": 0.03, "tight": 0.005, "pushing": 0.005}
+
+
+class Way(NamedTuple):
+    """A way from here to there."""
+
+    path: Path
+    kind: WayKind
+
+
+class GridPlanner:
+    """Shortest comfortable ways on a map's cells, eight neighbours each.
+
+    Obstacles that the map does not know can be added and taken back.
+    """
+
+    def __init__(self, known: OccupancyMap, radius_m: float) -> None:
+        """Prepares the map as it is.
+
+        Args:
+          known: the map.
+          radius_m: the disc's radius.
+        """
+        self._map = known
+        self._radius_m = radius_m
+        self._known_clearance = _clearance(known.free, known.resolution_m)
+        self._clearance = self._known_clearance
+        self._obstacles = np.zeros((0, 2))
+        self._grids: dict[WayKind, _Grid] = {}
+
+    def set_obstacles(self, points: NDArray[np.float64]) -> None:
+        """Replaces the obstacles besides the map by points of shape (n, 2)."""
+        if len(points) == 0 and len(self._obstacles) == 0:
+            return
+        self._obstacles = points
+        free = np.ones_like(self._map.free)
+        free[self._map.cells(points)] = False
+        around = _clearance(free, self._map.resolution_m) if len(points) else np.inf
+        self._clearance = np.minimum(self._known_clearance, around)
+        self._grids.clear()
+
+    def known_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distance of points of shape (n, 2) from what the map shows, metres, to half a cell."""
+        return self._known_clearance[self._map.cells(points)]
+
+    def plan(self, start: tuple[float, float], goal: tuple[float, float]) -> Way | None:
+        """Finds a way of the first kind that there is: free, tight, pushing.
+
+        Args:
+          start: where the disc's middle is; when the disc does not fit there, the way begins at the
+            nearest place where it does.
+          goal: where it should be, likewise.
+
+        Returns:
+          The way, or nothing when there is none on the map alone.
+        """
+        for kind in _MARGIN_M:
+            path = self._path(kind, start, goal)
+            if path is not None:
+                return Way(path, kind)
+        return None
+
+    def prepare(self, goals: Iterable[tuple[float, float]]) -> None:
+        """Works out the free ways to places from everywhere, before they are needed."""
+        grid = self._grid("free")
+        for goal in goals:
+            node = grid.node(goal)
+            if node is not None:
+                grid.tree(node)
+
+    def distances(self, places: list[tuple[float, float]]) -> NDArray[np.float64]:
+        """Costs of the free ways between places, shape (n, n), infinite where there is none."""
+        grid = self._grid("free")
+        nodes = [grid.node(place) for place in places]
+        costs = np.full((len(places), len(places)), np.inf)
+        # Ways are as long as the ways back, so the first place needs no tree; the others' serve the tour later.
+        for row, end in enumerate(nodes[1:], start=1):
+            if end is not None:
+                tree = grid.tree(end)[0]
+                costs[row] = [np.inf if node is None else tree[node] for node in nodes]
+        costs[0] = costs[:, 0]
+        if nodes[0] is not None:
+            costs[0, 0] = 0.0
+        return costs
+
+    def clearance_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Clearance around points of shape (n, 2), obstacles included; metres."""
+        return self._clearance[self._map.cells(points)]
+
+    def _path(self, kind: WayKind, start: tuple[float, float], goal: tuple[float, float]) -> Path | None:
+        if kind == "pushing" and len(self._obstacles) == 0:
+            return None
+        grid = self._grid(kind)
+        first, last = grid.node(start), grid.node(goal)
+        if first is None or last is None:
+            return None
+        costs, towards = grid.tree(last)
+        if not np.isfinite(costs[first]):
+            return None
+        nodes = [first]
+        while nodes[-1] != last:
+            nodes.append(int(towards[nodes[-1]]))
+        points = grid.centers[nodes]
+        points[0] = start
+        clearance = self.known_distance if kind == "pushing" else self.clearance_at
+        return smooth(points, clearance, self._radius_m + _MARGIN_M[kind])
+
+    def _grid(self, kind: WayKind) -> "_Grid":
+        if kind not in self._grids:
+            needed_m = self._radius_m + _MARGIN_M[kind]
+            clearance = self._known_clearance if kind == "pushing" else self._clearance
+            comfort_m = max(COMFORT_M, needed_m + _LEAST_COMFORT_M)
+            lacking = np.clip((comfort_m - clearance) / (comfort_m - needed_m), 0.0, 1.0)
+            costs = 1.0 + _NARROWNESS_COST * lacking**2
+            if kind == "pushing":
+                costs = costs + _PUSHING_COST * (self._clearance < self._radius_m)
+            self._grids[kind] = _Grid(self._map, clearance >= needed_m, costs)
+        return self._grids[kind]
+
+
+class _Grid:
+    """The graph of the cells that a disc fits in."""
+
+    def __init__(self, known: OccupancyMap, fits: NDArray[np.bool_], costs: NDArray[np.float64]) -> None:
+        rows, columns = np.nonzero(fits)
+        self.centers = known.centers(rows, columns)
+        self._known = known
+        self._numbers = np.full(fits.shape, -1, np.int32)
+        self._numbers[rows, columns] = np.arange(len(rows), dtype=np.int32)
+        self._graph = _grid_graph(self._numbers, costs, known.resolution_m)
+        self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
+
+    def node(self, place: tuple[float, float]) -> int | None:
+        """The node nearest to a place, if one is near."""
+        if len(self.centers) == 0:
+            return None
+        around = int(self._numbers[self._known.cells(np.array([place]))][0])
+        if around >= 0 and np.abs(self.centers[around] - place).max() <= self._known.resolution_m / 2:
+            return around
+        squares = ((self.centers - place) ** 2).sum(axis=1)
+        nearest = int(np.argmin(squares))
+        return nearest if squares[nearest] <= _SNAP_M**2 else None
+
+    def tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Costs to a node from every other one, and the next node on the way there."""
+        if end not in self._trees:
+            self._trees[end] = csgraph.dijkstra(self._graph, indices=end, return_predecessors=True)
+        return self._trees[end]
+
+
+def _clearance(free: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float64]:
+    """From the middles of cells to the face of the nearest one that is not free."""
+    distance = np.asarray(ndimage.distance_transform_edt(free, sampling=resolution_m))
+    return np.maximum(distance - resolution_m / 2, 0.0)
+
+
+def _grid_graph(numbers: NDArray[np.int32], costs: NDArray[np.float64], resolution_m: float) -> sparse.csr_array:
+    """Joins neighbouring cells; nodes are the cells with a number that is not negative."""
+    fits = numbers >= 0
+    count = int(fits.sum())
+    heads, tails, weights = [], [], []
+    rows, columns = fits.shape
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = (slice(0, rows - down), slice(max(0, -right), columns - max(0, right)))
+        there = (slice(down, rows), slice(max(0, right), columns - max(0, -right)))
+        both = fits[here] & fits[there]
+        length_m = resolution_m * float(np.hypot(down, right))
+        heads.append(numbers[here][both])
+        tails.append(numbers[there][both])
+        weights.append(length_m * (costs[here][both] + costs[there][both]) / 2)
+    head, tail, weight = np.concatenate(heads), np.concatenate(tails), np.concatenate(weights)
+    ends = (np.concatenate((head, tail)), np.concatenate((tail, head)))
+    return sparse.csr_array((np.concatenate((weight, weight)), ends), shape=(count, count))

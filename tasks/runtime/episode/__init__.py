@@ -1,0 +1,18 @@
+"""What all parts of a run share: context, phases, results, physics, stops, loading of factories.
+
+May import: `schemas`, `tasks.runtime.recording`.
+"""
+
+__all__ = [
+    "clearance",
+    "contact_forces",
+    "context",
+    "loading",
+    "physics",
+    "program_names",
+    "progress",
+    "results",
+    "resumable",
+    "robot_body",
+    "stops",
+]

@@ -1,0 +1,108 @@
+"""What a run's process tells its supervisor, in a way that survives any crash of that process."""
+
+import json
+import mmap
+import struct
+from enum import IntEnum
+from typing import Any
+
+from ....schemas.runs.plan import ApplicationRole
+
+_SIZE = 64 * 1024
+_PHASE, _STOP, _LENGTH, _REPORT = 0, 1, 4, 8
+_UINT = struct.Struct("<I")
+
+AGENT_GONE = "agent"
+"""Why a run is told to stop whose robot's program has ended with exit code 0."""
+STOP_REASONS = ("", "duration limit", "canceled", AGENT_GONE)
+"""Why a run is told to stop, in the words of `RunResult.ended_by`."""
+
+
+class Phase(IntEnum):
+    """What a run's process is doing; decides whose failure a crash is."""
+
+    STARTING = 0
+    MAKE_ENVIRONMENT = 1
+    MAKE_AGENT = 2
+    RESET = 3
+    AGENT = 4
+    STEP = 5
+    REPORT = 6
+    FINISHING = 7
+    JUDGING = 8
+
+    @property
+    def role(self) -> ApplicationRole | None:
+        """The application whose code runs in this phase; None for the runtime's own."""
+        return _ROLES.get(self)
+
+    @property
+    def activity(self) -> str:
+        """The phase as the object of "failed in …"."""
+        return _ACTIVITIES[self]
+
+
+_ROLES: dict[Phase, ApplicationRole] = {
+    Phase.MAKE_ENVIRONMENT: "simulation",
+    Phase.MAKE_AGENT: "robot",
+    Phase.RESET: "simulation",
+    Phase.AGENT: "robot",
+    Phase.STEP: "simulation",
+    Phase.REPORT: "simulation",
+}
+_ACTIVITIES = {
+    Phase.STARTING: "starting the run",
+    Phase.MAKE_ENVIRONMENT: "making the environment",
+    Phase.MAKE_AGENT: "making the agent",
+    Phase.RESET: "environment.reset()",
+    Phase.AGENT: "the agent",
+    Phase.STEP: "environment.step()",
+    Phase.REPORT: "environment.run_result()",
+    Phase.FINISHING: "writing the outputs",
+    Phase.JUDGING: "judging the run",
+}
+
+
+class Progress:
+    """A page of memory that supervisor and run share across `fork`.
+
+    Marking a phase is one store into memory, cheap enough for every step; what is there stays
+    readable when the run was killed in the middle of anything.
+    """
+
+    def __init__(self) -> None:
+        self._page = mmap.mmap(-1, _SIZE)
+
+    def mark(self, phase: int) -> None:
+        """Says what begins now."""
+        self._page[_PHASE] = phase
+
+    @property
+    def phase(self) -> Phase:
+        """What was begun last."""
+        return Phase(self._page[_PHASE])
+
+    def request_stop(self, reason: str) -> None:
+        """Says why the run is about to be told to stop (one of `STOP_REASONS`)."""
+        self._page[_STOP] = STOP_REASONS.index(reason)
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the run was told to stop, empty when it was not."""
+        return STOP_REASONS[self._page[_STOP]]
+
+    def write_report(self, report: dict[str, Any]) -> None:
+        """Leaves the run's last words; the length is stored last, so that half a report is none."""
+        data = json.dumps(report).encode()
+        if len(data) > _SIZE - _REPORT:
+            raise ValueError(f"a report of {len(data)} bytes does not fit into {_SIZE - _REPORT}")
+        self._page[_REPORT : _REPORT + len(data)] = data
+        self._page[_LENGTH:_REPORT] = _UINT.pack(len(data))
+
+    def read_report(self) -> dict[str, Any]:
+        """Returns the run's last words; empty when there are none."""
+        (length,) = _UINT.unpack(self._page[_LENGTH:_REPORT])
+        try:
+            return json.loads(self._page[_REPORT : _REPORT + length]) if length else {}
+        except ValueError:  # overwritten by a stray write of the application
+            return {}

@@ -1,0 +1,205 @@
+"""What a run reports, and how `result.json` is written."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from pydantic import Field, ValidationError
+from pydantic_core import PydanticSerializationError
+
+from ....schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult, Verdict
+from ....schemas.wire.base import Model
+
+RESULT_FILE = "result.json"
+MAX_RESULT_BYTES = 16 * 1024 * 1024
+"""What is longer is no result."""
+MAX_COLLISIONS = 200
+MAX_PATH_POINTS = 600
+
+
+class EnvironmentReport(Model):
+    """What an environment knows about its run; times, seed and versions are added by the runtime."""
+
+    verdict: Verdict = Field(default="NONE", description="PASS, FAIL, or NONE when nothing is judged.")
+    summary: str = Field(default="", description="One sentence for a person.")
+    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
+    rooms: list[RoomVisit] = Field(default=[], description="Rooms, in the world's order.")
+    collisions: list[Collision] = Field(default=[], description="At most 200, in order.")
+    path: list[tuple[float, float, float]] = Field(
+        default=[], description="(simulated time in s, x, y) of the robot, at most 600 points."
+    )
+    extra: dict[str, Any] = Field(default={}, description="Anything else worth keeping, as plain JSON values.")
+
+
+@runtime_checkable
+class ReportingEnvironment(Protocol):
+    """An environment that judges its run: `run_result` is called once, after the last step."""
+
+    def run_result(self) -> EnvironmentReport | dict[str, Any]:
+        """Returns the report, as a model or as a dict with the model's members."""
+        ...
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What an observer of the run adds to its result."""
+
+    extra: dict[str, Any] = field(default_factory=dict)
+    """Remarks by name, as plain JSON values."""
+
+    metrics: dict[str, float] = field(default_factory=dict)
+    """Numbers by name with unit."""
+
+    requirements: list[Requirement] = field(default_factory=list)
+    """Judged requirements; one that is not satisfied makes the verdict FAIL, one that broke ERROR."""
+
+    state_digest: str | None = None
+    """Digest of the run's states."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """How a run's loop ended, before it is written down."""
+
+    ended_by: str
+    """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
+
+    report: EnvironmentReport
+    """What the environment said; empty when it says nothing."""
+
+    steps: int
+    """Calls of `environment.step`."""
+
+    sim_time_s: float
+    """Simulated time at the end."""
+
+    wall_time_s: float
+    """Wall-clock time from the first reset to the last step."""
+
+
+def read_report(environment: object) -> EnvironmentReport:
+    """Asks an environment for its report.
+
+    Raises:
+        ValueError: The report does not fit `EnvironmentReport`, or JSON; the text names what.
+    """
+    if not isinstance(environment, ReportingEnvironment):
+        return EnvironmentReport()
+    report = environment.run_result()
+    try:
+        if not isinstance(report, EnvironmentReport):
+            # Numbers of numpy and tuples for lists are welcome from an application's own code.
+            report = EnvironmentReport.model_validate(report, strict=False)
+        report.model_dump_json()
+    except PydanticSerializationError as error:
+        raise ValueError(f"environment.run_result() returned what cannot be written as JSON: {error}") from error
+    except ValidationError as error:
+        problems = "; ".join(f"{'.'.join(map(str, item['loc'])) or 'report'}: {item['msg']}" for item in error.errors())
+        raise ValueError(
+            f"environment.run_result() returned something that is no EnvironmentReport: {problems}"
+        ) from error
+    return report
+
+
+def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) -> RunResult:
+    """Joins the environment's report with what the runtime and its observers measured.
+
+    Args:
+        episode: How the loop ended.
+        seed: Seed of the run.
+        findings: What observers add; their remarks and metrics go over the environment's own.
+
+    Returns:
+        The content of `result.json`; numbers that are not finite are moved from the metrics to `extra`
+        as text, because JSON has none.
+    """
+    report = episode.report
+    metrics = dict(report.metrics)
+    remarks = dict(report.extra)
+    added = [requirement for finding in findings for requirement in finding.requirements]
+    reached = _ended_at_its_goals(episode, added)
+    own = [item.model_copy(update={"counts": not reached}) for item in report.requirements]
+    for finding in findings:
+        metrics |= finding.metrics
+        remarks |= finding.extra
+    finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
+    if len(finite) < len(metrics):
+        remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
+    return RunResult(
+        verdict=_verdict("NONE" if reached else report.verdict, added),
+        summary=_summary(report.summary, added, reached, episode.sim_time_s),
+        requirements=[*own, *added],
+        metrics={"steps": float(episode.steps), **finite},
+        rooms=report.rooms,
+        collisions=report.collisions[:MAX_COLLISIONS],
+        path=_thin(report.path, MAX_PATH_POINTS),
+        sim_time_s=episode.sim_time_s,
+        wall_time_s=episode.wall_time_s,
+        real_time_factor=episode.sim_time_s / episode.wall_time_s if episode.wall_time_s > 0 else 0.0,
+        ended_by=episode.ended_by,
+        seed=seed,
+        versions=versions(),
+        state_digest=next((finding.state_digest for finding in findings if finding.state_digest), None),
+        extra=remarks,
+    )
+
+
+def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
+    """Whether the job's goals ended the run, so that the environment judged one that was not let finish."""
+    return episode.ended_by == "requirements" and bool(added) and all(requirement.satisfied for requirement in added)
+
+
+def _summary(own: str, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
+    """The environment's sentence, and what it does not know."""
+    if reached:
+        return f"Ended at {sim_time_s:.1f} s with all goals reached."
+    broken = [f"{item.name}: {item.detail}" for item in added if not item.satisfied]
+    return " ".join(part for part in (own, f"Not met: {'; '.join(broken)}." if broken else "") if part)
+
+
+def _verdict(judged: Verdict, added: Sequence[Requirement]) -> Verdict:
+    """The environment's verdict together with requirements that it knows nothing of; ERROR beats FAIL."""
+    if judged == "ERROR" or any(requirement.error is not None for requirement in added):
+        return "ERROR"
+    if not all(requirement.satisfied for requirement in added):
+        return "FAIL"
+    return "PASS" if added and judged == "NONE" else judged
+
+
+def write_result(result: RunResult, output_dir: Path) -> Path:
+    """Writes `result.json` under another name first, so that it is either whole or not there.
+
+    Raises:
+        TypeError: `extra` holds something that is no JSON value.
+        OSError: The folder cannot be written.
+    """
+    try:
+        text = result.model_dump_json(indent=2)
+    except PydanticSerializationError as error:
+        raise TypeError(f"the result cannot be written as JSON: {error}") from error
+    path = output_dir / RESULT_FILE
+    unfinished = path.with_name(f".{RESULT_FILE}.unfinished")
+    unfinished.unlink(missing_ok=True)
+    with unfinished.open("x") as file:  # made anew: programs may have left a link there
+        file.write(text + "\n")
+    unfinished.replace(path)
+    return path
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Returns the versions that a run's numbers depend on."""
+    names = {"mujoco": "mujoco", "dm_control": "dm-control", "prefect_robomaker": "prefect-robomaker"}
+    return {name: metadata.version(distribution) for name, distribution in names.items()}
+
+
+def _thin(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
+    """Keeps at most `limit` points, evenly chosen, with both ends."""
+    if len(path) <= limit:
+        return path
+    return [path[round(i * (len(path) - 1) / (limit - 1))] for i in range(limit)]

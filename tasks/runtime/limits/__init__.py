@@ -1,0 +1,6 @@
+"""What a run may use, and how that is measured: processes, disk, logs.
+
+May import: `schemas`.
+"""
+
+__all__ = ["capped_logs", "disk_use", "disk_walk", "left_files", "limits", "logs", "processes", "run_notes"]

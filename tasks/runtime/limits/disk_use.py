@@ -1,0 +1,202 @@
+"""What a run has written into its folders, and finding out when that is too much.
+
+The supervisor has no time to lose: folders are walked in slices of a fraction of a millisecond, one each time it looks
+at what the run uses. While nothing suggests that much is being written that is all; while the disk loses space quickly
+the slices are longer.
+"""
+
+import heapq
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import FoundFiles
+from .disk_walk import HeldFile, deleted_files, files_below
+
+PAUSE_S = 1.0
+"""From the end of one walk to the beginning of the next."""
+SLICE_S = 0.0003
+"""What a look may take, ten times a second: 0.3 % of a processor."""
+URGENT_SLICE_S = 0.01
+"""The same while the disk loses space so quickly that the limit may soon be reached."""
+LAST_LOOK_S = 2.0
+"""What the last look, at the end of a run, may take."""
+NOTHING_FOUND = FoundFiles(size_bytes=0, at_s=0.0)
+_LOOK_S = 0.09
+_URGENT_SHARE = 0.25
+"""Of what the run may still write: what the disk may lose from one walk to the next before it becomes urgent."""
+_NAMED = 3
+_WORTH_NAMING = 0.01
+"""Of the limit; smaller files are nobody's fault."""
+
+
+def free_bytes(folder: Path) -> int:
+    """What is free for this user on a folder's disk; 0 if the folder is not there."""
+    try:
+        disk = os.statvfs(folder)
+    except OSError:  # the application may have removed it
+        return 0
+    return disk.f_bavail * disk.f_frsize
+
+
+class DiskMeter:
+    """Measures what folders hold, a little at a time.
+
+    Args:
+        folders: The folders, and what they are called in messages; one may be in another.
+        limit_bytes: What may be written into them together; None: as much as they like.
+        found: What they held before, which does not count.
+        processes: Gives the ids of processes whose open files count too where they have been deleted.
+        clock: Seconds.
+        free: Gives what is free on a folder's disk, in bytes.
+    """
+
+    def __init__(
+        self,
+        folders: Mapping[Path, str],
+        limit_bytes: int | None,
+        found: FoundFiles = NOTHING_FOUND,
+        *,
+        processes: Callable[[], Iterable[int]] = tuple,
+        clock: Callable[[], float] = time.perf_counter,
+        free: Callable[[Path], int] = free_bytes,
+    ) -> None:
+        self._folders = _outermost(folders)
+        self._names = dict(folders)
+        self._limit_bytes = limit_bytes
+        self._found = found
+        self._processes = processes
+        self._clock = clock
+        self._free = free
+        self._walk: Iterator[None] | None = None
+        self._next_look_s = 0.0
+        self._next_walk_s = clock() + PAUSE_S
+        self._free_bytes = 0
+        """Free space of the disk when the last walk began."""
+        self._headroom_bytes = limit_bytes or 0
+        """What might still be written, as of the last walk that came to its end."""
+        self._used_bytes = -found.size_bytes
+        self._deleted_bytes = 0
+        """What files take that have no name any more, in this walk."""
+        self._most = (0, 0)
+        """The most that was found in any walk, and what of it was in deleted files."""
+        self._biggest: list[tuple[int, str]] = []
+        """The biggest files, the smallest of them first."""
+
+    def look(self) -> bool:
+        """Goes on with measuring; returns whether there is too much."""
+        now = self._clock()
+        if self._limit_bytes is None or now < self._next_look_s:
+            return False
+        self._next_look_s = now + _LOOK_S
+        is_urgent = self._free_bytes - self._free(self._folders[0]) > _URGENT_SHARE * self._headroom_bytes
+        if self._walk is None and (now >= self._next_walk_s or is_urgent):
+            self._begin()
+        self._go_on(now + (URGENT_SLICE_S if is_urgent else SLICE_S))
+        return self._used_bytes > self._limit_bytes
+
+    def last_look(self) -> str | None:
+        """Measures all of it, once nobody writes any more; returns limit and use in words if there was too much."""
+        if self._limit_bytes is None:
+            return None
+        self._begin()
+        self._go_on(self._clock() + LAST_LOOK_S)
+        return self._in_words(self._limit_bytes) if self._most[0] > self._limit_bytes else None
+
+    def _begin(self) -> None:
+        self._free_bytes = self._free(self._folders[0])
+        self._used_bytes, self._deleted_bytes, self._biggest = -self._found.size_bytes, 0, []
+        self._walk = self._measure()
+
+    def _go_on(self, until_s: float) -> None:
+        if self._walk is None:
+            return
+        for _ in self._walk:
+            if self._clock() >= until_s:
+                break
+        else:
+            self._walk = None
+            self._next_walk_s = self._clock() + PAUSE_S
+            self._headroom_bytes = (self._limit_bytes or 0) - self._used_bytes
+        self._most = max(self._most, (self._used_bytes, self._deleted_bytes))
+
+    def _measure(self) -> Iterator[None]:
+        devices: set[int] = set()
+        for file in files_below(self._folders):
+            if file is not None:
+                devices.add(file.device)
+                self._used_bytes += file.size_bytes
+                if file.changed_s > self._found.at_s:
+                    self._remember(file)
+            yield
+        for size in deleted_files(self._processes(), devices):
+            self._used_bytes += size or 0
+            self._deleted_bytes += size or 0
+            yield
+
+    def _remember(self, file: HeldFile) -> None:
+        if len(self._biggest) < _NAMED:
+            heapq.heappush(self._biggest, (file.size_bytes, file.path))
+        elif file.size_bytes > self._biggest[0][0]:
+            heapq.heapreplace(self._biggest, (file.size_bytes, file.path))
+
+    def _in_words(self, limit_bytes: int) -> str:
+        most_bytes, deleted_bytes = self._most
+        biggest = [
+            f"{self._named(Path(path))} ({in_gb(size)})"
+            for size, path in sorted(self._biggest, reverse=True)
+            if size > _WORTH_NAMING * limit_bytes
+        ]
+        deleted = f", {in_gb(deleted_bytes)} of it in files that were deleted and still open" if deleted_bytes else ""
+        named = f"; the biggest files are {', '.join(biggest)}" if biggest else ""
+        return f"{in_gb(limit_bytes)} of disk are allowed, and it used {in_gb(most_bytes)}{deleted}{named}"
+
+    def _named(self, path: Path) -> str:
+        """A file as whoever knows the run calls it: `output/big.bin`, `/home/robomaker/big.bin`."""
+        folder = next(folder for folder in path.parents if folder in self._names)
+        return f"{self._names[folder]}/{path.relative_to(folder)}"
+
+
+def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) -> DiskMeter:
+    """The meter of all folders that a run's processes are given to write to; what was found in them does not count.
+
+    Args:
+        plan: The run.
+        processes: Gives the ids of its processes.
+    """
+    return DiskMeter(_folders_of(plan), plan.compute.disk_bytes, plan.found or NOTHING_FOUND, processes=processes)
+
+
+def found_files(plan: RunPlan, clock: Callable[[], float] = time.time) -> FoundFiles:
+    """Measures what a run's folders hold before anything of it runs: data sources, copied bundles, files of images.
+
+    Args:
+        plan: The run.
+        clock: Seconds since 1970.
+    """
+    files = files_below(_outermost(_folders_of(plan)))
+    size_bytes = sum(file.size_bytes for file in files if file is not None)
+    return FoundFiles(size_bytes=size_bytes, at_s=clock())
+
+
+def _folders_of(plan: RunPlan) -> dict[Path, str]:
+    called = {plan.output_dir: "output", plan.work_dir: "work"}
+    if plan.root_dir is not None:
+        called[plan.root_dir] = ""
+    for folder in (plan.checkpoint_dir, *(program.folder for program in plan.programs)):
+        if folder is not None:
+            called.setdefault(folder, folder.name)
+    return called
+
+
+def _outermost(folders: Iterable[Path]) -> list[Path]:
+    """Folders without those that are in others of them."""
+    every = set(folders)
+    return [folder for folder in folders if every.isdisjoint(folder.parents)]
+
+
+def in_gb(count: int) -> str:
+    """Bytes in words: `128 GB`, `1.25 GB`, `20 MB`."""
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"

@@ -1,0 +1,198 @@
+"""What a run may use of the machine, and finding out when it uses more.
+
+Cores are a matter of the kernel. Memory and the number of processes are counted over the whole tree of
+processes ten times a second, which needs no rights and works wherever there is a `/proc`.
+"""
+
+import os
+import resource
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from ....schemas.runs.programs import ComputeLimits
+from .processes import ProcessState, descendants_of, proportional_bytes, written_bytes
+
+METER_INTERVAL_S = 0.1
+_OOM_SCORE = 500
+"""Where memory runs out for the whole machine, the kernel takes runs before those who perform them."""
+_MANY = 64
+_PATIENCE_S = 0.03
+_MAX_PATIENCE_S = 1.0
+"""After that long what was not weighed yet is estimated."""
+_OTHER_FORKS = 512
+"""Processes of the same user, outside the run, that may be added while it runs."""
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A limit that a run went over."""
+
+    text: str
+    """Limit and use, in words."""
+
+    session: int
+    """The session of processes that used most."""
+
+
+def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
+    """Confines this process, and whatever it starts, as far as the kernel does that itself.
+
+    Args:
+        limits: The run's limits.
+        cores: Numbers of the cores it may use; None: all.
+    """
+    if cores is not None:
+        with suppress(OSError):  # a core may have been taken away in the meantime
+            os.sched_setaffinity(0, cores)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(str(_OOM_SCORE))
+    if limits.processes is not None:
+        _bound_forks(limits.processes)
+
+
+def _bound_forks(processes: int) -> None:
+    """A last resort against fork bombs, well above the limit because it counts all processes of the user.
+
+    It holds nobody who is root; there a supervisor comes before all others (`processes.come_first`).
+    """
+    with suppress(OSError, ValueError, IndexError):
+        there = int(Path("/proc/loadavg").read_text().split()[3].split("/")[1])
+        _, hard = resource.getrlimit(resource.RLIMIT_NPROC)
+        bound = there + processes + _OTHER_FORKS
+        if hard == resource.RLIM_INFINITY or bound < hard:
+            resource.setrlimit(resource.RLIMIT_NPROC, (bound, bound))
+
+
+class Meter:
+    """Measures all processes below this one.
+
+    Args:
+        limits: What they may use.
+        others: Processes below this one that are no part of the run.
+    """
+
+    def __init__(self, limits: ComputeLimits, others: frozenset[int] = frozenset()) -> None:
+        self.interval_s = METER_INTERVAL_S
+        """When to look next; soon while the number of processes grows fast."""
+
+        self._limits = limits
+        self._others = others
+        self._count = 0
+        self._scales = _Scales()
+
+    def look(self) -> Excess | None:
+        """Returns the limit that is exceeded, if one is."""
+        states = []
+        count = 0
+        limit = self._limits.processes
+        for state in descendants_of(os.getpid()):
+            if state.pid in self._others or state.state == "Z":
+                continue
+            states.append(state)
+            count += state.threads
+            if limit is not None and count > limit:  # a bomb is not counted to its end
+                use = f"{limit} processes and threads at once are allowed, and there were more"
+                return Excess(use, _most(states, {state.pid: state.threads for state in states}))
+        self.interval_s = METER_INTERVAL_S / 10 if count > self._count + _MANY else METER_INTERVAL_S
+        self._count = count
+        return self._memory_excess(states)
+
+    def busiest_writer(self) -> int:
+        """The session of processes that has written most; 0 if nobody is left."""
+        states = [state for state in descendants_of(os.getpid()) if state.pid not in self._others]
+        return _most(states, {state.pid: written_bytes(state.pid) for state in states}) if states else 0
+
+    def _memory_excess(self, states: list[ProcessState]) -> Excess | None:
+        limit = self._limits.memory_bytes
+        # Resident memory counts shared pages once per process: never too little, and cheap.
+        if limit is None or sum(state.resident_bytes for state in states) <= limit:
+            return None
+        weighed = self._scales.weigh(states)
+        if weighed is None:
+            return None
+        states, exact = weighed
+        total = sum(exact.values())
+        if total <= limit:
+            return None
+        use = f"{_in_mib(limit)} MiB of memory are allowed, and it used {_in_mib(total)} MiB"
+        return Excess(use, _most(states, exact))
+
+
+Weighed = tuple[list[ProcessState], dict[int, int]]
+
+
+class _Scales:
+    """Weighs processes exactly, in a thread.
+
+    The kernel answers only when a process is not just changing its memory. One that forks without end may never be, and
+    must not keep a supervisor waiting.
+    """
+
+    def __init__(self) -> None:
+        self._thread: threading.Thread | None = None
+        self._began_s = 0.0
+        self._states: list[ProcessState] = []
+        """What is weighed, the largest first."""
+        self._exact: list[int] = []
+        """What the first of them weigh."""
+
+    def weigh(self, states: list[ProcessState]) -> Weighed | None:
+        """Returns what processes weigh, perhaps of a moment ago; None while that is not known."""
+        if self._thread is None:
+            self._began_s = time.monotonic()
+            self._states = sorted(states, key=lambda state: state.resident_bytes, reverse=True)
+            self._exact = []
+            self._thread = threading.Thread(target=self._weigh, args=[self._states, self._exact], daemon=True)
+            self._thread.start()
+        self._thread.join(_PATIENCE_S)
+        if not self._thread.is_alive():
+            self._thread = None
+        elif time.monotonic() - self._began_s < _MAX_PATIENCE_S:
+            return None
+        elif {state.pid for state in states} - {state.pid for state in self._states}:
+            # It goes on forking: there is no time to find out that all of them are small.
+            return states, {state.pid: state.resident_bytes for state in states}
+        return self._states, estimated_bytes(self._states, list(self._exact))
+
+    @staticmethod
+    def _weigh(states: list[ProcessState], exact: list[int]) -> None:
+        for state in states:
+            exact.append(_exact_bytes(state))  # noqa: PERF401 - it is read meanwhile
+
+
+def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
+    """What processes weigh of which only the first are weighed.
+
+    The one that is being weighed may never be, and counts as what it weighs at most. The others are taken to share as
+    much as those before them: of hundreds of forks of one process each has its resident memory, and all have it once.
+
+    Args:
+        states: The processes.
+        exact: What the first of them weigh.
+    """
+    resident = sum(state.resident_bytes for state in states[: len(exact)])
+    share = sum(exact) / resident if resident else 1.0
+    rest = states[len(exact) :]
+    guesses = [state.resident_bytes if state is rest[0] else round(share * state.resident_bytes) for state in rest]
+    return {state.pid: size for state, size in zip(states, [*exact, *guesses], strict=True)}
+
+
+def _exact_bytes(state: ProcessState) -> int:
+    exact = proportional_bytes(state.pid)
+    return state.resident_bytes if exact is None else exact
+
+
+def _most(states: list[ProcessState], use: dict[int, int]) -> int:
+    """The session whose processes use most together."""
+    totals: dict[int, int] = {}
+    for state in states:
+        totals[state.session] = totals.get(state.session, 0) + use[state.pid]
+    return max(totals, key=totals.__getitem__)
+
+
+def _in_mib(count: int) -> int:
+    return round(count / 2**20)

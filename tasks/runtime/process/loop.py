@@ -1,0 +1,250 @@
+"""The loop of a run: environment and agent, step by step."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import dm_env
+import mujoco
+from dm_control.rl.control import PhysicsError
+
+from ..episode.context import ActionError, ObservationError
+from ..episode.physics import raw_physics
+from ..episode.progress import Phase
+from ..episode.results import EnvironmentReport, Episode, read_report
+from ..episode.stops import RunEnded, RunStopped, Stop
+from ..recording.recorder import Recorder
+from ..states.checkpoints import Checkpointer, LoopState, RunParts
+from .joint_states import JointStateWatcher
+
+Agent = Callable[[dm_env.TimeStep], Any]
+
+_BAD_STATE_WARNINGS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+class PhysicsWatcher(Protocol):
+    """Something that looks at the physics from time to time, such as the video."""
+
+    next_time_s: float
+    """Simulated time at which it wants to look next."""
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Looks, and moves `next_time_s` on.
+
+        Raises:
+            RunEnded: The run is to end now.
+        """
+        ...
+
+
+def run_episode(
+    make_environment: Callable[[], dm_env.Environment],
+    make_agent: Callable[[dm_env.Environment], Agent],
+    *,
+    mark: Callable[[int], None],
+    stop: Stop,
+    recorder: Recorder,
+    watchers: Sequence[PhysicsWatcher] = (),
+    checkpoints: Checkpointer | None = None,
+    wall_clock: Callable[[], float] = time.perf_counter,
+) -> Episode:
+    """Makes an environment and an agent and runs them until one of them, or `stop`, ends it.
+
+    The environment ends the run with a last time step, the agent by raising `StopIteration`, either by
+    `sys.exit(0)`.
+
+    Args:
+        make_environment: Makes the environment.
+        make_agent: Makes the agent for it.
+        mark: Told what begins (`Phase`), so that a crash can be attributed.
+        stop: Whether to stop.
+        recorder: Gets clock and joint states of environments with a `physics` that do not set
+            `records_itself`.
+        watchers: Look at the physics of environments that have one.
+        checkpoints: Makes checkpoints, and continues from one if there is one.
+        wall_clock: Seconds of real time.
+
+    Returns:
+        How it ended, with the environment's report.
+
+    Raises:
+        PhysicsError: The physics diverged.
+        CheckpointError: The last checkpoint cannot be continued from.
+        Exception: Whatever environment or agent raise.
+    """
+    loop = _Loop(mark, stop, wall_clock)
+    environment: dm_env.Environment | None = None
+    try:
+        mark(Phase.MAKE_ENVIRONMENT)
+        environment = make_environment()
+        _check_environment(environment)
+        mark(Phase.MAKE_AGENT)
+        agent = make_agent(environment)
+        if not callable(agent):
+            raise TypeError(f"the agent is {_shown(agent)}; it has to be a function of a time step")
+        if recorder.enabled and not getattr(environment, "records_itself", False):
+            watchers = (JointStateWatcher(recorder), *watchers)
+        parts = RunParts(environment, agent, watchers, recorder)
+        if checkpoints is not None:
+            checkpoints.begin(parts)
+        loop.run(parts, checkpoints)
+    except RunStopped:
+        loop.ended_by = stop.reason
+    except RunEnded as end:
+        loop.ended_by = end.ended_by
+    except SystemExit as request:
+        if request.code not in (None, 0):
+            raise
+        loop.ended_by = "agent" if loop.agent_runs else "environment"
+    except Exception as error:
+        loop.annotate(error)
+        raise
+    return loop.finish(environment)
+
+
+class _Loop:
+    """The state of one episode."""
+
+    def __init__(self, mark: Callable[[int], None], stop: Stop, wall_clock: Callable[[], float]) -> None:
+        self.ended_by = ""
+        self.agent_runs = False
+        self._mark = mark
+        self._stop = stop
+        self._wall_clock = wall_clock
+        self._steps = 0
+        self._clock = _SimulatedClock(None, ())
+        self._wall_time_s = 0.0
+        self._earlier_s = 0.0
+        """Of the wall-clock time, what earlier attempts took."""
+
+    def run(self, parts: RunParts, checkpoints: Checkpointer | None = None) -> None:
+        mark, stop, environment, agent = self._mark, self._stop, parts.environment, parts.agent
+        agent_phase, step_phase = int(Phase.AGENT), int(Phase.STEP)
+        mark(Phase.RESET)
+        began = self._wall_clock()
+        try:
+            timestep = _checked_timestep(environment.reset(), "reset")
+            self._clock = clock = _SimulatedClock(environment, parts.watchers)
+            if checkpoints is not None and checkpoints.resumes:
+                timestep = self._resume(checkpoints.resume(parts))
+            else:
+                clock.tick()
+            while not timestep.last():
+                if stop.reason:
+                    self.ended_by = stop.reason
+                    return
+                if checkpoints is not None and checkpoints.due(clock.time_s):
+                    wall_time_s = self._earlier_s + self._wall_clock() - began
+                    checkpoints.save(parts, LoopState(timestep, self._steps, clock.time_s, wall_time_s))
+                mark(agent_phase)
+                self.agent_runs = True
+                try:
+                    action = agent(timestep)
+                except StopIteration:
+                    self.ended_by = "agent"
+                    return
+                except ObservationError:
+                    mark(step_phase)  # noticed by the agent, made by the environment
+                    raise
+                self.agent_runs = False
+                mark(step_phase)
+                try:
+                    timestep = _checked_timestep(environment.step(action), "step")
+                except ActionError:
+                    mark(agent_phase)  # noticed by the environment, made by the agent
+                    raise
+                self._steps += 1
+                clock.tick()
+            self.ended_by = "environment"
+        finally:
+            self._wall_time_s = self._earlier_s + self._wall_clock() - began
+
+    def _resume(self, state: LoopState) -> dm_env.TimeStep:
+        """Goes on from where an earlier attempt was."""
+        self._steps, self._clock.time_s, self._earlier_s = state.steps, state.time_s, state.wall_time_s
+        return state.timestep
+
+    def annotate(self, error: Exception) -> None:
+        """Adds where in the run an exception came from."""
+        if self._steps:
+            time_s = self._clock.time_s
+            error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
+
+    def finish(self, environment: dm_env.Environment | None) -> Episode:
+        report = EnvironmentReport()
+        if environment is not None:
+            self._mark(Phase.REPORT)
+            try:
+                report = read_report(environment)
+                environment.close()
+            except RunStopped:
+                pass
+            except Exception:
+                # An environment that was stopped before it began need not know how to report.
+                if self._steps:
+                    raise
+        time_s = self._clock.time_s or self._steps * _control_timestep(environment)
+        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s)
+
+
+def _check_environment(environment: Any) -> None:
+    if not all(callable(getattr(environment, method, None)) for method in ("reset", "step")):
+        raise TypeError(f"the environment is {_shown(environment)}; it has to be a dm_env.Environment")
+
+
+def _checked_timestep(timestep: Any, method: str) -> dm_env.TimeStep:
+    if isinstance(timestep, dm_env.TimeStep):
+        return timestep
+    raise TypeError(f"environment.{method}() returned {_shown(timestep)}; it has to return a dm_env.TimeStep")
+
+
+def _shown(value: object) -> str:
+    return "None" if value is None else f"of type {type(value).__name__}"
+
+
+class _SimulatedClock:
+    """Follows the time of an environment's physics, if it has one."""
+
+    def __init__(self, environment: Any, watchers: Sequence[PhysicsWatcher]) -> None:
+        self.time_s = 0.0
+        self._environment = environment
+        self._watchers = watchers
+        self._has_physics = hasattr(getattr(environment, "physics", None), "data")
+
+    def tick(self) -> None:
+        """Notes the time and lets the watchers look that want to.
+
+        Raises:
+            PhysicsError: MuJoCo found a state that is not finite and silently began anew from time 0.
+        """
+        if not self._has_physics:
+            return
+        time_s = self._environment.physics.data.time
+        if time_s < self.time_s:
+            _check_for_divergence(self._environment.physics, self.time_s)
+        self.time_s = time_s
+        for watcher in self._watchers:
+            # Half a microsecond forgives rounding in sums of time steps.
+            if time_s >= watcher.next_time_s - 5e-7:
+                watcher.watch(self._environment, time_s)
+
+
+def _check_for_divergence(physics: Any, time_s: float) -> None:
+    _, data = raw_physics(physics)
+    for warning in _BAD_STATE_WARNINGS:
+        if data.warning[warning].number:
+            text = mujoco.mju_warningText(warning, int(data.warning[warning].lastinfo))
+            raise PhysicsError(f"the simulation diverged after {time_s:.3f} s: {text}")
+
+
+def _control_timestep(environment: Any) -> Any:
+    """Simulated seconds of a step of an environment without physics; 0 when it does not say."""
+    timestep = getattr(environment, "control_timestep", None)
+    return timestep() if callable(timestep) else 0.0

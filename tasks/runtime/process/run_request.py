@@ -1,0 +1,24 @@
+"""What the processes of a run are given."""
+
+from pydantic import Field
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.wire.base import Model
+
+
+class RunRequest(Model):
+    """What a run's processes are given."""
+
+    plan: RunPlan = Field(description="The run; all its paths are absolute.")
+    environment: dict[str, str] = Field(description="The environment of the run's process.")
+    import_path: list[str] = Field(description="`sys.path` of the process that asked.")
+    video_backend: str | None = Field(default=None, description="How to render; None: no video.")
+    cores: list[int] | None = Field(default=None, description="Processor cores it may use; absent: all.")
+
+    def for_run_process(self) -> "RunRequest":
+        """What the run's own process is given: it writes its plan down, so variables of programs are left out.
+
+        Those of a container's program are what its engine is called with, credentials of registries among them.
+        """
+        programs = [program.model_copy(update={"environment": {}}) for program in self.plan.programs]
+        return self.model_copy(update={"plan": self.plan.model_copy(update={"programs": programs})})

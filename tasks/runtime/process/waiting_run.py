@@ -1,0 +1,111 @@
+"""The process of a run, forked before it is known which run that will be.
+
+A fork of a process that has imported MuJoCo takes milliseconds, which nobody has to wait for this way.
+"""
+
+import os
+import select
+import signal
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from typing import BinaryIO, cast
+
+from ..episode.progress import Progress
+from ..limits.limits import confine
+from ..limits.processes import die_with_parent
+from .run_request import RunRequest
+
+RunChild = Callable[[RunRequest, Progress], int]
+"""Carries out the run described by a request; returns the exit code."""
+
+Rehearse = Callable[[Callable[[float], bool]], None]
+"""See `rehearsal.rehearse`: is given what waits for a run."""
+
+_BEGIN = b"!"
+_INTERNAL_ERROR = 70  # EX_SOFTWARE: the runtime itself failed
+
+
+class WaitingRun:
+    """A child of this process that becomes a run's process, or ends when this process does or closes the pipe.
+
+    Args:
+        run_child: What the run's process does.
+        progress: What it shares with this process.
+        close_in_child: What of this process's it must not keep open.
+        rehearse: What it does until there is a run.
+    """
+
+    def __init__(
+        self, run_child: RunChild, progress: Progress, close_in_child: Callable[[], None], rehearse: Rehearse
+    ) -> None:
+        self._pipe, theirs = socket.socketpair()
+        supervisor = os.getpid()
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._pipe.close()
+            close_in_child()
+            _become_run(supervisor, theirs, run_child, progress, rehearse)
+        theirs.close()
+
+    def tell(self, request: bytes) -> bool:
+        """Says which run it will be.
+
+        Args:
+            request: A `RunRequest` as JSON in one line.
+
+        Returns:
+            Whether it is still there; somebody may have killed it while it waited.
+        """
+        try:
+            self._pipe.sendall(request + b"\n")
+        except OSError:
+            return False
+        return True
+
+    def begin(self) -> int:
+        """Lets the run that it was told of begin; returns the pid."""
+        with suppress(OSError):  # it has been killed, which is noticed by those who wait for its end
+            self._pipe.sendall(_BEGIN)
+        self._pipe.close()
+        return self.pid
+
+    def dismiss(self) -> None:
+        """Ends it, before it was begun."""
+        self._pipe.close()
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+        os.waitpid(self.pid, 0)
+
+
+def _become_run(
+    supervisor: int, pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse
+) -> None:
+    """Turns a fork into the run's process; never returns."""
+    code = _INTERNAL_ERROR
+    try:
+        os.setsid()
+        # The supervisor itself may be killed too, for want of memory for example.
+        die_with_parent()
+        request = None
+        if os.getppid() == supervisor:
+            rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))
+            with pipe, cast(BinaryIO, pipe.makefile("rb")) as stream:
+                request = _awaited_request(stream)
+        if request is None:
+            code = 0
+        else:
+            confine(request.plan.compute, request.cores)
+            code = run_child(request, progress)
+    finally:
+        # Not sys.exit: this fork must not run the clean-up of the process it was copied from.
+        os._exit(code)
+
+
+def _awaited_request(stream: BinaryIO) -> RunRequest | None:
+    """What the run is; None when there will be none."""
+    line = stream.readline()
+    if not line:
+        return None
+    request = RunRequest.model_validate_json(line).for_run_process()
+    return request if stream.read(1) == _BEGIN else None

@@ -1,0 +1,251 @@
+"""A run in a folder: all that it needs, what came of it, and a test that repeats it."""
+
+import re
+import shutil
+import tempfile
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ....schemas.runs.plan import RunOutcome, RunPlan, VideoPolicy
+from ....schemas.runs.provenance import Provenance
+from ..states.provenance import machine_facts
+from ..supervision.launcher import Launcher
+from .replay import RunOutputs, read_outputs, rerun_plan, why_not_comparable, why_other_inputs
+
+PLAN_FILE = "plan.json"
+FIRST_OUTPUTS = "first"
+"""Folder of what the run wrote down."""
+
+_MOST_OF_NAME = 200
+_TEST = '''\
+"""Repeats run {run_id} of {job_id}, which {words}{how}.
+
+    python -m pytest {name}
+
+Written by `robomaker repro`; what it repeats is in this folder.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.tasks.runtime.replay.repro import Reproduction, Rerun
+
+REPRODUCTION = Reproduction(Path(__file__).parent)
+
+
+@pytest.fixture(scope="module")
+def rerun(tmp_path_factory: pytest.TempPathFactory) -> Rerun:
+    return REPRODUCTION.rerun(tmp_path_factory.mktemp("rerun"))
+
+
+def test_it_ends_as_it_did(rerun: Rerun) -> None:
+    assert rerun.ending == {ending!r}
+
+
+def test_its_states_are_the_same(rerun: Rerun) -> None:
+    if reasons := REPRODUCTION.why_not_comparable(rerun):
+        pytest.skip("not comparable: " + "; ".join(reasons))
+    assert rerun.state_digest == {digest!r}
+'''
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """What came of running it again."""
+
+    outcome: RunOutcome
+    outputs: RunOutputs
+    folder: Path
+    """Its outputs."""
+
+    @property
+    def ending(self) -> dict[str, Any]:
+        """How it ended, for people to compare; see `ending_of`."""
+        return ending_of(self.outputs, self.outcome.failure_code)
+
+    @property
+    def state_digest(self) -> str | None:
+        """Digest of its states; None without physics."""
+        digest = self.outputs.provenance.digest
+        return digest.value if digest else None
+
+
+class Reproduction:
+    """A folder that `write_reproduction` has written."""
+
+    def __init__(self, folder: Path) -> None:
+        """Opens the folder.
+
+        Args:
+            folder: It may have been moved, also to another machine.
+
+        Raises:
+            FileNotFoundError: It is no such folder.
+        """
+        self.folder = folder.resolve()
+        self.plan = _moved(RunPlan.model_validate_json((self.folder / PLAN_FILE).read_bytes()), self.folder)
+
+    @cached_property
+    def first(self) -> RunOutputs:
+        """What the run itself wrote down."""
+        return read_outputs(self.folder / FIRST_OUTPUTS)
+
+    def why_not_comparable(self, rerun: Rerun) -> list[str]:
+        """Why states of a rerun on this machine need not be those of the run; empty when they have to."""
+        return why_not_comparable(self.first.provenance.machine, machine_facts()) + self.other_inputs(rerun)
+
+    def other_inputs(self, rerun: Rerun) -> list[str]:
+        """What a rerun was given that the run was not, such as an application that has changed since."""
+        return why_other_inputs(self.first.provenance, rerun.outputs.provenance)
+
+    def rerun(self, folder: Path, video: VideoPolicy = "none", launcher: Launcher | None = None) -> Rerun:
+        """Runs it again, in processes of its own.
+
+        Args:
+            folder: Where it works and writes; what was there of an earlier rerun is removed.
+            video: Whether it is filmed.
+            launcher: What starts it; absent: one for this rerun alone.
+
+        Raises:
+            LaunchError: It cannot be started here.
+        """
+        plan = rerun_plan(self.plan, self.first, folder, video)
+        for each in (plan.work_dir, plan.output_dir):
+            shutil.rmtree(each, ignore_errors=True)
+        if self.plan.root_dir is not None:
+            # Applications may write below their root, and the next rerun begins as the first did.
+            root = shutil.copytree(self.plan.root_dir, folder / "root", symlinks=True, dirs_exist_ok=True)
+            plan = plan.model_copy(update={"root_dir": root})
+        with nullcontext(launcher) if launcher else Launcher() as starting:
+            outcome = starting.run(plan, lambda: None)
+        return Rerun(outcome, read_outputs(plan.output_dir), plan.output_dir)
+
+
+def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
+    """How a run ended: its verdict and the requirements it missed, or its failure code."""
+    if outputs.result is None:
+        return {"failure_code": failure_code}
+    missed = [each.name for each in outputs.result.requirements if not each.satisfied]
+    return {"verdict": outputs.result.verdict, "missed": missed, "ended_by": outputs.result.ended_by}
+
+
+def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
+    """How a rerun ends that goes as the run went: one that was stopped from outside ends by itself at that time."""
+    ending = ending_of(outputs, failure_code)
+    return ending | {"ended_by": "duration limit"} if ending.get("ended_by") == "canceled" else ending
+
+
+def in_words(ending: dict[str, Any]) -> str:
+    """How a run ended, as a clause: what it did."""
+    if "failure_code" in ending:
+        return f"failed with {ending['failure_code']}"
+    missed = f" ({', '.join(ending['missed'])})" if ending["missed"] else ""
+    return f"ended with verdict {ending['verdict']}{missed}"
+
+
+def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, folder: Path) -> Path:
+    """Writes a folder from which a run can be repeated anywhere; all of it, or nothing.
+
+    Args:
+        plan: The run, with folders of this machine.
+        first: Outputs of the run, at least `provenance.json`.
+        failure_code: The failure code of its job, if it has one.
+        folder: Where to; made unless it exists.
+
+    Returns:
+        The test that repeats it.
+
+    Raises:
+        FileExistsError: The folder is one already, or has something of a name that is needed.
+        OSError: Something cannot be copied.
+    """
+    if (folder / PLAN_FILE).exists():
+        raise FileExistsError(f"{folder}: holds a reproduction already; name another folder")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as scratch:
+        unfinished = Path(scratch)
+        shutil.copytree(first, unfinished / FIRST_OUTPUTS)
+        moved = _copied(plan, unfinished)
+        test = _write_test(read_outputs(unfinished / FIRST_OUTPUTS), failure_code, unfinished)
+        (unfinished / PLAN_FILE).write_text(moved.model_dump_json(indent=1) + "\n")
+        _move_all(unfinished, folder)
+    return folder / test.name
+
+
+def _move_all(source: Path, folder: Path) -> None:
+    """Moves what is in a folder into another one, the plan last: with it a reproduction is whole."""
+    folder.mkdir(exist_ok=True)
+    names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
+    if taken := [name for name in names if (folder / name).exists()]:
+        raise FileExistsError(f"{folder}: has {', '.join(taken)} already; name another folder")
+    for name in names:
+        (source / name).rename(folder / name)
+
+
+def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> Path:
+    provenance: Provenance = outputs.provenance
+    ending = rerun_ending(outputs, failure_code)
+    name = f"test_repro_{re.sub(r'[^A-Za-z0-9_]', '_', provenance.plan.job_id)[:_MOST_OF_NAME]}.py"
+    text = _TEST.format(
+        run_id=_in_docstring(provenance.plan.run_id),
+        job_id=_in_docstring(provenance.plan.job_id),
+        words=_in_docstring(in_words(ending)),
+        how=", and whose robot is replayed from its recorded actions" if outputs.actions else "",
+        name=name,
+        ending=ending,
+        digest=provenance.digest.value if provenance.digest else None,
+    )
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def _in_docstring(text: str) -> str:
+    """Text that cannot end a docstring: what a run says of itself may be anything."""
+    return text.replace("\\", "/").replace('"', "'")
+
+
+def _copied(plan: RunPlan, folder: Path) -> RunPlan:
+    """Copies what a plan names; returns the plan with paths inside the folder."""
+    places: dict[Path, Path] = {}
+
+    def copy(source: Path | None, name: str) -> Path | None:
+        # Two applications may come from one bundle, and must go on to.
+        if source is not None and source not in places:
+            places[source] = Path(name)
+            shutil.copytree(source, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        return places[source] if source is not None else None
+
+    applications = {
+        name: application.model_copy(update={"path": copy(application.path, f"applications/{application.role}")})
+        for name in ("simulation_application", "robot_application")
+        if (application := getattr(plan, name)) is not None
+    }
+    folders = {
+        "world_dir": copy(plan.world_dir, "world"),
+        "data_dir": copy(plan.data_dir, "data"),
+        "root_dir": copy(plan.root_dir, "root"),
+        "work_dir": Path("work"),
+        "output_dir": Path("output"),
+        "checkpoint_dir": None,
+    }
+    return plan.model_copy(update={**folders, **applications})
+
+
+def _moved(plan: RunPlan, folder: Path) -> RunPlan:
+    """A plan of paths inside a folder, with absolute ones."""
+    folders = {
+        name: folder / value
+        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir")
+        if (value := getattr(plan, name)) is not None
+    }
+    applications = {
+        name: application.model_copy(update={"path": folder / application.path})
+        for name in ("simulation_application", "robot_application")
+        if (application := getattr(plan, name)) is not None and application.path is not None
+    }
+    return plan.model_copy(update={**folders, **applications})

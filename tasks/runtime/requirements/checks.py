@@ -1,0 +1,246 @@
+"""Ties the rules of requirements to a simulation: what each of them measures, and how."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requirements import BodyName, JobRequirement, PredicateRequirement
+from ....schemas.wire.errors import LaunchError
+from ....schemas.wire.request_problems import nearest
+from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.world import Point, World
+from ..episode.clearance import ClearanceMeter
+from ..episode.contact_forces import ContactForces, floor_geoms, geom_names, robot_geoms
+from ..episode.loading import LoadError, load_factory
+from ..episode.physics import raw_physics
+from ..episode.robot_body import acting_roots
+from .rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule, is_meant
+
+Look = Callable[[float], None]
+"""Measures at a simulated time and tells the rule."""
+
+_MAX_SHOWN = 12
+
+
+class RequirementError(LaunchError):
+    """A requirement cannot be judged; nobody's application is to blame but whoever asked for it."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, "InvalidInput")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What requirements are measured in: one model and its data."""
+
+    environment: Any
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    world: World | None
+    plan: RunPlan
+
+    @classmethod
+    def of(cls, environment: Any, world: World | None, plan: RunPlan) -> "Scene":
+        """The scene that an environment's physics shows."""
+        return cls(environment, *raw_physics(environment.physics), world, plan)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """What each geom is called."""
+        return geom_names(self.model, [piece.id for piece in self.world.furniture] if self.world else [])
+
+    @cached_property
+    def is_stale(self) -> bool:
+        """Whether contacts have no forces between two steps; see `ContactForces`."""
+        return bool(getattr(self.environment.physics, "legacy_step", False))
+
+    def robot(self, requirement: JobRequirement, body: BodyName | None) -> int:
+        """The robot's body: the one that is named, else the environment's `robot_body`, else the one that acts.
+
+        Raises:
+            RequirementError: The model has no such body, or none that can be taken for a robot.
+        """
+        named = body if body is not None else getattr(self.environment, "robot_body", None)
+        if named is None:
+            return self._acting_body(requirement)
+        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, named)
+        if number < 0:
+            there = [name for name in map(self._body_name, range(1, self.model.nbody)) if name]
+            raise cannot(requirement, f"the model has no body {named!r}{_near(named, there)}")
+        return number
+
+    def contacts(self, body: int) -> ContactForces:
+        """What touches the robot; the same for all requirements about it."""
+        if body not in self._contacts:
+            robot = robot_geoms(self.model, body)
+            self._contacts[body] = ContactForces(self.model, self.data, robot, self.names, is_stale=self.is_stale)
+        return self._contacts[body]
+
+    @cached_property
+    def _contacts(self) -> dict[int, ContactForces]:
+        return {}
+
+    def _acting_body(self, requirement: JobRequirement) -> int:
+        """The first free body with actuators, else the first body with any, else the only free one."""
+        roots = list(dict.fromkeys(acting_roots(self.model)))
+        free = [int(self.model.jnt_bodyid[joint]) for joint in range(self.model.njnt) if _is_free(self.model, joint)]
+        for choice in ([root for root in free if root in roots], roots, free if len(free) == 1 else []):
+            if choice:
+                return choice[0]
+        raise cannot(
+            requirement, "no body has actuators; name the robot's with `body`, or as the environment's `robot_body`"
+        )
+
+    def _body_name(self, body: int) -> str:
+        return self.model.body(body).name
+
+
+def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule]:
+    """Starts the score of each requirement."""
+    rules: list[Rule] = []
+    goals: dict[str, GoalRule] = {}
+    for requirement in requirements:
+        match requirement.kind:
+            case "goal":
+                before = goals.get(requirement.after) if requirement.after else None
+                rules.append(goal := GoalRule(requirement, before))
+                goals[requirement.name] = goal
+            case "no_collision":
+                rules.append(CollisionRule(requirement))
+            case "time_limit":
+                rules.append(TimeLimitRule(requirement))
+            case "clearance":
+                rules.append(ClearanceRule(requirement))
+            case "predicate":
+                rules.append(PredicateRule(requirement))
+    return rules
+
+
+def bind(rule: Rule, scene: Scene) -> Look:
+    """Ties a rule to a scene.
+
+    Raises:
+        RequirementError: It cannot be judged there: no such body, room, function.
+    """
+    match rule:
+        case GoalRule():
+            return _goal(rule, scene)
+        case CollisionRule():
+            contacts = scene.contacts(scene.robot(rule.requirement, rule.asked.body))
+            return lambda time_s: rule.update(time_s, contacts.read())
+        case ClearanceRule():
+            return _clearance(rule, scene)
+        case PredicateRule():
+            return _predicate(rule, scene)
+        case TimeLimitRule():
+            return rule.update
+    raise AssertionError(f"no way to measure {type(rule).__name__}")
+
+
+def _goal(rule: GoalRule, scene: Scene) -> Look:
+    goal = rule.goal
+    body = scene.robot(goal, goal.body)
+    position = scene.data.xpos[body]
+    if goal.room is None:
+        x, y = goal.x or 0.0, goal.y or 0.0
+        return lambda time_s: rule.update(time_s, math.hypot(position[0] - x, position[1] - y))
+    polygon = _polygon(rule, scene)
+
+    def look(time_s: float) -> None:
+        is_inside = contains(polygon, float(position[0]), float(position[1]))
+        rule.update(time_s, 0.0 if is_inside else math.inf)
+
+    return look
+
+
+def _polygon(rule: GoalRule, scene: Scene) -> Sequence[Point]:
+    if scene.world is None:
+        raise cannot(rule.goal, f"it asks for the room {rule.goal.room!r}, but there is no world")
+    rooms = {room.name: room.polygon for room in scene.world.floorplan.rooms}
+    if rule.goal.room not in rooms:
+        raise cannot(rule.goal, f"the world has no room {rule.goal.room!r}{_near(rule.goal.room or '', list(rooms))}")
+    return rooms[rule.goal.room]
+
+
+def _clearance(rule: ClearanceRule, scene: Scene) -> Look:
+    asked, model = rule.asked, scene.model
+    body = scene.robot(asked, asked.body)
+    own = robot_geoms(model, body)
+    part = own if asked.body is None else _below(model, body)
+    meant = np.array([is_meant(name, asked.others, asked.ignore) for name in scene.names], dtype=np.bool_)
+    meter = ClearanceMeter(model, scene.data, part, meant & ~own & ~floor_geoms(model, scene.data), scene.names)
+
+    def look(time_s: float) -> None:
+        # Only what is nearer than anything before changes the score, and asking for that alone is faster.
+        if (found := meter.measure(rule.nearest_m)) is not None:
+            rule.update(time_s, *found)
+
+    return look
+
+
+def _predicate(rule: PredicateRule, scene: Scene) -> Look:
+    asked = rule.asked
+    function = _load(asked, scene.plan)
+
+    def look(time_s: float) -> None:
+        try:
+            answer = function(scene.environment, time_s)
+        except (Exception, SystemExit) as error:
+            rule.fail(f"{asked.attribute} raised {type(error).__name__}: {error}")
+            return
+        holds, reason = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, "")
+        if isinstance(holds, bool | np.bool_) and isinstance(reason, str):
+            rule.update(time_s, bool(holds), reason)
+        else:
+            rule.fail(f"{asked.attribute} returned {str(answer)[:80]}; a bool, or a bool and a text, would be right")
+
+    return look
+
+
+def _load(asked: PredicateRequirement, plan: RunPlan) -> Callable[..., Any]:
+    """Imports the function from the bundle that has its package, else from what is installed."""
+    package = asked.attribute.partition(".")[0]
+    applications = (plan.simulation_application, plan.robot_application)
+    paths = [each.path for each in applications if each is not None and each.path is not None]
+    path = next((path for path in paths if _has(path, package)), None)
+    try:
+        return load_factory(asked.attribute, path)
+    except LoadError as error:
+        raise cannot(asked, str(error)) from error
+
+
+def _has(path: Path, package: str) -> bool:
+    return (path / package).is_dir() or (path / f"{package}.py").is_file()
+
+
+def cannot(requirement: JobRequirement, why: str) -> RequirementError:
+    """The error for a requirement that cannot be judged here."""
+    return RequirementError(f"requirement {requirement.name} ({requirement.kind}): {why}")
+
+
+def _below(model: mujoco.MjModel, body: int) -> Any:
+    """Which geoms belong to a body or to what hangs on it."""
+    below = np.zeros(model.nbody, dtype=np.bool_)
+    below[body] = True
+    for each in range(body + 1, model.nbody):  # parents come before their children
+        below[each] = below[model.body_parentid[each]]
+    return below[model.geom_bodyid]
+
+
+def _is_free(model: mujoco.MjModel, joint: int) -> bool:
+    return model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _near(name: str, there: list[str]) -> str:
+    shown = ", ".join(there[:_MAX_SHOWN]) + (f" and {len(there) - _MAX_SHOWN} more" if len(there) > _MAX_SHOWN else "")
+    return nearest(name, there) or f"; there are {shown or 'none'}"

@@ -1,0 +1,217 @@
+"""The observer that judges a run by its requirements."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ....schemas.wire.errors import InvalidParameterException
+from ....schemas.worlds.world import World
+from ..episode.physics import raw_physics
+from ..episode.results import Findings
+from ..episode.stops import RunEnded
+from .checks import Look, RequirementError, Scene, bind, make_rules
+from .rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule
+
+_NO_PHYSICS = "the environment has no `physics` to judge it by"
+_ROUNDING_S = 5e-7
+
+
+class RequirementsObserver:
+    """Checks the requirements of the job and of its environment, each at its own cadence.
+
+    A run without any costs one call. What cannot be judged fails the run at its first step, before time is spent.
+    """
+
+    def __init__(self, plan: RunPlan) -> None:
+        """Prepares the judgement.
+
+        Args:
+            plan: The run; its requirements replace those of the environment that have the same names.
+        """
+        self.next_time_s = 0.0
+        self._plan = plan
+        self._rules: list[Rule] | None = None
+        self._checks: list[_Check] = []
+        self._within_steps: list[_Check] = []
+        self._model: Any = None
+        self._world: World | None = None
+        self._data: Any = None
+        self._time_s = 0.0
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Checks what is due.
+
+        Raises:
+            RunEnded: A requirement that stops the run is violated, or all goals that do are reached.
+            RequirementError: A requirement cannot be judged.
+        """
+        self._time_s = time_s
+        if self._rules is None:
+            self._begin(environment)
+        if not self._rules:
+            self.next_time_s = math.inf
+            return
+        if raw_physics(environment.physics)[0] is not self._model:
+            self._bind(environment)
+        for check in self._checks:
+            check.look_if_due(time_s)
+        if any(rule.is_over for rule in self._rules) or self._all_goals_reached(self._rules):
+            raise RunEnded
+        self.next_time_s = min(check.next_time_s for check in self._checks)
+
+    def state(self) -> dict[str, Any]:
+        """All scores so far, for a run that is continued elsewhere."""
+        return {
+            "rules": self._rules,
+            "due_s": [check.next_time_s for check in self._checks],
+            "next_time_s": self.next_time_s,
+            "time_s": self._time_s,
+        }
+
+    def restore(self, state: dict[str, Any], environment: Any) -> None:
+        """Goes on from where `state` was taken.
+
+        Raises:
+            RequirementError: A requirement cannot be judged.
+        """
+        self._rules, self._time_s = state["rules"], state["time_s"]
+        if self._rules:
+            self._read_world([rule.requirement for rule in self._rules])
+            self._bind(environment)
+            for check, due_s in zip(self._checks, state["due_s"], strict=True):
+                check.next_time_s = due_s
+        self.next_time_s = state["next_time_s"]
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Judges the run; nothing of a run that failed.
+
+        Args:
+            ended_by: What ended it; None when it failed.
+        """
+        if ended_by is None:
+            return Findings()
+        rules = self._rules
+        if rules is None:  # it never looked
+            rules = make_rules(self._plan.requirements)
+            for rule in rules:
+                rule.fail(_NO_PHYSICS)
+        end_s = self._last_look()
+        judged = [rule.judged(end_s, ended_by) for rule in rules]
+        return Findings(metrics=_metrics(rules), requirements=judged)
+
+    def _last_look(self) -> float:
+        """Looks once more, since the run may have ended between two checks; returns the time of its end."""
+        if self._data is None:
+            return self._time_s
+        end_s = max(self._time_s, self._data.time)
+        for check in self._checks:
+            # The environment is closed by now, which functions of applications need not be prepared for.
+            if not isinstance(check.rule, PredicateRule):
+                check.look(end_s)
+        return end_s
+
+    def _begin(self, environment: Any) -> None:
+        requirements = merged(self._plan.requirements, _own_requirements(environment))
+        self._read_world(requirements)
+        self._rules = make_rules(requirements)
+
+    def _read_world(self, requirements: Sequence[JobRequirement]) -> None:
+        if self._plan.world_dir is not None and _needs_world(requirements):
+            self._world = World.model_validate_json((self._plan.world_dir / "world.json").read_bytes())
+
+    def _bind(self, environment: Any) -> None:
+        """Ties the rules to the model, which environments may replace."""
+        scene = Scene.of(environment, self._world, self._plan)
+        self._model, self._data = scene.model, scene.data
+        self._checks = [_Check(rule, bind(rule, scene)) for rule in self._rules or ()]
+        self._within_steps = [check for check in self._checks if isinstance(check.rule, CollisionRule)]
+        physics = environment.physics
+        if self._within_steps and hasattr(physics, "between_substeps"):
+            # Touches are short: an environment that lets others look within its control steps is asked to.
+            physics.between_substeps = _both(physics.between_substeps, self._look_within(scene))
+
+    def _look_within(self, scene: Scene) -> Callable[[], None]:
+        def look() -> None:
+            time_s = scene.data.time
+            for check in self._within_steps:
+                check.look_if_due(time_s)
+
+        return look
+
+    @staticmethod
+    def _all_goals_reached(rules: Sequence[Rule]) -> bool:
+        goals = [rule for rule in rules if isinstance(rule, GoalRule) and rule.requirement.stop]
+        return bool(goals) and all(goal.reached_s is not None for goal in goals)
+
+
+class _Check:
+    """A rule with its measurement and its cadence."""
+
+    def __init__(self, rule: Rule, look: Look) -> None:
+        self.rule = rule
+        self.next_time_s = 0.0
+        self.look = look
+        # Nothing can happen before a time limit, and it is to be seen at once.
+        self._period_s = getattr(rule.requirement, "period_s", 0.0)
+        if isinstance(rule, TimeLimitRule):
+            self.next_time_s = rule.asked.limit_s
+
+    def look_if_due(self, time_s: float) -> None:
+        if time_s < self.next_time_s - _ROUNDING_S:
+            return
+        self.look(time_s)
+        is_done = self.rule.error is not None
+        self.next_time_s = math.inf if is_done else time_s + self._period_s
+
+
+def merged(ordered: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
+    """The requirements of environment and job; of two of one name the job's counts."""
+    names = {requirement.name for requirement in ordered}
+    return [*(requirement for requirement in own if requirement.name not in names), *ordered]
+
+
+def _own_requirements(environment: Any) -> list[JobRequirement]:
+    """What the environment itself asks for.
+
+    Raises:
+        RequirementError: It is no list of requirements.
+    """
+    ask = getattr(environment, "requirements", None)
+    if not callable(ask):
+        return []
+    try:
+        return parse_requirements(ask(), "environment.requirements()")
+    except InvalidParameterException as error:
+        raise RequirementError(str(error)) from None
+
+
+def _needs_world(requirements: Sequence[JobRequirement]) -> bool:
+    """Whether rooms or the names of furniture are asked for."""
+    return bool(rooms_of(requirements)) or any(each.kind in ("no_collision", "clearance") for each in requirements)
+
+
+def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Callable[[], None]:
+    def call() -> None:
+        if first is not None:
+            first()
+        second()
+
+    return call
+
+
+def _metrics(rules: Sequence[Rule]) -> dict[str, float]:
+    """Numbers of all requirements of a kind, for tables and comparisons."""
+    metrics: dict[str, float] = {}
+    clearances = [rule.nearest_m for rule in rules if isinstance(rule, ClearanceRule) and rule.nearest_m < math.inf]
+    collisions = [rule for rule in rules if isinstance(rule, CollisionRule)]
+    goals = [rule for rule in rules if isinstance(rule, GoalRule)]
+    if clearances:
+        metrics["min_clearance_m"] = round(min(clearances), 6)
+    if collisions:
+        metrics["max_contact_force_N"] = round(max(rule.max_force_N for rule in collisions), 3)
+    if goals:
+        metrics["goals"] = float(len(goals))
+        metrics["goals_reached"] = float(sum(goal.reached_s is not None for goal in goals))
+    return metrics

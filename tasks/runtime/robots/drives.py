@@ -1,0 +1,195 @@
+"""Drives: from actions to actuators."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from dm_env import specs
+
+from ..episode.context import ActionError
+from ..episode.resumable import KeepsAttributes
+from .robot import CONTROL_TIMESTEP_S, Action, Controller, Limits, velocity_action_spec
+
+
+class VelocityController(KeepsAttributes):
+    """Takes (m/s, rad/s), clips them to what the robot can do and hands them on with ramps."""
+
+    KEPT = ("_linear", "_angular")
+
+    substep: Callable[[], None] | None = None
+
+    def __init__(self, limits: Limits, move: Callable[[float, float], None]) -> None:
+        """Starts from standing still.
+
+        Args:
+          limits: of the robot.
+          move: called with forward velocity and turning rate at every control step.
+        """
+        self._move = move
+        self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
+        self._linear_change = limits.linear_mps2 * CONTROL_TIMESTEP_S
+        self._angular_change = limits.angular_radps2 * CONTROL_TIMESTEP_S
+        self.reset()
+
+    def reset(self) -> None:
+        """See `Controller`."""
+        self._linear = self._angular = 0.0
+
+    def command(self, action: Action) -> bool:
+        """See `Controller`."""
+        linear, angular = self._checked(action)
+        self._linear += _clip(linear - self._linear, self._linear_change)
+        self._angular += _clip(angular - self._angular, self._angular_change)
+        self._move(self._linear, self._angular)
+        return linear == 0.0 and angular == 0.0
+
+    def _checked(self, action: Action) -> tuple[float, float]:
+        try:
+            linear, angular = (float(value) for value in action)
+        except (TypeError, ValueError):
+            shown = f"an array of shape {action.shape}" if isinstance(action, np.ndarray) else repr(action)[:80]
+            raise ActionError(f"action: {shown} is not (forward velocity in m/s, turning rate in rad/s)") from None
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            raise ActionError(f"action: ({linear}, {angular}) has to be two finite numbers, m/s and rad/s")
+        return _clip(linear, self._max_linear), _clip(angular, self._max_angular)
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    """Velocity-controlled wheels on the left and on the right."""
+
+    limits: Limits
+    left: tuple[str, ...]
+    """Names of actuators."""
+
+    right: tuple[str, ...]
+    wheel_radius_m: float
+    track_width_m: float
+    """Distance between the points where the wheels touch the floor."""
+
+    directions: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    """What a wheel's speed in rad/s, forward positive, is multiplied with to command its actuator; absent: 1."""
+
+    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
+        """See `Drive`."""
+        del model, prefix
+        return velocity_action_spec(self.limits)
+
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
+        """See `Drive`."""
+        control, radius_m, half_track_m = data.ctrl, self.wheel_radius_m, self.track_width_m / 2
+        factors = self.directions or ((1.0,) * len(self.left), (1.0,) * len(self.right))
+        left, right = (
+            [(int(model.actuator(f"{prefix}{name}").id), factor) for name, factor in zip(names, side, strict=True)]
+            for names, side in zip((self.left, self.right), factors, strict=True)
+        )
+
+        def move(linear: float, angular: float) -> None:
+            turn = angular * half_track_m
+            for actuator, factor in left:
+                control[actuator] = (linear - turn) / radius_m * factor
+            for actuator, factor in right:
+                control[actuator] = (linear + turn) / radius_m * factor
+
+        return VelocityController(self.limits, move)
+
+
+@dataclass(frozen=True)
+class PlanarDrive:
+    """Velocity actuators that move the base over the floor."""
+
+    limits: Limits
+    x: str
+    """Name of an actuator, m/s."""
+
+    y: str | None
+    """Likewise; needed in the world's frame."""
+
+    yaw: str
+    """Likewise, rad/s."""
+
+    yaw_joint: str | None = None
+    """Hinge that tells the heading; x and y are along the world's axes then, otherwise along the robot's."""
+
+    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
+        """See `Drive`."""
+        del model, prefix
+        return velocity_action_spec(self.limits)
+
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
+        """See `Drive`."""
+        control = data.ctrl
+        x, yaw = (int(model.actuator(f"{prefix}{name}").id) for name in (self.x, self.yaw))
+        y = None if self.y is None else int(model.actuator(f"{prefix}{self.y}").id)
+        joint = None if self.yaw_joint is None else model.joint(f"{prefix}{self.yaw_joint}")
+        heading = data.qpos[0:0] if joint is None else data.qpos[int(joint.qposadr[0]) :]
+
+        def move(linear: float, angular: float) -> None:
+            # Halfway through the step the robot has turned that far.
+            angle = float(heading[0]) + angular * CONTROL_TIMESTEP_S / 2 if joint is not None else 0.0
+            control[x] = linear * math.cos(angle)
+            if y is not None:
+                control[y] = linear * math.sin(angle)
+            control[yaw] = angular
+
+        return VelocityController(self.limits, move)
+
+
+class RawController(KeepsAttributes):
+    """Hands actions to the actuators as they are, clipped to their ranges."""
+
+    KEPT = ("_last",)
+
+    substep: Callable[[], None] | None = None
+
+    def __init__(self, data: mujoco.MjData, actuators: list[int], spec: specs.BoundedArray) -> None:
+        self._control, self._actuators, self._spec = data.ctrl, np.array(actuators, np.intp), spec
+        self._last: bytes | None = None
+
+    def reset(self) -> None:
+        """See `Controller`."""
+        self._last = None
+
+    def command(self, action: Action) -> bool:
+        """See `Controller`; a robot whose actuators are told the same as before stands still."""
+        wanted = self._spec.name
+        try:
+            values = np.asarray(action, np.float64)
+        except (TypeError, ValueError):
+            raise ActionError(f"action: {repr(action)[:80]} is not an array of numbers, {wanted}") from None
+        if values.shape != self._spec.shape or not np.isfinite(values).all():
+            shown = f"an array of shape {values.shape}" if values.shape != self._spec.shape else repr(values)[:80]
+            raise ActionError(f"action: {shown} has to be {self._spec.shape[0]} finite numbers: {wanted}")
+        clipped = np.clip(values, self._spec.minimum, self._spec.maximum)
+        self._control[self._actuators] = clipped
+        before, self._last = self._last, clipped.tobytes()
+        return before == self._last
+
+
+@dataclass(frozen=True)
+class RawDrive:
+    """No drive at all: the action is the vector of the robot's actuators, in the model's order."""
+
+    actuators: tuple[str, ...]
+
+    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
+        """See `Drive`."""
+        ids = [int(model.actuator(f"{prefix}{name}").id) for name in self.actuators]
+        limited = model.actuator_ctrllimited[ids].astype(np.bool_)
+        low = np.where(limited, model.actuator_ctrlrange[ids, 0], -np.inf)
+        high = np.where(limited, model.actuator_ctrlrange[ids, 1], np.inf)
+        return specs.BoundedArray((len(ids),), np.float64, low, high, name=", ".join(self.actuators))
+
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
+        """See `Drive`."""
+        ids = [int(model.actuator(f"{prefix}{name}").id) for name in self.actuators]
+        return RawController(data, ids, self.action_spec(model, prefix))
+
+
+def _clip(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))

@@ -1,0 +1,188 @@
+"""Which robot a job drives.
+
+In this order:
+
+1. `ROBOMAKER_ROBOT` in a launch configuration: `scout`, `walker`, `menagerie:<model>`, or a mapping file of the robot
+   application (`robots/arm.yaml`);
+2. `robot.yaml` in the robot application, in the innermost package on the way to its factory;
+3. `walker` if that is the robot application;
+4. Scout.
+"""
+
+import importlib.util
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from ....schemas.runs.plan import ApplicationPlan
+from ....schemas.runs.robot_yaml import RobotModel
+from ....schemas.wire.errors import LaunchError
+from .mapped import make_robot
+from .mapped_model import RobotFiles
+from .mapping import MAPPING_FILE, placed, read_mapping
+from .menagerie import MENAGERIE, menagerie_file, menagerie_mapping, menagerie_root
+from .problems import alternatives, invalid
+from .robot import Robot
+from .scout import SCOUT
+from .walker import WALKER
+
+ROBOT_VARIABLE = "ROBOMAKER_ROBOT"
+
+BUILT_IN: Mapping[str, Robot] = {"scout": SCOUT, "walker": WALKER}
+
+_PACKAGE = __name__.rsplit(".", 2)[0]
+_INVALID_INPUT = "InvalidInput"
+_MAX_NAME = 60
+
+
+class _Package(NamedTuple):
+    """Where an application's files are."""
+
+    folders: list[Path]
+    """Its packages' folders, the innermost first."""
+
+    root: Path
+    """The folder that holds everything it may use."""
+
+
+class FoundRobot(NamedTuple):
+    """A job's robot, and how it came to it."""
+
+    robot: Robot
+    why: str
+    """Part of a sentence for people: `as ROBOMAKER_ROBOT says`."""
+
+    def __str__(self) -> str:
+        """One line: `Robot: scout, as ROBOMAKER_ROBOT says.`."""
+        return f"Robot: {self.robot.name}, {self.why}."
+
+
+def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
+    """The robot of a job.
+
+    Args:
+      application: its robot application, if it names one.
+      variables: environment variables of the launch configurations, and of the process.
+
+    Raises:
+      LaunchError: the robot that is meant does not exist, or cannot be made.
+    """
+    named = variables.get(ROBOT_VARIABLE)
+    if named is not None:
+        return FoundRobot(_named_robot(named, application, variables), f"as {ROBOT_VARIABLE} says ({named})")
+    if application is None:
+        return FoundRobot(SCOUT, "since there is no robot application")
+    package = _package_of(application)
+    if package is not None:
+        for folder in package.folders:
+            file = folder / MAPPING_FILE
+            if file.is_file():
+                robot = _from_file(file, package.root, variables, application)
+                where = file.relative_to(package.root).as_posix()
+                return FoundRobot(robot, f"from {where} of the robot application {application.name}")
+    module = (application.attribute or "").removeprefix(f"{_PACKAGE}.").split(".")[0]
+    if module in BUILT_IN:
+        return FoundRobot(BUILT_IN[module], f"which the robot application {application.name} drives")
+    return FoundRobot(SCOUT, f"since {_why_it_has_none(application, package)}")
+
+
+def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
+    """Why an application brings no robot; names a file that looks as if it was meant."""
+    owner = f"the robot application {application.name}"
+    if package is None:
+        is_container = application.attribute is None and application.package is None
+        return f"{owner} {'is a container' if is_container else f'has no {MAPPING_FILE}'}"
+    places = [f"{folder.relative_to(package.root).as_posix()}/" for folder in package.folders[:-1]]
+    found = next(
+        (file for depth in ("*", "*/*") for file in sorted(package.root.glob(f"{depth}/{MAPPING_FILE}"))), None
+    )
+    hint = f" (but {found.relative_to(package.root).as_posix()}, which {ROBOT_VARIABLE} may name)" if found else ""
+    return f"{owner} has no {MAPPING_FILE} in {', '.join([*places, 'its top folder'])}{hint}"
+
+
+def _named_robot(named: str, application: ApplicationPlan | None, variables: Mapping[str, str]) -> Robot:
+    if named in BUILT_IN:
+        return BUILT_IN[named]
+    if named.startswith(MENAGERIE):
+        root = menagerie_root(variables)
+        return _from_file(menagerie_mapping(named, root), root, variables)
+    if not named.endswith((".yaml", ".yml")):
+        known = [*BUILT_IN, f"{MENAGERIE}<model>"]
+        hint = alternatives(named, BUILT_IN, "robots")
+        raise LaunchError(
+            f"{ROBOT_VARIABLE}: there is no robot {named!r}; {hint} Known are {', '.join(known)}, and mapping files of "
+            "the robot application, such as robots/arm.yaml",
+            _INVALID_INPUT,
+        )
+    if Path(named).is_absolute() or ".." in Path(named).parts:
+        raise LaunchError(
+            f"{ROBOT_VARIABLE}: {named!r} is outside of the robot application; give a path within it", _INVALID_INPUT
+        )
+    package = _package_of(application) if application is not None else None
+    for folder in package.folders if package is not None else ():
+        if (folder / named).is_file():
+            assert package is not None
+            return _from_file(folder / named, package.root, variables, application)
+    name = application.name if application else "scout"
+    hint = "" if package is not None else "; files are looked for in bundles and installed packages, not in containers"
+    raise LaunchError(f"{ROBOT_VARIABLE}: the robot application {name} has no file {named!r}{hint}", _INVALID_INPUT)
+
+
+def _from_file(
+    path: Path, root: Path, variables: Mapping[str, str], application: ApplicationPlan | None = None
+) -> Robot:
+    mapping = read_mapping(path)
+    # The folder that a bundle was unpacked into has a name of the cache's.
+    is_top = application is not None and path.parent == application.path
+    folder = application.name if application is not None and is_top else path.parent.name
+    name = _short_name(folder if path.name == MAPPING_FILE else path.stem)
+    try:
+        return make_robot(mapping, _files(mapping, path, root, variables), name)
+    except LaunchError as error:
+        raise placed(error, path) from error
+
+
+def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, str]) -> RobotFiles:
+    if mapping.model.startswith(MENAGERIE):
+        checkout = menagerie_root(variables)
+        return RobotFiles(path, menagerie_file(mapping.model, checkout), checkout)
+    if Path(mapping.model).is_absolute() or ".." in Path(mapping.model).parts:
+        raise invalid(path.name, f"model: {mapping.model!r}; it has to be a path within the folder of {path.name}")
+    return RobotFiles(path, path.parent / mapping.model, root)
+
+
+def _short_name(text: str) -> str:
+    """A name for a robot that has none, in the form that `name` has to have."""
+    name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
+    name = name if re.match("[a-z]", name) else f"robot_{name}"
+    return name[:_MAX_NAME].strip("_")
+
+
+def _package_of(application: ApplicationPlan) -> _Package | None:
+    """Where an application's files are, without importing any of them: whose fault that would be is not known yet."""
+    module = application.package or (application.attribute or "").rpartition(".")[0]
+    parts = module.split(".") if module else []
+    if application.path is not None:
+        return _Package([*_inwards(application.path, parts)[::-1], application.path], application.path)
+    if not parts or (application.attribute or "").startswith(f"{_PACKAGE}."):
+        return None
+    try:
+        found = importlib.util.find_spec(parts[0])
+    except (ImportError, ValueError):
+        return None
+    for location in found.submodule_search_locations or () if found else ():
+        folder = Path(location)
+        return _Package([*_inwards(folder, parts[1:])[::-1], folder], folder)
+    return None
+
+
+def _inwards(folder: Path, parts: list[str]) -> list[Path]:
+    """Folders on the way down, as far as there are any."""
+    folders = []
+    for part in parts:
+        folder = folder / part
+        if not folder.is_dir():
+            break
+        folders.append(folder)
+    return folders

@@ -1,0 +1,195 @@
+"""A robot from a mapping file and the model it names."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import logging
+import math
+from collections.abc import Mapping
+
+import mujoco
+
+from ....schemas.runs.robot_yaml import RobotLidar, RobotModel
+from .mapped_drive import make_drive, planar_joints
+from .mapped_model import (
+    ACCELEROMETER,
+    FOLLOW_CAMERA,
+    FOOTPRINT,
+    FREE_JOINT,
+    GYRO,
+    ModelBuilder,
+    RobotFiles,
+    stand_alone,
+)
+from .problems import alternatives, invalid
+from .reach import solid_reach_m
+from .robot import Lidar, Limits, Robot
+
+_logger = logging.getLogger(__name__)
+
+_OVERHANG_M = 0.01
+"""By which parts may stick out of the footprint before a warning."""
+
+_SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+"""Kinds of joints with one coordinate; numpy's numbers are equal to MuJoCo's names from one side only."""
+
+
+def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Robot:
+    """Makes a robot.
+
+    Args:
+      mapping: what `robot.yaml` says.
+      files: where it and the model are.
+      default_name: the robot's name if it does not say one.
+
+    Raises:
+      LaunchError: the model cannot be read, or a name in the mapping is not in it.
+    """
+    builder = ModelBuilder(mapping, files)
+    model = stand_alone(builder.build(), files)
+    planar = planar_joints(mapping, model, files.mapping.name)
+    home = {name: value for name, value in _home(mapping, builder, model).items() if name not in (planar or ())}
+    data = _standing(model, mapping, home)
+    if planar:
+        # Now that it is known which body moves over the floor, its place there can be marked.
+        builder.carrier = model.body(int(model.jnt_bodyid[model.joint(planar[2]).id])).name
+        builder.footprint_z_m = -float(data.body(builder.carrier).xpos[2])
+        model = stand_alone(builder.build(), files)
+        data = _standing(model, mapping, home)
+    limits = _limits(mapping)
+    _warn_of_overhang(mapping, model, data, files.mapping.name)
+    return Robot(
+        name=mapping.name or default_name,
+        build=builder.build,
+        base=mapping.base,
+        footprint=FOOTPRINT,
+        free_joint=None if planar else FREE_JOINT,
+        planar_joints=planar,
+        limits=limits,
+        drive=make_drive(mapping, limits, model, data, files.mapping.name),
+        joints=_joints(mapping, model, files.mapping.name),
+        spawn_height_m=mapping.spawn.height_m,
+        home=home,
+        lidar=_lidar(mapping, model, data, files.mapping.name),
+        proximity_height_m=mapping.sensors.bumper_height_m,
+        imu=_imu(mapping, model, files.mapping.name),
+        video_camera=_video_camera(mapping, model, files.mapping.name),
+    )
+
+
+def _limits(mapping: RobotModel) -> Limits:
+    drive, radius_m = mapping.drive, mapping.footprint.radius_m
+    if drive.kind == "actuators":
+        return Limits(radius_m, drive.max_linear_mps, drive.max_angular_radps)
+    ramps = drive.max_linear_mps2, drive.max_angular_radps2
+    return Limits(radius_m, drive.max_linear_mps, drive.max_angular_radps, *ramps)
+
+
+def _home(mapping: RobotModel, builder: ModelBuilder, model: mujoco.MjModel) -> dict[str, float]:
+    there = _single_joints(model)
+    home = {name: value for name, value in builder.keyframe().items() if name in there}
+    for name, value in mapping.spawn.joints.items():
+        if name not in there:
+            hint = alternatives(name, there, "joints")
+            raise invalid(builder.where, f"spawn.joints: there is no hinge or slide {name!r}; {hint}")
+        home[name] = value
+    return home
+
+
+def _standing(model: mujoco.MjModel, mapping: RobotModel, home: Mapping[str, float]) -> mujoco.MjData:
+    """A state in which the robot stands on the origin."""
+    data = mujoco.MjData(model)
+    for joint in range(model.njnt):
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+            first = int(model.jnt_qposadr[joint])
+            data.qpos[first : first + 7] = (0, 0, mapping.spawn.height_m, 1, 0, 0, 0)
+    for name, value in home.items():
+        data.qpos[int(model.joint(name).qposadr[0])] = value
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _single_joints(model: mujoco.MjModel) -> list[str]:
+    return [model.joint(index).name for index in range(model.njnt) if int(model.jnt_type[index]) in _SINGLE]
+
+
+def _joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, ...]:
+    there = [name for name in _single_joints(model) if name]
+    for index, name in enumerate(mapping.joints or ()):
+        if name not in there:
+            hint = alternatives(name, there, "joints")
+            raise invalid(where, f"joints[{index}]: there is no hinge or slide {name!r}; {hint}")
+    return tuple(there if mapping.joints is None else mapping.joints)
+
+
+def _lidar(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> Lidar | None:
+    lidar = mapping.sensors.lidar
+    if lidar is None:
+        return None
+    if lidar.range_min_m >= lidar.range_max_m:
+        raise invalid(
+            where, f"sensors.lidar.range_min_m: {lidar.range_min_m:g} is not below range_max_m, {lidar.range_max_m:g}"
+        )
+    return Lidar(
+        height_m=_lidar_height_m(lidar, model, data, where),
+        rate_hz=lidar.rate_hz,
+        rays=lidar.rays,
+        field_of_view_rad=math.radians(lidar.field_of_view_deg),
+        range_min_m=lidar.range_min_m,
+        range_max_m=lidar.range_max_m,
+        noise_std_m=lidar.noise_std_m,
+    )
+
+
+def _lidar_height_m(lidar: RobotLidar, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> float:
+    if (lidar.at is None) == (lidar.height_m is None):
+        raise invalid(where, "sensors.lidar: give either at (a site or body) or height_m (metres over the floor)")
+    if lidar.at is None:
+        assert lidar.height_m is not None
+        return lidar.height_m
+    places = {model.body(index).name: data.xpos[index] for index in range(1, model.nbody)}
+    places |= {model.site(index).name: data.site_xpos[index] for index in range(model.nsite)}
+    if lidar.at not in places:
+        hint = alternatives(lidar.at, places, "bodies and sites")
+        raise invalid(where, f"sensors.lidar.at: there is no site or body {lidar.at!r}; {hint}")
+    x, y, z = (float(value) for value in places[lidar.at])
+    if math.hypot(x, y) > _OVERHANG_M:
+        _logger.warning("%s: sensors.lidar: %s is off the middle; scans are made over the middle", where, lidar.at)
+    if z <= 0:
+        raise invalid(where, f"sensors.lidar.at: {lidar.at!r} is {z:.3f} m over the floor; it has to be above it")
+    return z
+
+
+def _imu(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, str] | None:
+    imu = mapping.sensors.imu
+    if imu is None:
+        return None
+    if imu.at is not None:
+        return GYRO, ACCELEROMETER
+    if imu.gyro is None or imu.accelerometer is None:
+        raise invalid(where, "sensors.imu: give at (a body or site), or both gyro and accelerometer (names of sensors)")
+    kinds = {"gyro": mujoco.mjtSensor.mjSENS_GYRO, "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER}
+    for field, name in (("gyro", imu.gyro), ("accelerometer", imu.accelerometer)):
+        there = [model.sensor(i).name for i in range(model.nsensor) if int(model.sensor_type[i]) == int(kinds[field])]
+        if name not in there:
+            hint = alternatives(name, there, f"{field} sensors")
+            raise invalid(where, f"sensors.imu.{field}: there is no {field} {name!r}; {hint}")
+    return imu.gyro, imu.accelerometer
+
+
+def _video_camera(mapping: RobotModel, model: mujoco.MjModel, where: str) -> str:
+    there = [model.camera(index).name for index in range(model.ncam)]
+    name = mapping.video_camera or FOLLOW_CAMERA
+    if name not in there:
+        raise invalid(where, f"video_camera: there is no camera {name!r}; {alternatives(name, there, 'cameras')}")
+    return name
+
+
+def _warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
+    """A disc that is too small makes planners drive into things."""
+    reach_m = solid_reach_m(model, data)
+    if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
+        _logger.warning(
+            "%s: footprint.radius_m: parts reach up to %.2f m from the base's origin, the radius is %g m",
+            where, reach_m, mapping.footprint.radius_m,
+        )  # fmt: skip

@@ -1,0 +1,170 @@
+"""Drives of robots that came with a mapping."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import logging
+
+import mujoco
+import numpy as np
+
+from ....schemas.runs.robot_yaml import DifferentialDriveModel, RobotModel, VelocityDriveModel
+from .drives import DifferentialDrive, PlanarDrive, RawDrive
+from .problems import alternatives, invalid
+from .robot import Drive, Limits
+
+_logger = logging.getLogger(__name__)
+
+_ACROSS = 0.95
+"""Cosine up to which a wheel's axis may deviate from the robot's y axis."""
+
+_DEVIATION = 0.15
+"""Share by which the mapping may deviate from the model before a warning."""
+
+_JOINT = mujoco.mjtTrn.mjTRN_JOINT
+
+
+def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> Drive:
+    """Makes the drive that a mapping describes.
+
+    Args:
+      mapping: the mapping.
+      limits: of the robot.
+      model: the robot alone.
+      data: a state in which it stands on the origin and looks along the x axis.
+      where: the mapping file's name, for messages.
+
+    Raises:
+      LaunchError: a name is not in the model, or is no velocity actuator, or a wheel is no wheel.
+    """
+    drive = mapping.drive
+    if drive.kind == "differential":
+        return _differential(drive, limits, _Actuators(model, where), data)
+    if drive.kind == "velocity":
+        return _planar(drive, limits, _Actuators(model, where))
+    names = tuple(model.actuator(index).name for index in range(model.nu))
+    if not names or not all(names):
+        said = "there are no actuators" if not names else "an actuator has no name"
+        raise invalid(where, f"drive: {said}; add them under actuators, or name them in the model")
+    return RawDrive(names)
+
+
+def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, str, str] | None:
+    """The joints that move a base in the world's frame.
+
+    Raises:
+      LaunchError: they are not two slides and a hinge along the axes.
+    """
+    drive = mapping.drive
+    if drive.kind != "velocity" or drive.frame != "world":
+        return None
+    if drive.y is None:
+        raise invalid(where, "drive.y: is missing; in the world's frame x and y are two slides, each with an actuator")
+    actuators, names = _Actuators(model, where), []
+    wanted = (("x", drive.x, 0, "slide"), ("y", drive.y, 1, "slide"), ("yaw", drive.yaw, 2, "hinge"))
+    for field, name, axis, kind in wanted:
+        joint = actuators.joint(actuators.find(name, f"drive.{field}"))
+        is_kind = joint is not None and model.jnt_type[joint] == getattr(mujoco.mjtJoint, f"mjJNT_{kind.upper()}")
+        if joint is None or not is_kind or abs(model.jnt_axis[joint, axis]) < _ACROSS:
+            raise invalid(where, f"drive.{field}: {name!r} has to move a {kind} along the {'xyz'[axis]} axis")
+        names.append(model.joint(joint).name)
+    return names[0], names[1], names[2]
+
+
+def _differential(
+    drive: DifferentialDriveModel, limits: Limits, actuators: "_Actuators", data: mujoco.MjData
+) -> DifferentialDrive:
+    model, sides, factors, places = actuators.model, [], [], []
+    for field, names, side in (("left", drive.left, 1), ("right", drive.right, -1)):
+        found = [actuators.find(name, f"drive.{field}[{index}]") for index, name in enumerate(names)]
+        wheels = []
+        for index, actuator in enumerate(found):
+            actuators.check_velocity(actuator, f"drive.{field}[{index}]")
+            joint = actuators.joint(actuator)
+            axis = 0.0 if joint is None else float(data.xaxis[joint, 1])
+            if joint is None or abs(axis) < _ACROSS:
+                raise invalid(
+                    actuators.where, f"drive.{field}[{index}]: {names[index]!r} does not turn about the y axis"
+                )
+            if side * data.xanchor[joint, 1] <= 0:
+                raise invalid(
+                    actuators.where,
+                    f"drive.{field}[{index}]: {names[index]!r} is on the other side, at y = "
+                    f"{data.xanchor[joint, 1]:.3f} m; left is where y is positive",
+                )
+            wheels.append(float(np.sign(axis)) * float(model.actuator_gear[actuator, 0]))
+            places.append(data.xanchor[joint])
+        sides.append(tuple(model.actuator(actuator).name for actuator in found))
+        factors.append(tuple(wheels))
+    track_m = 2 * float(np.mean(np.abs([place[1] for place in places])))
+    _warn_if_off("track_width_m", drive.track_width_m, track_m, "apart the wheels are", actuators.where)
+    height_m = float(np.mean([place[2] for place in places]))
+    _warn_if_off("wheel_radius_m", drive.wheel_radius_m, height_m, "over the floor the wheels turn", actuators.where)
+    return DifferentialDrive(
+        limits, sides[0], sides[1], drive.wheel_radius_m, drive.track_width_m, (factors[0], factors[1])
+    )
+
+
+def _planar(drive: VelocityDriveModel, limits: Limits, actuators: "_Actuators") -> PlanarDrive:
+    names, joint = [], None
+    for field, name in (("x", drive.x), ("y", drive.y), ("yaw", drive.yaw)):
+        if name is None:
+            names.append(None)
+            continue
+        actuator = actuators.find(name, f"drive.{field}")
+        actuators.check_velocity(actuator, f"drive.{field}")
+        names.append(actuators.model.actuator(actuator).name)
+        joint = actuators.joint(actuator)
+    yaw_joint = None if drive.frame == "base" or joint is None else actuators.model.joint(joint).name
+    return PlanarDrive(limits, names[0], names[1], names[2], yaw_joint)
+
+
+def _warn_if_off(field: str, said_m: float, found_m: float, what: str, where: str) -> None:
+    if abs(said_m - found_m) > _DEVIATION * said_m:
+        _logger.warning("%s: drive.%s is %g m; in the model it is %.3f m %s", where, field, said_m, found_m, what)
+
+
+class _Actuators:
+    """Finds actuators by their own names or those of their joints."""
+
+    def __init__(self, model: mujoco.MjModel, where: str) -> None:
+        self.model, self.where = model, where
+        self._names = [model.actuator(index).name for index in range(model.nu)]
+
+    def find(self, name: str, field: str) -> int:
+        """An actuator's id.
+
+        Raises:
+          LaunchError: there is none.
+        """
+        if name in self._names:
+            return self._names.index(name)
+        joints = [self.model.joint(index).name for index in range(self.model.njnt)]
+        if name in joints:
+            for actuator in range(self.model.nu):
+                if self.joint(actuator) == joints.index(name):
+                    return actuator
+            added = f"add it: actuators: [{{joint: {name}, kind: velocity, gain: 1}}]"
+            raise invalid(self.where, f"{field}: the joint {name!r} has no actuator; {added}")
+        hint = alternatives(name, [*self._names, *joints], "joints and actuators")
+        raise invalid(self.where, f"{field}: there is no joint or actuator {name!r}; {hint}")
+
+    def joint(self, actuator: int) -> int | None:
+        """The joint it moves, if it moves one."""
+        is_joint = self.model.actuator_trntype[actuator] == _JOINT
+        return int(self.model.actuator_trnid[actuator, 0]) if is_joint else None
+
+    def check_velocity(self, actuator: int, field: str) -> None:
+        """Refuses what is told something else than a velocity.
+
+        Raises:
+          LaunchError: it is no velocity actuator.
+        """
+        gain, bias = self.model.actuator_gainprm[actuator], self.model.actuator_biasprm[actuator]
+        if bias[1] != 0 or bias[2] >= 0 or not np.isclose(gain[0], -bias[2]):
+            name = self._names[actuator]
+            raise invalid(
+                self.where,
+                f"{field}: {name!r} is no velocity actuator (<velocity kv=…/>); this drive tells its actuators rad/s "
+                "and m/s; change the model, or use drive: {kind: actuators}",
+            )

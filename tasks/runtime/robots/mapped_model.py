@@ -1,0 +1,232 @@
+"""Makes the model of a robot from its file and its mapping."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ....schemas.runs.robot_yaml import AddedActuator, RobotModel
+from .model_files import load_model
+from .problems import alternatives, invalid
+
+_logger = logging.getLogger(__name__)
+
+FREE_JOINT = "base_free_joint"
+FOOTPRINT = "base_footprint_mark"
+FOLLOW_CAMERA = "follow"
+GYRO, ACCELEROMETER = "imu_gyro", "imu_accelerometer"
+
+_SLIDING_FRICTION = (0.01, 0.005, 0.0001)
+_FREE = mujoco.mjtJoint.mjJNT_FREE
+_SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_SCOUT_RADIUS_M = 0.17
+"""Of the robot whose follow camera others' is scaled from."""
+
+_MAX_FOLLOW_SCALE = 1.6
+"""Cameras farther back than a metre or so are behind the walls of rooms more often than not."""
+
+
+@dataclass(frozen=True)
+class RobotFiles:
+    """Where a robot comes from."""
+
+    mapping: Path
+    """The mapping file, or what else to name in messages."""
+
+    model: Path
+    """Its MJCF or URDF."""
+
+    root: Path
+    """Folder that all its files have to be in."""
+
+
+class ModelBuilder:
+    """Makes new models of one robot."""
+
+    def __init__(self, mapping: RobotModel, files: RobotFiles) -> None:
+        self._mapping, self._files = mapping, files
+        self.where = files.mapping.name
+        self.carrier = mapping.base
+        """Body that moves over the floor; not the base when the base's own joints are inside."""
+
+        self.footprint_z_m = -mapping.spawn.height_m
+        """Where the floor is in the carrier's frame at the start."""
+
+        self.keeps_joints = mapping.drive.kind == "velocity" and mapping.drive.frame == "world"
+        """Whether the robot's own joints move it; otherwise it gets a free joint."""
+
+    def build(self) -> mujoco.MjSpec:
+        """Returns the model, with what the mapping adds.
+
+        Raises:
+          LaunchError: a file or a name is wrong.
+        """
+        spec = load_model(self._files.model, self._files.root)
+        base = self._keep_robot_only(spec)
+        for key in list(spec.keys):
+            spec.delete(key)  # it is as long as all joints of the file, which are not all here
+        self._free(spec, base)
+        self._add_actuators(spec)
+        self._add_sensors(spec)
+        for index, name in enumerate(self._mapping.sliding):
+            part = self.find([*spec.geoms, *spec.bodies], name, f"sliding[{index}]", "bodies and geoms")
+            for geom in part.geoms if isinstance(part, mujoco.MjsBody) else [part]:
+                # By priority: of two geoms MuJoCo would take the larger friction, which is the floor's.
+                geom.friction, geom.priority = _SLIDING_FRICTION, 1
+        self._add_cameras(spec, base)
+        carrier = self.find(spec.bodies, self.carrier, "base", "bodies")
+        carrier.add_body(name=FOOTPRINT, pos=[0, 0, self.footprint_z_m])
+        return spec
+
+    def find(self, parts: Iterable[Any], name: str, field: str, what: str) -> Any:
+        """The part of a name.
+
+        Raises:
+          LaunchError: there is none; the message has the field and what there is.
+        """
+        by_name = {part.name: part for part in parts if part.name != "world"}
+        if name not in by_name:
+            hint = alternatives(name, by_name, what)
+            raise invalid(self.where, f"{field}: {self._files.model.name} has no {name!r} among its {what}; {hint}")
+        return by_name[name]
+
+    def keyframe(self) -> dict[str, float]:
+        """Positions of joints in the keyframe that the mapping names."""
+        if self._mapping.spawn.keyframe is None:
+            return {}
+        spec = load_model(self._files.model, self._files.root)
+        key = self.find(spec.keys, self._mapping.spawn.keyframe, "spawn.keyframe", "keyframes").name
+        model = spec.compile()
+        joints = [model.joint(index) for index in range(model.njnt)]
+        qpos = model.key(key).qpos
+        return {
+            joint.name: float(qpos[joint.qposadr[0]])
+            for joint in joints
+            if joint.name and int(model.jnt_type[joint.id]) in _SINGLE
+        }
+
+    def _keep_robot_only(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
+        """Takes away floors, lights and whatever else the model's file has besides the robot; returns its base."""
+        base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
+        if base.parent.name != "world":
+            root = base
+            while root.parent.name != "world":
+                root = root.parent
+            raise invalid(self.where, f"base: {base.name!r} hangs on other bodies; name the outermost, {root.name!r}")
+        world = spec.worldbody
+        for part in [*world.bodies, *world.geoms, *world.lights, *world.cameras, *world.sites]:
+            if part is not base and not (isinstance(part, type(base)) and part.name == base.name):
+                spec.delete(part)
+        return base
+
+    def _free(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
+        for joint in list(base.joints):
+            if joint.type == _FREE:
+                spec.delete(joint)
+        if self.keeps_joints:
+            base.pos = [0, 0, self._mapping.spawn.height_m]
+            return
+        if base.joints:
+            own = ", ".join(repr(joint.name) for joint in base.joints)
+            raise invalid(
+                self.where,
+                f"base: {self._mapping.base!r} has joints of its own ({own}), so that it cannot move freely; name the "
+                "body that hangs on no joint, or use drive: {kind: velocity, frame: world} if they move the robot",
+            )
+        base.add_freejoint(name=FREE_JOINT)
+
+    def _add_actuators(self, spec: mujoco.MjSpec) -> None:
+        for index, own in enumerate(spec.actuators):
+            own.name = own.name or f"actuator_{index}"
+        for index, wanted in enumerate(self._mapping.actuators):
+            joint = self.find(spec.joints, wanted.joint, f"actuators[{index}].joint", "joints")
+            name = wanted.name or wanted.joint
+            if any(each.name == name for each in spec.actuators):
+                field = f"actuators[{index}]"
+                raise invalid(self.where, f"{field}: there is an actuator {name!r} already; give this one another name")
+            if wanted.armature is not None:
+                joint.armature = wanted.armature
+            _set(spec.add_actuator(name=name, target=wanted.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT), wanted)
+
+    def _add_sensors(self, spec: mujoco.MjSpec) -> None:
+        imu = self._mapping.sensors.imu
+        if imu is None or imu.at is None:
+            return
+        site = next((each.name for each in spec.sites if each.name == imu.at), None)
+        if site is None:
+            body = self.find([*spec.bodies, *spec.sites], imu.at, "sensors.imu.at", "bodies and sites")
+            site = body.add_site(name=f"{imu.at}_imu_site", group=5).name
+        for name, kind in (
+            (GYRO, mujoco.mjtSensor.mjSENS_GYRO),
+            (ACCELEROMETER, mujoco.mjtSensor.mjSENS_ACCELEROMETER),
+        ):
+            spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+
+    def _add_cameras(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
+        for index, wanted in enumerate(self._mapping.sensors.cameras):
+            body = self.find(spec.bodies, wanted.at, f"sensors.cameras[{index}].at", "bodies")
+            _add_camera(body, wanted.name, (0, 0, 0), (0, 0, 1), wanted.fovy_deg)
+        if self._mapping.video_camera is None and all(each.name != FOLLOW_CAMERA for each in spec.cameras):
+            scale = min(max(1.0, self._mapping.footprint.radius_m / _SCOUT_RADIUS_M), _MAX_FOLLOW_SCALE)
+            place = (-0.75 * scale, 0.0, 0.95 * scale - self._mapping.spawn.height_m)
+            _add_camera(base, FOLLOW_CAMERA, place, (0.72, 0, 0.69), 62.0)
+
+
+def stand_alone(spec: mujoco.MjSpec, files: RobotFiles) -> mujoco.MjModel:
+    """Compiles a robot without a world.
+
+    Raises:
+      LaunchError: MuJoCo cannot.
+    """
+    try:
+        return spec.compile()
+    except ValueError as cause:
+        raise invalid(files.model, f"MuJoCo cannot make a model of it: {' '.join(str(cause).split())}") from cause
+
+
+def options_for_world(spec: mujoco.MjSpec, world: mujoco.MjSpec) -> list[str]:
+    """Gives a robot the physics options of its world, which count.
+
+    Returns:
+      The robot's own options that this takes away, as `name=its value (value of the world)`.
+    """
+    untouched, dropped = mujoco.MjSpec().option, []
+    for name in dir(spec.option):
+        if name.startswith("_"):
+            continue
+        own, theirs = getattr(spec.option, name), getattr(world.option, name)
+        if not np.array_equal(own, getattr(untouched, name)) and not np.array_equal(own, theirs):
+            dropped.append(f"{name}={_shown(own)} ({_shown(theirs)})")
+        setattr(spec.option, name, theirs)
+    return dropped
+
+
+def _shown(value: Any) -> str:
+    return " ".join(f"{each:g}" for each in np.atleast_1d(value).astype(float).tolist())
+
+
+def _set(actuator: Any, wanted: AddedActuator) -> None:
+    if wanted.kind == "velocity":
+        actuator.set_to_velocity(kv=wanted.gain)
+    elif wanted.kind == "position":
+        actuator.set_to_position(kp=wanted.gain, kv=wanted.damping)
+    else:
+        actuator.set_to_motor()
+        actuator.gear = [wanted.gain, 0, 0, 0, 0, 0]
+    if wanted.force_limit is not None:
+        actuator.forcelimited, actuator.forcerange = True, [-wanted.force_limit, wanted.force_limit]
+    if wanted.range is not None:
+        actuator.ctrllimited, actuator.ctrlrange = True, wanted.range
+
+
+def _add_camera(body: mujoco.MjsBody, name: str, pos: tuple[float, ...], up: tuple[float, ...], fovy: float) -> None:
+    camera = body.add_camera(name=name, pos=pos, fovy=fovy)
+    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+    camera.alt.xyaxes = [0, -1, 0, *up]

@@ -1,0 +1,73 @@
+"""Reads `robot.yaml`."""
+
+import re
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from ....schemas.runs.robot_yaml import ROBOT_MODELS, RobotModel, robot_model_type
+from ....schemas.specs.text import MappingNode, child, key_place, parse, plain, value_place
+from ....schemas.wire.errors import LaunchError, SpecError
+from ....schemas.wire.request_problems import problems_of
+from .problems import INVALID_ROBOT, alternatives, invalid
+
+MAPPING_FILE = "robot.yaml"
+
+
+_MEMBER = re.compile(r"([a-z]\w*(?:\.\w+|\[[0-9]+\])*): ")
+_STEP = re.compile(r"\w+")
+
+
+def placed(error: LaunchError, path: Path) -> LaunchError:
+    """An error about a member of a mapping that can be read, with the line and column where the member stands.
+
+    Args:
+      error: its message begins with the file's name and the member, as `invalid` writes it; others are as they were.
+      path: the YAML file.
+    """
+    said = str(error).removeprefix(f"{path.name}: ")
+    member = _MEMBER.match(said)
+    if member is None or said == str(error):
+        return error
+    steps = tuple(int(step) if step.isdigit() else step for step in _STEP.findall(member[1]))
+    place = value_place(parse(path.read_text(encoding="utf-8"), path.name), steps)
+    return LaunchError(f"{place}: {said}", error.failure_code)
+
+
+def read_mapping(path: Path) -> RobotModel:
+    """Reads and checks a mapping file.
+
+    Args:
+      path: the YAML file.
+
+    Raises:
+      LaunchError: with everything that is wrong: file, line, member, value and what would be right.
+    """
+    try:
+        root = parse(path.read_text(encoding="utf-8"), path.name)
+    except (OSError, UnicodeDecodeError) as cause:
+        raise invalid(path, f"it cannot be read: {cause}") from cause
+    except SpecError as cause:
+        raise LaunchError(str(cause), INVALID_ROBOT) from cause
+    if not isinstance(root, MappingNode):
+        raise invalid(path.name, "it has to be a mapping with version, model, base, footprint, spawn and drive")
+    drive = root.entries.get("drive")
+    kind = child(drive, "kind") if drive is not None else None
+    kinds = ", ".join(ROBOT_MODELS)
+    if isinstance(drive, MappingNode) and (kind is None or plain(kind) not in ROBOT_MODELS):
+        place = key_place(root, ("drive", "kind")) if kind is not None else drive.place
+        said = (
+            "is missing" if kind is None else f"is {plain(kind)!r}; {alternatives(str(plain(kind)), ROBOT_MODELS, '')}"
+        )
+        raise invalid(place, f"drive.kind: {said}; there are {kinds}")
+    document = plain(root)
+    model = robot_model_type(document)
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        found = [
+            ((key_place if each.about_key else value_place)(root, each.location), each)
+            for each in problems_of(error, model)
+        ]
+        texts = [f"{place}: {each}" for place, each in sorted(found, key=lambda item: (item[0].line, item[0].column))]
+        raise LaunchError("; ".join(texts), INVALID_ROBOT) from None

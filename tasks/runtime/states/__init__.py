@@ -1,0 +1,6 @@
+"""States of a run that are kept: state log, checkpoints, digest, provenance, failure state.
+
+May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`.
+"""
+
+__all__ = ["checkpoint_files", "checkpoints", "digest", "failure_state", "provenance", "state_log", "state_log_writer"]

@@ -1,0 +1,139 @@
+"""Files of checkpoints, for whoever has to know of them without MuJoCo: which there are, whether they are whole.
+
+A checkpoint is a line of JSON, the `CheckpointHeader`, and what only the run's own process reads.
+"""
+
+import fcntl
+import os
+import zlib
+from contextlib import suppress
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.wire.base import Model
+from ..limits.left_files import read_left
+
+PLAN_FILE = "plan.json"
+REASON_FILE = "not-resumable.txt"
+LOCK_FILE = "lock"
+
+_PATTERN = "checkpoint-*.bin"
+_MOST_BYTES = 4 << 30
+_MOST_REASON_BYTES = 64 * 1024
+
+
+class CheckpointError(Exception):
+    """A checkpoint cannot be continued from; the message says why."""
+
+
+class RunTakenError(CheckpointError):
+    """Another process carries the run out."""
+
+
+class CheckpointHeader(Model):
+    """What can be known of a checkpoint without unpickling it."""
+
+    sim_time_s: float = Field(description="Simulated time.")
+    steps: int = Field(description="Steps of the environment so far.")
+    wall_time_s: float = Field(
+        ge=0, allow_inf_nan=False, description="Wall-clock time that the run has taken so far, all attempts together."
+    )
+    payload_bytes: int = Field(description="Size of what follows.")
+    payload_crc32: int = Field(description="CRC-32 of what follows.")
+
+
+def discard_checkpoints(folder: Path) -> None:
+    """Removes all checkpoints, so that the run begins anew."""
+    for path in checkpoints_in(folder):
+        path.unlink()
+
+
+def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
+    """Finds the last checkpoint that is whole."""
+    for path in reversed(checkpoints_in(folder)):
+        with suppress(OSError, ValidationError, CheckpointError):
+            header = CheckpointHeader.model_validate_json(read_left(path, _MOST_BYTES).partition(b"\n")[0])
+            payload_of(path, header)
+            return path, header
+    return None
+
+
+def wall_time_used_s(plan: RunPlan) -> float:
+    """Wall-clock time that a run had taken by its last checkpoint; 0 without one."""
+    last = last_checkpoint(plan.checkpoint_dir) if plan.checkpoint_dir else None
+    return last[1].wall_time_s if last else 0.0
+
+
+def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
+    """Returns the plan of a run that a dead process left, and its last checkpoint.
+
+    Args:
+        folder: The plan's `checkpoint_dir`.
+
+    Raises:
+        CheckpointError: It cannot be continued; the message says why.
+    """
+    try:
+        plan = RunPlan.model_validate_json(read_left(folder / PLAN_FILE, _MOST_BYTES))
+    except (OSError, ValidationError):
+        raise CheckpointError("no checkpoints of it are on this machine") from None
+    last = last_checkpoint(folder)
+    if last is None:
+        raise CheckpointError(_reason_in(folder) or "it had not come to its first checkpoint")
+    os.close(take_lock(folder / LOCK_FILE))
+    return plan, last[1]
+
+
+def _reason_in(folder: Path) -> str:
+    try:
+        return read_left(folder / REASON_FILE, _MOST_REASON_BYTES).decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def checkpoint_file(number: int) -> str:
+    """Returns the name of a checkpoint's file; the first is 1."""
+    return _PATTERN.replace("*", f"{number:08d}")
+
+
+def checkpoints_in(folder: Path) -> list[Path]:
+    """Returns the checkpoints, whole or not, oldest first."""
+    return sorted(folder.glob(_PATTERN))
+
+
+def payload_of(path: Path, header: CheckpointHeader) -> bytes:
+    """Returns what follows the header.
+
+    Raises:
+        CheckpointError: It is not whole.
+    """
+    payload = read_left(path, _MOST_BYTES).partition(b"\n")[2]
+    if len(payload) != header.payload_bytes or zlib.crc32(payload) != header.payload_crc32:
+        raise CheckpointError(f"{path} is not whole")
+    return payload
+
+
+def write_whole(path: Path, *parts: bytes) -> None:
+    """Writes a file that is there whole or not at all, whenever the process is killed."""
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    with unfinished.open("wb") as file:
+        for part in parts:
+            file.write(part)
+    unfinished.replace(path)
+
+
+def take_lock(path: Path) -> int:
+    """Takes a lock until the descriptor is closed, or this process ends.
+
+    Raises:
+        RunTakenError: Another process has it.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise RunTakenError("another process still runs it") from None
+    return descriptor

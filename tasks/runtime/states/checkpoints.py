@@ -1,0 +1,288 @@
+"""Checkpoints of a run: all that its future depends on, so that it can be continued to the bit.
+
+The runtime keeps what it owns itself: the physics, random generators, recording, observers. Environment and agent
+keep theirs by opting in (`Resumable`). Checkpoints are pickles that only the run's own process reads, which runs the
+applications' code anyway; what others have to know of them is in a line of JSON before.
+"""
+
+import os
+import pickle
+import random
+import time
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from ....schemas.runs.plan import RunPlan
+from ..episode.physics import raw_physics
+from ..episode.program_names import program_in_words
+from .checkpoint_files import (
+    LOCK_FILE,
+    PLAN_FILE,
+    REASON_FILE,
+    CheckpointError,
+    CheckpointHeader,
+    checkpoint_file,
+    checkpoints_in,
+    last_checkpoint,
+    payload_of,
+    take_lock,
+    write_whole,
+)
+from .physics_state import KeptPhysics, copy_physics
+
+KEPT = 2
+"""Checkpoints that are kept: the last may have been cut off by a machine that died."""
+COST_SHARE = 0.01
+"""Most of the time that may go into checkpoints; where one costs more, they become rarer."""
+
+_WORTH_KEEPING = 0.1
+"""Wall-clock age of a run, as a share of the interval, below which it is not worth a checkpoint."""
+
+
+@runtime_checkable
+class Resumable(Protocol):
+    """What environments and agents have to offer for their runs to be continued."""
+
+    def state(self) -> Any:
+        """Returns all that changed since it was made and counts from here on, as something that can be pickled."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Goes on from where `state` was taken, in a new process, after `reset`; the physics is as it was then."""
+        ...
+
+
+@runtime_checkable
+class ResumableObserver(Protocol):
+    """What watchers of the run have to offer."""
+
+    next_time_s: float
+
+    def state(self) -> Any:
+        """Returns all that counts from here on; files it writes hold everything so far."""
+        ...
+
+    def restore(self, state: Any, environment: Any) -> None:
+        """Goes on from where `state` was taken; what its files have beyond is cut off."""
+        ...
+
+
+@runtime_checkable
+class ResumableRecorder(Protocol):
+    """A recorder whose file can be continued."""
+
+    def state(self) -> Any:
+        """Writes what is pending; returns what `restore` needs."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Goes on from where `state` was taken."""
+        ...
+
+
+@dataclass(frozen=True)
+class RunParts:
+    """What a run consists of."""
+
+    environment: Any
+    agent: Any
+    watchers: Sequence[Any]
+    recorder: Any
+
+
+@dataclass(frozen=True)
+class LoopState:
+    """Where the loop of a run stands, between two steps."""
+
+    timestep: Any
+    steps: int
+    time_s: float
+    """Simulated."""
+    wall_time_s: float
+    """Spent stepping."""
+
+
+class Checkpointer:
+    """Makes the checkpoints of one run, and continues from the last one.
+
+    Used by the run's process only, which holds the folder's lock for as long as it lives.
+    """
+
+    def __init__(
+        self,
+        plan: RunPlan,
+        rng: np.random.Generator,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        """Takes the folder.
+
+        Args:
+            plan: The run; it has a `checkpoint_dir`.
+            rng: The run's generator.
+            clock: Wall-clock seconds.
+
+        Raises:
+            CheckpointError: Another process continues the run already.
+            OSError: The folder cannot be written.
+        """
+        assert plan.checkpoint_dir is not None
+        self._folder = plan.checkpoint_dir
+        self._rng = rng
+        self._plan = plan
+        self._clock = clock
+        self._began = clock()
+        self._number = 0
+        self._used_s = 0.0
+        self._every_s = plan.checkpoint_every_s
+        self._next_time_s = self._every_s if self._every_s is not None else float("inf")
+        # What took less than this is done again as soon as it is read back: half a second for the usual interval.
+        self._not_before = self._began + _WORTH_KEEPING * (self._every_s or 0.0)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._lock = take_lock(self._folder / LOCK_FILE)
+        self._physics = KeptPhysics(self._folder)
+        write_whole(self._folder / PLAN_FILE, plan.model_dump_json().encode())
+        self._resumed = last_checkpoint(self._folder)
+
+    @property
+    def resumes(self) -> bool:
+        """Whether there is a checkpoint to continue from."""
+        return self._resumed is not None
+
+    def begin(self, parts: RunParts) -> None:
+        """Finds out whether everything opted in; else no checkpoints are made, and a file says why."""
+        programs = [
+            f"{program_in_words(program, self._plan)} is a program of its own, which nobody can put back"
+            for program in self._plan.programs
+        ]
+        if reasons := programs or _why_not_resumable(parts):
+            self.give_up("; ".join(reasons))
+
+    def give_up(self, reason: str) -> None:
+        """Makes no more checkpoints and says why, for whoever would continue the run."""
+        self._next_time_s = float("inf")
+        write_whole(self._folder / REASON_FILE, reason.encode())
+
+    def due(self, time_s: float) -> bool:
+        """Whether a checkpoint is to be made at a simulated time."""
+        # Half a microsecond forgives rounding in sums of time steps.
+        return time_s >= self._next_time_s - 5e-7 and self._clock() >= self._not_before
+
+    def save(self, parts: RunParts, loop: LoopState) -> None:
+        """Writes a checkpoint and removes those before the last two.
+
+        What cannot be pickled, or fails in `state()`, ends the making of checkpoints, not the run.
+
+        Raises:
+            OSError: The folder is full or cannot be written.
+        """
+        assert self._every_s is not None
+        began = self._clock()
+        self._next_time_s = loop.time_s + self._every_s
+        try:
+            payload = self._payload(parts, loop)
+        except OSError:
+            raise
+        except Exception as error:  # of the applications' own code
+            self.give_up(f"its state cannot be kept: {type(error).__name__}: {error}")
+            return
+        header = CheckpointHeader(
+            sim_time_s=loop.time_s,
+            steps=loop.steps,
+            wall_time_s=self._used_s + self._clock() - self._began,
+            payload_bytes=len(payload),
+            payload_crc32=zlib.crc32(payload),
+        )
+        self._number += 1
+        write_whole(self._folder / checkpoint_file(self._number), header.model_dump_json().encode() + b"\n", payload)
+        for old in checkpoints_in(self._folder)[:-KEPT]:
+            old.unlink()
+        now = self._clock()
+        self._not_before = now + (now - began) * (1 / COST_SHARE - 1)
+
+    def resume(self, parts: RunParts) -> LoopState:
+        """Puts everything where it was at the last checkpoint.
+
+        Args:
+            parts: Made anew, and the environment reset.
+
+        Returns:
+            Where the loop goes on.
+
+        Raises:
+            CheckpointError: That does not work.
+        """
+        assert self._resumed is not None
+        path, header = self._resumed
+        try:
+            kept = pickle.loads(payload_of(path, header))  # noqa: S301 - written by this run
+            self._restore(kept, parts)
+        except CheckpointError:
+            raise
+        except Exception as error:  # of applications whose code has changed, for one
+            raise CheckpointError(f"{type(error).__name__}: {error}") from error
+        self._number = int(path.stem.rpartition("-")[2])
+        self._used_s = header.wall_time_s
+        self._next_time_s = header.sim_time_s + (self._every_s or float("inf"))
+        return kept["loop"]
+
+    def close(self) -> None:
+        """Gives the folder back."""
+        os.close(self._lock)
+
+    def _payload(self, parts: RunParts, loop: LoopState) -> bytes:
+        _, data = raw_physics(parts.environment.physics)
+        return pickle.dumps(
+            {
+                # All of it, not only what integration starts from: sensors and contacts are of the last step too.
+                "data": self._physics.kept(data),
+                "rng": self._rng.bit_generator.state,
+                "python_random": random.getstate(),
+                "numpy_random": np.random.get_state(),  # noqa: NPY002 - applications may use it
+                "environment": parts.environment.state(),
+                "agent": parts.agent.state(),
+                "watchers": [(type(watcher).__name__, watcher.state()) for watcher in parts.watchers],
+                "recorder": parts.recorder.state(),
+                "loop": loop,
+            },
+            protocol=5,
+        )
+
+    def _restore(self, kept: dict[str, Any], parts: RunParts) -> None:
+        environment, watchers = parts.environment, parts.watchers
+        model, data = raw_physics(environment.physics)
+        copy_physics(self._physics.read(*kept["data"]), model, data)
+        environment.restore(kept["environment"])
+        parts.agent.restore(kept["agent"])
+        names = [type(watcher).__name__ for watcher in watchers]
+        if names != [name for name, _ in kept["watchers"]]:
+            raise CheckpointError(f"it was watched by {[name for name, _ in kept['watchers']]}, and is by {names}")
+        parts.recorder.restore(kept["recorder"])
+        for watcher, (_, state) in zip(watchers, kept["watchers"], strict=True):
+            watcher.restore(state, environment)
+        # Last, since making and restoring may have drawn numbers.
+        self._rng.bit_generator.state = kept["rng"]
+        random.setstate(kept["python_random"])
+        np.random.set_state(kept["numpy_random"])  # noqa: NPY002
+
+
+def _why_not_resumable(parts: RunParts) -> list[str]:
+    """Why a run of these parts cannot be continued; empty when it can."""
+    reasons = [
+        f"the {role} ({type(part).__name__}) has no state() and restore()"
+        for role, part in (("environment", parts.environment), ("agent", parts.agent))
+        if not isinstance(part, Resumable)
+    ]
+    reasons += [
+        f"{type(watcher).__name__} cannot be continued"
+        for watcher in parts.watchers
+        if not isinstance(watcher, ResumableObserver)
+    ]
+    if not isinstance(parts.recorder, ResumableRecorder):
+        reasons.append(f"{type(parts.recorder).__name__} cannot be continued")
+    if not hasattr(getattr(parts.environment, "physics", None), "data"):
+        reasons.append("the environment has no physics")
+    return reasons

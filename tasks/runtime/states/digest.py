@@ -1,0 +1,278 @@
+"""A rolling digest of a run's states, from which two runs can be told apart to the bit.
+
+Once a simulated second the state that integration starts from (`mjSTATE_INTEGRATION`) is hashed together
+with the hash before: equal last links mean equal runs. `digest.bin` keeps the beginning of every link and, as often,
+times, positions and velocities themselves, so that the first difference can be found and a joint be named.
+"""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import hashlib
+import os
+import struct
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from ....schemas.runs.provenance import JointPlace, StateDigestSummary
+
+DIGEST_FILE = "digest.bin"
+LOOK_EVERY_S = 1.0
+"""Simulated time between two links: with 25 steps of a furnished flat in 50 ms, a link costs under 1 % of them."""
+STATE_EVERY_S = 1.0
+"""Simulated time between two states that are kept themselves."""
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_MAGIC = b"robomaker digest 1\n"
+_BLOCK = struct.Struct("<IIII")
+_BLOCK_STATES = 30
+_LINK_BYTES = 8
+_CHAIN_BYTES = 32
+_COMPRESSION_LEVEL = 3
+_NOT_COUNTED = frozenset({"paths", "npaths", "nbuffer", "signature"})
+"""Members that tell where a model's files were read from, as its `…_pathadr` do, or how it was compiled."""
+
+
+class StateDigest:
+    """Hashes states and keeps a few of them in a file that stays readable when the run is killed."""
+
+    def __init__(self, path: Path) -> None:
+        """Prepares a digest; the file is made with the first state.
+
+        Args:
+            path: The file to write; one that exists is replaced.
+        """
+        self._path = path
+        self._model: mujoco.MjModel | None = None
+        self._buffer = np.zeros(_CHAIN_BYTES // 8)
+        self._bytes = self._buffer.data.cast("B")
+        self._values = self._buffer[:0]
+        self._kept = 0
+        self._links = bytearray()
+        self._times: list[float] = []
+        self._states: list[bytes] = []
+        self._state_due_s = 0.0
+        self._written_bytes = 0
+        self._looks = 0
+        self._last_s = 0.0
+        self.model_sha256: str | None = None
+        """Of the first model."""
+        self.joints: list[JointPlace] = []
+        """Of the first model."""
+        self.positions = 0
+        """How many the first model has."""
+
+    def look(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Adds a link for the state in `data`.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        if model is not self._model:
+            self._begin(model)
+        mujoco.mj_getState(model, data, self._values, _STATE)
+        link = hashlib.sha256(self._bytes).digest()
+        self._bytes[:_CHAIN_BYTES] = link
+        self._links += link[:_LINK_BYTES]
+        time_s = self._last_s = data.time
+        self._times.append(time_s)
+        # Half a microsecond forgives rounding in sums of time steps.
+        if time_s >= self._state_due_s - 5e-7:
+            self._keep_state(time_s)
+
+    def finish(self, data: mujoco.MjData | None = None) -> StateDigestSummary | None:
+        """Adds the last state, completes the file and returns the whole digest.
+
+        Args:
+            data: The state at the end, of the model looked at last; None: the last look was at the end.
+
+        Returns:
+            The digest; None when there never was a state.
+        """
+        if self._model is None:
+            return None
+        if data is not None and data.time != self._last_s:
+            self.look(self._model, data)
+        self._keep_state(self._last_s)
+        self._write_block()
+        value = self._bytes[:_CHAIN_BYTES].hex()
+        return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` needs to go on from here; everything so far is in the file."""
+        self._write_block()
+        return {
+            "chain": bytes(self._bytes[:_CHAIN_BYTES]),
+            "state_due_s": self._state_due_s,
+            "written_bytes": self._written_bytes,
+            "looks": self._looks,
+            "last_s": self._last_s,
+            "model_sha256": self.model_sha256,
+            "joints": self.joints,
+            "positions": self.positions,
+        }
+
+    def restore(self, state: dict[str, Any], model: mujoco.MjModel | None) -> None:
+        """Goes on from where `state` was taken; what the file has beyond is cut off.
+
+        Args:
+            state: From `state`.
+            model: The run's model; None when there is no physics.
+
+        Raises:
+            OSError: The file is shorter than it was then, or cannot be written.
+        """
+        if self._path.stat().st_size < state["written_bytes"]:
+            raise OSError(f"{self._path} is shorter than it was at the checkpoint")
+        os.truncate(self._path, state["written_bytes"])
+        self._links, self._times, self._states = bytearray(), [], []
+        self._state_due_s, self._written_bytes = state["state_due_s"], state["written_bytes"]
+        self._looks, self._last_s = state["looks"], state["last_s"]
+        self.model_sha256, self.joints, self.positions = state["model_sha256"], state["joints"], state["positions"]
+        if model is not None:
+            self._attach(model)
+        self._bytes[:_CHAIN_BYTES] = state["chain"]
+
+    def _begin(self, model: mujoco.MjModel) -> None:
+        """Takes in a model: the first, or another that an environment has made meanwhile."""
+        model_sha256 = digest_of_model(model)
+        if self._model is None:
+            self.model_sha256, self.joints, self.positions = model_sha256, joints_of(model), int(model.nq)
+            self._path.write_bytes(_MAGIC)
+            self._written_bytes = len(_MAGIC)
+        else:
+            self._write_block()
+        before = bytes(self._bytes[:_CHAIN_BYTES])
+        self._attach(model)
+        self._bytes[:_CHAIN_BYTES] = hashlib.sha256(before + bytes.fromhex(model_sha256)).digest()
+
+    def _attach(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        # The link before and the state lie in one piece, so that one call hashes both.
+        self._buffer = np.zeros(_CHAIN_BYTES // 8 + mujoco.mj_stateSize(model, _STATE))
+        self._values = self._buffer[_CHAIN_BYTES // 8 :]
+        self._bytes = self._buffer.data.cast("B")
+        self._kept = 1 + model.nq + model.nv
+
+    def _keep_state(self, time_s: float) -> None:
+        """Keeps time, positions and velocities, which the integration state begins with."""
+        self._states.append(self._values[: self._kept].tobytes())
+        self._state_due_s = time_s + STATE_EVERY_S
+        if len(self._states) >= _BLOCK_STATES:
+            self._write_block()
+
+    def _write_block(self) -> None:
+        if not self._times and not self._states:
+            return
+        times = np.array(self._times).tobytes()
+        # By number rather than by state: what does not move compresses to nothing.
+        states = np.frombuffer(b"".join(self._states)).reshape(-1, self._kept).T.tobytes()
+        payload = zstandard.ZstdCompressor(_COMPRESSION_LEVEL).compress(times + bytes(self._links) + states)
+        block = _BLOCK.pack(len(payload), len(self._times), len(self._states), self._kept) + payload
+        with self._path.open("ab") as file:
+            file.write(block)
+        self._written_bytes += len(block)
+        self._looks += len(self._times)
+        self._links.clear()
+        self._times.clear()
+        self._states.clear()
+
+
+@dataclass(frozen=True)
+class StateTimeline:
+    """The content of `digest.bin`."""
+
+    times_s: NDArray[np.float64]
+    """Simulated times of the links."""
+
+    links: list[bytes]
+    """The first bytes of each link."""
+
+    states: list[NDArray[np.float64]]
+    """Kept states: time, positions, velocities."""
+
+
+def read_timeline(path: Path) -> StateTimeline:
+    """Reads what a run kept of its states, up to the last whole block.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is something else.
+    """
+    content = path.read_bytes()
+    if not content.startswith(_MAGIC):
+        raise ValueError(f"{path} is no digest of a run")
+    times: list[NDArray[np.float64]] = [np.zeros(0)]
+    links: list[bytes] = []
+    states: list[NDArray[np.float64]] = []
+    place = len(_MAGIC)
+    while place + _BLOCK.size <= len(content):
+        size, looks, kept, width = _BLOCK.unpack_from(content, place)
+        place += _BLOCK.size
+        if place + size > len(content):
+            break  # the run was killed while it wrote this
+        packed = content[place : place + size]
+        try:  # before anything is unpacked: outputs may come from anybody
+            if zstandard.frame_content_size(packed) != looks * (8 + _LINK_BYTES) + 8 * kept * width:
+                raise ValueError(f"{path} is damaged at byte {place}")
+            payload = zstandard.ZstdDecompressor().decompress(packed)
+        except zstandard.ZstdError as error:
+            raise ValueError(f"{path} is damaged at byte {place}: {error}") from error
+        place += size
+        end = looks * (8 + _LINK_BYTES)
+        times.append(np.frombuffer(payload, np.float64, looks))
+        links += [payload[at : at + _LINK_BYTES] for at in range(looks * 8, end, _LINK_BYTES)]
+        states += list(np.frombuffer(payload, np.float64, kept * width, end).reshape(width, kept).T)
+    return StateTimeline(np.concatenate(times), links, states)
+
+
+def digest_of_model(model: mujoco.MjModel) -> str:
+    """SHA-256 of a compiled model, in hexadecimal; equal only with the same version of MuJoCo.
+
+    Where the model's files were read from does not count: the same world in another folder is the same model.
+    """
+    digest = hashlib.sha256()
+    _take_in(digest, model)
+    return digest.hexdigest()
+
+
+def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
+    """Hashes the members of one of MuJoCo's structures by name, structures in it included."""
+    for name, label in _members(type(structure)):
+        value = getattr(structure, name)
+        digest.update(label)
+        if isinstance(value, np.ndarray):
+            digest.update(repr(value.shape).encode())
+            digest.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
+        elif isinstance(value, bytes | int | float):
+            digest.update(value if isinstance(value, bytes) else repr(value).encode())
+        else:
+            _take_in(digest, value)
+
+
+@cache
+def _members(kind: type) -> list[tuple[str, bytes]]:
+    """The members of one of MuJoCo's structures that count, with what is hashed of their names."""
+    names = [name for name in sorted(dir(kind)) if not name.startswith("_") and not name.endswith("_pathadr")]
+    return [
+        (name, name.encode() + b"=") for name in names if name not in _NOT_COUNTED and not callable(getattr(kind, name))
+    ]
+
+
+def joints_of(model: mujoco.MjModel) -> list[JointPlace]:
+    """The joints of a model, by name or by their body's."""
+    return [
+        JointPlace(
+            name=model.joint(joint).name or model.body(int(model.jnt_bodyid[joint])).name or f"joint_{joint}",
+            qpos=int(model.jnt_qposadr[joint]),
+            qvel=int(model.jnt_dofadr[joint]),
+        )
+        for joint in range(model.njnt)
+    ]

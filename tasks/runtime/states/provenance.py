@@ -1,0 +1,235 @@
+"""Notes what a run's numbers depend on, and the digest of its states."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import mujoco
+
+from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
+from ..episode.physics import raw_physics
+from ..episode.results import Findings
+from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
+
+_DISTRIBUTIONS = {
+    "mujoco": "mujoco",
+    "dm_control": "dm-control",
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "prefect_robomaker": "prefect-robomaker",
+}
+_CPU_FEATURES = frozenset({"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl", "avx512dq", "asimd", "sve"})
+"""By these MuJoCo, numpy and the C library choose between code that rounds differently."""
+_IGNORED_FOLDER = "__pycache__"
+_PREVIEW_FILE = "preview.png"
+_OF_PACKAGE = "__init__.py"
+
+Actions = Callable[[], ActionsSummary | None]
+"""Says what a log of actions has once it is complete; None: there is none."""
+
+
+class ProvenanceKeeper:
+    """Observes a run, writes `provenance.json` and `digest.bin`.
+
+    The first is there from the first look on, so that a run that is killed has one too.
+    """
+
+    def __init__(
+        self, plan: RunPlan, applications: Sequence[ApplicationPlan] = (), actions: Actions | None = None
+    ) -> None:
+        """Prepares the notes.
+
+        Args:
+            plan: The run.
+            applications: What its environment and its agent are made by, built-in ones included.
+            actions: Says at the end what a robot's program did; absent: the robot is none.
+        """
+        self.next_time_s = 0.0
+        self._plan = plan
+        self._applications = applications
+        self._actions = actions
+        self._digest = StateDigest(plan.output_dir / DIGEST_FILE)
+        self._model: mujoco.MjModel | None = None
+        self._data: mujoco.MjData | None = None
+        self._world_sha256: str | None = None
+        self._resumed_at_s: list[float] = []
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Adds the present state to the digest."""
+        model, data = raw_physics(environment.physics)
+        self._digest.look(model, data)
+        self.next_time_s = time_s + LOOK_EVERY_S
+        begins, self._data = self._data is None, data
+        if begins:
+            self._write()
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Completes both files; the digest goes into the result.
+
+        Args:
+            ended_by: What ended the run; None when it failed. The applications of a run that was canceled are
+                not read: it has no time left.
+        """
+        digest = self._digest.finish(self._data)
+        applications = [] if ended_by == "canceled" else _digests_of(self._applications)
+        actions = self._actions() if self._actions is not None else None
+        self._write(digest=digest, ended_by=ended_by, applications=applications, actions=actions)
+        return Findings(state_digest=digest.value if digest else None)
+
+    def state(self) -> dict[str, Any]:
+        """See `checkpoints.Resumable`."""
+        return {
+            "next_time_s": self.next_time_s,
+            "digest": self._digest.state(),
+            "world_sha256": self._world_sha256,
+            "resumed_at_s": self._resumed_at_s,
+        }
+
+    def restore(self, state: dict[str, Any], environment: Any) -> None:
+        """See `checkpoints.ResumableObserver`."""
+        model, data = raw_physics(environment.physics)
+        self._data = data
+        self.next_time_s = state["next_time_s"]
+        self._digest.restore(state["digest"], model)
+        self._world_sha256 = state["world_sha256"]
+        self._resumed_at_s = [*state["resumed_at_s"], float(data.time)]
+        self._write()
+
+    def _write(self, **members: Any) -> None:
+        if self._world_sha256 is None and self._plan.world_dir is not None:
+            self._world_sha256 = digest_of_folder(self._plan.world_dir)
+        provenance = Provenance(
+            plan=self._plan,
+            machine=machine_facts(),
+            world_sha256=self._world_sha256,
+            model_sha256=self._digest.model_sha256,
+            positions=self._digest.positions,
+            joints=self._digest.joints,
+            resumed_at_s=self._resumed_at_s,
+            **members,
+        )
+        _write_provenance(provenance)
+
+
+def note_run_of_programs(plan: RunPlan) -> None:
+    """Writes `provenance.json` of a run without a process of its own, which only has programs.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    world_sha256 = digest_of_folder(plan.world_dir) if plan.world_dir else None
+    _write_provenance(Provenance(plan=plan, machine=machine_facts(), world_sha256=world_sha256))
+
+
+@lru_cache(maxsize=1)
+def machine_facts() -> MachineFacts:
+    """What of this machine, and of what is installed on it, can change a run's numbers."""
+    cpu_model, features = _cpu()
+    return MachineFacts(
+        python=platform.python_version(),
+        system=f"{platform.system()} {platform.machine()}",
+        cpu_model=cpu_model,
+        cpu_features=features,
+        libc=_libc(),
+        versions={name: metadata.version(distribution) for name, distribution in _DISTRIBUTIONS.items()},
+    )
+
+
+def digest_of_folder(folder: Path, suffix: str = "") -> str:
+    """SHA-256 over the names and bytes of a folder's files; previews and byte code are left out.
+
+    Args:
+        folder: The folder.
+        suffix: What the names of the files have to end with.
+    """
+    digest = hashlib.sha256()
+    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob(f"*{suffix}") if path.is_file()}
+    for name in sorted(files):
+        if name != _PREVIEW_FILE and _IGNORED_FOLDER not in name.split("/"):
+            with files[name].open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").digest()
+            digest.update(f"{name}\0".encode() + content)
+    return digest.hexdigest()
+
+
+def _write_provenance(provenance: Provenance) -> None:
+    path = provenance.plan.output_dir / PROVENANCE_FILE
+    unfinished = path.with_name(f".{PROVENANCE_FILE}.unfinished")
+    unfinished.write_text(provenance.model_dump_json(indent=1) + "\n")
+    unfinished.replace(path)
+
+
+def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:
+    """Of all that have files here; of an image the plan says which it is, and recorded actions need no program."""
+    found = [(each, _content_of(each)) for each in applications]
+    return [
+        ApplicationDigest(role=each.role, name=each.name, attribute=each.attribute, content=what[0], sha256=what[1])
+        for each, what in found
+        if what is not None
+    ]
+
+
+def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
+    """What an application is, and the digest of that."""
+    if application.path is not None:
+        return "bundle", digest_of_folder(application.path)
+    if application.attribute is not None:
+        return "module", _digest_of_module(application.attribute)
+    if application.package is not None and (sha256 := _digest_of_package(application.package)):
+        return "module", sha256
+    return None
+
+
+def _digest_of_module(attribute: str) -> str:
+    """Of the Python files of the package that holds an imported module; of the file when there is no package."""
+    name = attribute
+    while name not in sys.modules:
+        name, _, last = name.rpartition(".")
+        if not last:
+            return ""  # it could not be imported
+    origin = sys.modules[name].__file__
+    return _digest_of_python(origin, is_package="." in name or Path(origin or "").name == _OF_PACKAGE)
+
+
+def _digest_of_package(name: str) -> str:
+    """Of the Python files of an installed package that need not be imported here."""
+    spec = find_spec(name.partition(".")[0])
+    origin = spec.origin if spec else None
+    return _digest_of_python(origin, is_package=Path(origin or "").name == _OF_PACKAGE)
+
+
+def _digest_of_python(origin: str | None, *, is_package: bool) -> str:
+    if origin is None:
+        return ""
+    if is_package:
+        return digest_of_folder(Path(origin).parent, ".py")
+    return hashlib.sha256(Path(origin).read_bytes()).hexdigest()
+
+
+def _cpu() -> tuple[str, list[str]]:
+    """The processor's name, and those of its features that matter."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+    except OSError:  # no Linux
+        return platform.processor(), []
+    facts = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+    features = _CPU_FEATURES.intersection((facts.get("flags") or facts.get("Features", "")).split())
+    return facts.get("model name") or platform.processor() or platform.machine(), sorted(features)
+
+
+def _libc() -> str:
+    try:
+        return os.confstr("CS_GNU_LIBC_VERSION") or "unknown"
+    except (ValueError, OSError):
+        return " ".join(platform.libc_ver()) or "unknown"

@@ -1,0 +1,258 @@
+"""Starting runs and watching over them, from the process that performs simulation jobs."""
+
+import fcntl
+import json
+import socket
+import subprocess
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
+from multiprocessing.connection import Connection
+from types import TracebackType
+
+from ....schemas.runs.plan import RunOutcome, RunPlan
+from ....schemas.wire.errors import LaunchError
+from ..limits.disk_use import found_files
+from ..limits.logs import log_tail
+from ..limits.run_notes import note_screens
+from ..process.run_request import RunRequest
+from ..states.checkpoint_files import wall_time_used_s
+from ..video.failure_videos import film_failure
+from .cores import Cores
+from .disk_blame import with_blame_for_disk
+from .endings import finish_outputs
+from .outcomes import Exit, Judgement, judge
+from .run_requests import DEFAULT_VARIABLES, kept_environment, make_request, program_environment
+from .watch import Watch
+
+_WARM_UP_TIMEOUT_S = 120.0
+_START_TIMEOUT_S = 30.0
+_CLEAN_UP_TIMEOUT_S = 10.0
+_INTERNAL = "InternalServiceError"
+_FORKSERVER = "prefect_robomaker.tasks.runtime.supervision.forkserver"
+OnCrash = Callable[[str, str], None]
+"""Called with a failure code and a reason."""
+
+
+class Launcher:
+    """Starts runs from one warm process and watches over them; threads may share it.
+
+    The warm process starts with the first run (or `start`) and ends with `close`, with the launcher,
+    or with this process, however that ends.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._server: _Server | None = None
+        self._cores = Cores()
+
+    def start(self) -> None:
+        """Starts the warm process, unless it runs already.
+
+        Raises:
+            LaunchError: It cannot be started.
+        """
+        with self._lock:
+            self._running_server()
+
+    def close(self) -> None:
+        """Ends the warm process; runs that are going on are not touched."""
+        with self._lock:
+            if self._server is not None:
+                self._server.close()
+                self._server = None
+
+    def __enter__(self) -> "Launcher":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def run(
+        self,
+        plan: RunPlan,
+        stop: Callable[[], str | None],
+        *,
+        on_crash: OnCrash | None = None,
+        on_stopped: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> RunOutcome:
+        """Carries out a run and waits until none of its processes is left.
+
+        Args:
+            plan: The run. Its folders are made when they are missing.
+            stop: Asked about every 0.1 s whether to stop: None, or why (`canceled`, `timed out (batch)`).
+            on_crash: Called once, with failure code and reason, when something crashed in a run whose
+                failure behaviour is `Continue`. The run goes on until it is stopped or its duration
+                limit is reached, and fails then.
+            on_stopped: Called when none of its processes is left, before its outputs are looked at.
+            clock: Seconds, for the duration limit.
+
+        Returns:
+            How it ended. The outputs are in the plan's output folder; `result.json` is there only when
+            the run came to its end or was stopped in time to write it.
+
+        Raises:
+            LaunchError: The run could not be started.
+        """
+        plan.work_dir.mkdir(parents=True, exist_ok=True)
+        plan.output_dir.mkdir(parents=True, exist_ok=True)
+        note_screens(plan)
+        if plan.found is None:  # a run that goes on from a checkpoint knows
+            plan = plan.model_copy(update={"found": found_files(plan)})
+        crash = _FirstCrash(plan, on_crash)
+        left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
+        with self._cores.taken(plan.compute.cpus) as cores:
+            request = make_request(plan, cores)
+            # Closing this end of the connection, for whatever reason, kills the run.
+            with self._connect() as channel:
+                channel.send_bytes(request.model_dump_json().encode())
+                _expect_start(channel)
+                started_at = datetime.now(UTC)
+                ended, stopped_for = Watch(channel, left_s, stop, crash.on_crash, clock).until_end()
+        ended_at = datetime.now(UTC)
+        if ended is None:
+            _clean_up(request)
+        on_stopped()
+        if ended is not None and stopped_for is None:
+            ended = with_blame_for_disk(ended, plan)
+        judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
+        judgement, finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
+        outcome = RunOutcome(
+            status=judgement.status,
+            failure_code=judgement.failure_code,
+            failure_reason=judgement.failure_reason,
+            started_at=started_at,
+            ended_at=ended_at,
+            timed_out=judgement.timed_out,
+            finished=finished,
+        )
+        film_failure(plan, outcome, stop, {**DEFAULT_VARIABLES, **kept_environment()})
+        return outcome
+
+    def _connect(self) -> Connection:
+        """Has a supervisor forked; returns the connection to it."""
+        ours, theirs = socket.socketpair()
+        with ours, theirs, self._lock:
+            self._running_server().fork(theirs.fileno())
+            return Connection(ours.detach())
+
+    def _running_server(self) -> "_Server":
+        if self._server is None or not self._server.alive():
+            if self._server is not None:
+                self._server.close()
+            self._server = _Server()
+        return self._server
+
+
+class _Server:
+    """The warm process, seen from outside."""
+
+    def __init__(self) -> None:
+        ours, theirs = map(_above_standard, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", _FORKSERVER, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                env={**DEFAULT_VARIABLES, **kept_environment()},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C in a terminal is for us to handle
+            )
+        self._process, self._control = process, ours
+        self.close = weakref.finalize(self, _end_server, process, ours)
+        ours.settimeout(_WARM_UP_TIMEOUT_S)
+        try:
+            answer = ours.recv(8192)
+        except TimeoutError:
+            answer = f"it was not ready after {_WARM_UP_TIMEOUT_S:g} s".encode()
+        if answer != b"ready":
+            self.close()
+            why = answer.decode(errors="replace") or f"it ended with exit code {process.returncode}"
+            raise LaunchError(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
+
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def fork(self, descriptor: int) -> None:
+        try:
+            socket.send_fds(self._control, [b"r"], [descriptor])
+        except OSError as error:
+            raise LaunchError(f"the process that runs are forked from does not listen: {error}", _INTERNAL) from error
+
+
+def _above_standard(connection: socket.socket) -> socket.socket:
+    """Moves a socket out of the way of standard input, output and error, which may be closed here."""
+    with connection:
+        return socket.socket(fileno=fcntl.fcntl(connection.fileno(), fcntl.F_DUPFD_CLOEXEC, 3))
+
+
+def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> None:
+    control.close()
+    try:
+        process.wait(2.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+class _FirstCrash:
+    """What crashed first in a run that goes on nevertheless."""
+
+    def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
+        self._plan = plan
+        self._on_crash = on_crash
+        self._judgement: Judgement | None = None
+
+    def on_crash(self, crashed: Exit) -> None:
+        """Judges it while its log is fresh, and passes that on."""
+        self._judgement = judgement = judge_with_log(crashed, None, self._plan)
+        if self._on_crash is not None:
+            self._on_crash(judgement.failure_code or _INTERNAL, judgement.failure_reason or "")
+
+    def judge(self, stopped_for: str | None) -> Judgement | None:
+        """Returns how the run ended if something had crashed in it: failed, unless it was canceled after that."""
+        if self._judgement is None or stopped_for in (None, "duration limit"):
+            return self._judgement
+        return judge(None, stopped_for, self._plan)
+
+
+def judge_with_log(ended: Exit | None, stopped_for: str | None, plan: RunPlan) -> Judgement:
+    """Judges an end (see `outcomes.judge`) with the log of the program that it is about."""
+    program = ended.crash.program if ended is not None and ended.crash is not None else None
+    return judge(ended, stopped_for, plan, log_tail(plan.output_dir, program))
+
+
+def _clean_up(request: RunRequest) -> None:
+    """Does what the run's supervisor would have done, had it lived."""
+    for program in request.plan.programs:
+        if program.cleanup_argv is not None:
+            with suppress(OSError, subprocess.TimeoutExpired):
+                subprocess.run(
+                    program.cleanup_argv,
+                    env=program_environment(request, program),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    timeout=_CLEAN_UP_TIMEOUT_S,
+                    check=False,
+                )
+
+
+def _expect_start(channel: Connection) -> None:
+    try:
+        if channel.poll(_START_TIMEOUT_S):
+            message = json.loads(channel.recv_bytes())
+            if message["event"] == "refused":
+                raise LaunchError(message["reason"], message["code"])
+            return
+    except (EOFError, OSError) as error:
+        raise LaunchError("the run's supervisor ended before the run began", _INTERNAL) from error
+    raise LaunchError(f"the run did not begin within {_START_TIMEOUT_S:g} s", _INTERNAL)

@@ -1,0 +1,209 @@
+"""How a run's end is judged: Completed, Failed with whose fault and why, or Canceled."""
+
+import os
+import signal
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from ....schemas.runs.plan import ApplicationRole, RunPlan
+from ....schemas.runs.programs import ToolEnds
+from ....schemas.wire.common import without_escapes
+from ..episode.progress import Phase
+
+MAX_REASON_CHARACTERS = 1024
+_MAX_HEAD_CHARACTERS = 600
+_LINE_END = 300
+"""Characters that are kept of the end of a last line that is too long."""
+_MAX_TAIL_LINES = 12
+_OFTEN = 3
+"""Ends of a tool from which on a failure's reason names it."""
+ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
+"""What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
+_BATCH_TIMEOUT = "timed out (batch)"
+_CRASH_CODES: dict[ApplicationRole | None, str] = {
+    "robot": "RobotApplicationCrash",
+    "simulation": "SimulationApplicationCrash",
+    None: "InternalServiceError",
+}
+
+
+@dataclass(frozen=True)
+class Crash:
+    """Something other than the run's process that ended when it should not have, or went over a limit."""
+
+    role: ApplicationRole
+    """The application that it is or belongs to."""
+
+    what: str
+    """What happened, in words: `exited with code 3`."""
+
+    program: str | None = None
+    """Name of the program; None: the run's process."""
+
+    is_tool: bool = False
+
+
+@dataclass(frozen=True)
+class Exit:
+    """How a run ended, as its supervisor saw it."""
+
+    exit_code: int | None
+    """Exit code of the run's process; 0 where the run has none and ended by itself."""
+
+    signal: int | None
+    phase: Phase
+    report: dict[str, Any]
+    crash: Crash | None = None
+    """What crashed besides the run's process and counts instead."""
+
+    tools: Sequence[ToolEnds] = ()
+    """Tools that ended and were started again."""
+
+    @property
+    def ended_by(self) -> str | None:
+        """What ended the loop of a run that finished its outputs; None for others."""
+        return self.report.get("ended_by") if self.exit_code == 0 else None
+
+    def to_message(self) -> dict[str, Any]:
+        """The end as plain values."""
+        return {**asdict(replace(self, tools=())), "tools": [tool.model_dump() for tool in self.tools]}
+
+    @classmethod
+    def from_message(cls, message: dict[str, Any]) -> "Exit":
+        """Reads what `to_message` made."""
+        crash = Crash(**message["crash"]) if message["crash"] else None
+        tools = [ToolEnds.model_validate(tool) for tool in message["tools"]]
+        return cls(message["exit_code"], message["signal"], Phase(message["phase"]), message["report"], crash, tools)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The part of a `RunOutcome` that has to be decided."""
+
+    status: Literal["Completed", "Failed", "Canceled"]
+    failure_code: str | None = None
+    failure_reason: str | None = None
+    timed_out: bool = False
+
+
+def judge(
+    ended: Exit | None, stopped_for: str | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
+) -> Judgement:
+    """Decides how a run ended.
+
+    Args:
+        ended: The end of its process; None when its supervisor disappeared without a word.
+        stopped_for: Why it was stopped: `duration limit`, or what the caller's `stop` said; None when it
+            ended by itself.
+        plan: The run.
+        log: Name and last lines of its log.
+
+    Returns:
+        The judgement. A run that was told to stop but had already ended by itself, or crashed, is judged
+        by that.
+    """
+    if ended is not None and ended.crash is not None:
+        head = f"{_subject(ended.crash, plan)} {ended.crash.what}{_about_tools(ended, plan)}"
+        return Judgement("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
+    if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
+        return Judgement("Completed")  # a rerun ends by itself where the run was stopped
+    if stopped_for == "duration limit":
+        return Judgement("Completed", timed_out=True)
+    if stopped_for is not None:
+        code = "BatchTimedOut" if stopped_for == _BATCH_TIMEOUT else None
+        return Judgement("Canceled", code, f"The run was stopped: {stopped_for}.")
+    if ended is None:
+        reason = "The run's supervising process disappeared, perhaps killed for want of memory."
+        return Judgement("Failed", "InternalServiceError", failure_reason(reason, *log))
+    phase = Phase(ended.report.get("phase", ended.phase))
+    # An application that refuses to run on purpose (`LaunchError`) says what kind of failure that is.
+    code = ended.report.get("code", _CRASH_CODES[phase.role])
+    if code == "InvalidBundleRobotApplication":
+        # Found out by the environment, which puts the application's robot into the world.
+        reason = f"{_application('robot', plan)} has no robot that can be used: {_what(ended)}"
+    elif code == "InvalidInput" and phase.role is None:
+        reason = _what(ended)  # the request's fault, not the runtime's
+    else:
+        reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}{_about_tools(ended, plan)}"
+    return Judgement("Failed", code, failure_reason(reason, *log))
+
+
+def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
+    """Returns a reason of at most 1024 characters that ends with as many last log lines as fit."""
+    head = without_escapes(head)
+    if len(head) > _MAX_HEAD_CHARACTERS:
+        head = head[: _MAX_HEAD_CHARACTERS - 1] + "…"
+    if not lines:
+        return head
+    title = f"\nLast lines of {log_name}:"
+    room = MAX_REASON_CHARACTERS - len(head) - len(title)
+    kept: list[str] = []
+    for line in reversed(lines[-_MAX_TAIL_LINES:]):
+        if len(line) + 1 > room:
+            if not kept:
+                # Its beginning names the exception, where it is the last line of a traceback.
+                kept.append(f"{line[: max(0, room - _LINE_END - 2)]}…{line[-min(_LINE_END, room - 2) :]}")
+            break
+        kept.append(line)
+        room -= len(line) + 1
+    return "\n".join([head + title, *reversed(kept)])
+
+
+def how_it_ended(status: int) -> str:
+    """A wait status in words: `exited with code 3`, `was killed by SIGSEGV`."""
+    if os.WIFSIGNALED(status):
+        return f"was killed by {signal_name(os.WTERMSIG(status))}"
+    return f"exited with code {os.WEXITSTATUS(status)}"
+
+
+def _subject(crash: Crash, plan: RunPlan) -> str:
+    application = _application(crash.role, plan)
+    if crash.program is None:
+        return application
+    if crash.is_tool:
+        return _tool(crash.program.removeprefix(f"{crash.role}-"), crash.role, plan)
+    return f"{application} (program {crash.program})"
+
+
+def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
+    """What became of a tool: `Tool rviz of robot application driver ended 14 times, and last exited with code 1`."""
+    return f"{_tool(tool.name, tool.role, plan)} {tool}"
+
+
+def _about_tools(ended: Exit, plan: RunPlan) -> str:
+    """What a failure may have come of: tools that were started again and again."""
+    return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= _OFTEN)
+
+
+def _tool(name: str, role: ApplicationRole, plan: RunPlan) -> str:
+    application = _application(role, plan)
+    return f"Tool {name} of {application[0].lower()}{application[1:]}"
+
+
+def _who(phase: Phase, plan: RunPlan) -> str:
+    return "The runtime" if phase.role is None else _application(phase.role, plan)
+
+
+def _application(role: ApplicationRole, plan: RunPlan) -> str:
+    if role == "robot":
+        name = plan.robot_application.name if plan.robot_application else "scout"
+        return f"Robot application {name}"
+    name = plan.simulation_application.name if plan.simulation_application else "indoor-navigation"
+    return f"Simulation application {name}"
+
+
+def _what(ended: Exit) -> str:
+    if "error" in ended.report:
+        return ended.report["error"]
+    if ended.signal is not None:
+        return f"killed by {signal_name(ended.signal)}"
+    return f"the process ended itself with exit code {ended.exit_code} before the run was over"
+
+
+def signal_name(number: int) -> str:
+    """Name of a signal, `SIGSEGV`."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -1,0 +1,110 @@
+"""Ports of applications that are reachable under other numbers, on this machine only."""
+
+import asyncio
+import os
+import signal
+import socket
+from collections.abc import Sequence
+from contextlib import suppress
+
+from ....schemas.runs.programs import PortPlan
+from ....schemas.wire.errors import LaunchError
+from ..limits.processes import die_with_parent
+
+_HOST = "127.0.0.1"
+_CHUNK_BYTES = 64 * 1024
+_FAILURE_CODE = "InvalidInput"
+
+
+def open_ports(ports: Sequence[PortPlan]) -> list[tuple[socket.socket, int]]:
+    """Listens on the job's ports.
+
+    Args:
+        ports: What to forward. A port that keeps its number is only looked at: the application itself
+            is going to listen on it.
+
+    Returns:
+        Listening sockets, each with the application's port.
+
+    Raises:
+        LaunchError: A port is taken, or not for this user; names it.
+    """
+    opened: list[tuple[socket.socket, int]] = []
+    try:
+        for port in ports:
+            listening = _listen(port)
+            if port.job_port == port.application_port:
+                listening.close()
+            else:
+                opened.append((listening, port.application_port))
+    except LaunchError:
+        for listening, _ in opened:
+            listening.close()
+        raise
+    return opened
+
+
+def _listen(port: PortPlan) -> socket.socket:
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((_HOST, port.job_port))
+        listening.listen()
+    except OSError as error:
+        listening.close()
+        raise LaunchError(
+            f"portForwardingConfig: jobPort {port.job_port} (of applicationPort {port.application_port}) cannot be "
+            f"opened on {_HOST}: {error.strerror}; choose one that is free, or wait until its owner has ended",
+            _FAILURE_CODE,
+        ) from error
+    return listening
+
+
+def fork_forwarder(ports: Sequence[tuple[socket.socket, int]]) -> int:
+    """Forwards connections in a process of its own, which ends with this one; returns its pid.
+
+    The sockets are closed here and live on there.
+    """
+    parent = os.getpid()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.setsid()
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # ends last, when the run has ended
+            die_with_parent()
+            if os.getppid() == parent:
+                asyncio.run(_forward_all(ports))
+        finally:
+            os._exit(0)
+    for listening, _ in ports:
+        listening.close()
+    return pid
+
+
+async def _forward_all(ports: Sequence[tuple[socket.socket, int]]) -> None:
+    for listening, application_port in ports:
+        await asyncio.start_server(_forwarder_to(application_port), sock=listening)
+    await asyncio.Event().wait()
+
+
+def _forwarder_to(application_port: int):
+    async def forward(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            from_application, to_application = await asyncio.open_connection(_HOST, application_port)
+        except OSError:  # it does not listen (yet): whoever connects sees the connection end
+            writer.close()
+            return
+        await asyncio.gather(_pass_on(reader, to_application), _pass_on(from_application, writer))
+        for ended in (writer, to_application):
+            ended.close()
+
+    return forward
+
+
+async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Copies one direction until its sender is done, which the receiver is told."""
+    with suppress(OSError):
+        while data := await reader.read(_CHUNK_BYTES):
+            writer.write(data)
+            await writer.drain()
+        writer.write_eof()

@@ -1,0 +1,227 @@
+"""Programs of a run: started from their plans, started again, told to end."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from ....schemas.runs.programs import ProgramPlan, ToolEnds
+from ..limits.capped_logs import CappedLog
+from ..limits.logs import LOG_FOLDER, program_logs
+from ..limits.processes import die_with_parent
+
+FIRST_PAUSE_S = 0.5
+"""Pause before a tool is started again; doubles with each time."""
+MAX_PAUSE_S = 30.0
+STEADY_LIFE_S = 60.0
+"""A tool that lived this long begins again with the first pause."""
+_NOT_STARTED = 127
+_RESTORED_SIGNALS = (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGCHLD, signal.SIGTERM)
+
+
+class StartError(Exception):
+    """A program cannot be started; says why."""
+
+
+class Program:
+    """One program of a run, alive or not.
+
+    Args:
+        plan: What to start.
+        environment: Its whole environment.
+        output_dir: Its logs go to `logs/` in it.
+        confine: Called in the new process before the program takes it over.
+        clock: Seconds, for the time it lived.
+
+    Raises:
+        OSError: Its logs cannot be made.
+    """
+
+    def __init__(
+        self,
+        plan: ProgramPlan,
+        environment: Mapping[str, str],
+        output_dir: Path,
+        confine: Callable[[], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.plan = plan
+        self.pid: int | None = None
+        """The process, until it was reaped; None before it was started and while it waits to be started again."""
+        self.ended: int | None = None
+        """A pidfd that becomes readable when it ends; None when it does not run."""
+        self._environment = environment
+        self._confine = confine
+        self._clock = clock
+        self._started_at = 0.0
+        self._starts = 0
+        self._ends = 0
+        self._last_end = ""
+        self._pause_s = FIRST_PAUSE_S
+        stdout, stderr = program_logs(plan.name)
+        folder = output_dir / LOG_FOLDER
+        self.logs = (CappedLog(folder / stdout), CappedLog(folder / stderr))
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it was started and has not been seen to end."""
+        return self.ended is not None
+
+    def start(self) -> None:
+        """Starts it.
+
+        Raises:
+            StartError: There is no such program, or it cannot be executed.
+        """
+        self._started_at = self._clock()
+        self._starts += 1
+        if self.plan.kind == "tool" and self.plan.exit_behavior == "RESTART":
+            self._note(f"start {self._starts} of this tool")
+        self.pid = spawn(self.plan.argv, self.plan.folder, self._environment, self.logs, self._confine)
+        self.ended = os.pidfd_open(self.pid)
+
+    def see_end(self) -> int:
+        """Returns the wait status of a program that has ended, and leaves it to be reaped.
+
+        Until it is reaped nobody else can get its number, so that its group can be killed safely.
+        """
+        assert self.pid is not None
+        assert self.ended is not None
+        status = _peek(self.pid)
+        os.close(self.ended)
+        self.ended = None
+        return status
+
+    def terminate(self) -> None:
+        """Asks it and its process group to end."""
+        if self.pid is not None:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGTERM)
+
+    def clear_away(self) -> None:
+        """Kills what it left in its process group and reaps it."""
+        if self.pid is not None:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+            self.pid = None
+
+    def pause(self, how: str) -> float:
+        """Returns how long to wait before it is started again, in seconds; notes that, in its log too.
+
+        Args:
+            how: How it ended.
+        """
+        self._ends, self._last_end = self._ends + 1, how
+        if self._clock() - self._started_at >= STEADY_LIFE_S:
+            self._pause_s = FIRST_PAUSE_S
+        pause_s, self._pause_s = self._pause_s, min(2.0 * self._pause_s, MAX_PAUSE_S)
+        self._note(f"it {how}; it is started again in {pause_s:g} s")
+        return pause_s
+
+    @property
+    def restarts(self) -> ToolEnds | None:
+        """How often it had to be started again, and why the last time; None if it never had."""
+        if not self._ends:
+            return None
+        plan = self.plan
+        name = plan.name.removeprefix(f"{plan.role}-")
+        return ToolEnds(role=plan.role, name=name, ends=self._ends, last_end=self._last_end)
+
+    def clean_up(self) -> int | None:
+        """Starts the command that ends what killing does not reach; returns its pid, None if there is none."""
+        if self.plan.cleanup_argv is None or self._starts == 0:
+            return None
+        try:
+            return spawn(self.plan.cleanup_argv, Path("/"), self._environment, self.logs, self._confine)
+        except StartError as error:
+            self._note(f"cleaning up: {error}")
+            return None
+
+    def _note(self, text: str) -> None:
+        self.logs[1].note(text)
+
+
+def spawn(
+    argv: Sequence[str],
+    folder: Path,
+    environment: Mapping[str, str],
+    logs: tuple[CappedLog, CappedLog],
+    confine: Callable[[], None],
+) -> int:
+    """Starts a program in a session of its own, with nothing open but its logs; it dies with this process.
+
+    Args:
+        argv: Program, looked for along the environment's `PATH`, and its arguments.
+        folder: Working directory.
+        environment: The whole environment.
+        logs: Where standard output and error go; standard input is empty.
+        confine: Called in the new process before the program takes it over.
+
+    Returns:
+        Its pid.
+
+    Raises:
+        StartError: It cannot be executed.
+    """
+    parent = os.getpid()
+    failed, tell = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.setsid()
+            die_with_parent()
+            if os.getppid() == parent:
+                _take_over(tell, argv, folder, environment, logs, confine)
+        except BaseException as error:
+            os.write(tell, _why_not(error, argv[0], folder).encode())
+        finally:
+            os._exit(_NOT_STARTED)
+    os.close(tell)
+    with os.fdopen(failed, "rb") as reader:
+        problem = reader.read()  # ends when the program has taken over, or failed to
+    if problem:
+        os.waitpid(pid, 0)
+        raise StartError(problem.decode(errors="replace"))
+    return pid
+
+
+def _take_over(
+    tell: int,
+    argv: Sequence[str],
+    folder: Path,
+    environment: Mapping[str, str],
+    logs: tuple[CappedLog, CappedLog],
+    confine: Callable[[], None],
+) -> None:
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for descriptor, target in ((nothing, 0), (logs[0].descriptor, 1), (logs[1].descriptor, 2)):
+        os.dup2(descriptor, target)
+    os.closerange(3, tell)
+    os.closerange(tell + 1, os.sysconf("SC_OPEN_MAX"))
+    for number in _RESTORED_SIGNALS:  # what is ignored stays ignored in programs
+        signal.signal(number, signal.SIG_DFL)
+    confine()
+    os.chdir(folder)
+    os.execvpe(argv[0], list(argv), dict(environment))  # noqa: S606 - no shell is meant
+
+
+def _why_not(error: BaseException, program: str, folder: Path) -> str:
+    if isinstance(error, OSError) and not folder.is_dir():
+        return f"its working directory {folder} does not exist"
+    if isinstance(error, FileNotFoundError) and Path(program).is_file():
+        return f"{program} is there, but not the interpreter that its first line names"
+    if isinstance(error, FileNotFoundError):
+        return f"program not found: {program}"
+    if isinstance(error, PermissionError):
+        return f"{program} is not executable: {error.strerror}"
+    return f"{program} cannot be executed: {error}"
+
+
+def _peek(pid: int) -> int:
+    """The wait status of a child that has ended, without reaping it."""
+    info = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+    assert info is not None
+    return info.si_status << 8 if info.si_code == os.CLD_EXITED else info.si_status

@@ -1,0 +1,131 @@
+"""Makes the request for a run: its plan, and what its processes find around them."""
+
+import os
+import sys
+from pathlib import Path
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import ProgramPlan
+from ....schemas.runs.variables import variables_of
+from ..agents.agent_client import SOCKET_VARIABLE
+from ..agents.agent_socket import agent_socket_path
+from ..process.run_request import RunRequest
+from ..rendering.backends import best_video_backend
+from ..video.camera_settings import camera_recording
+from ..video.video_settings import settings_of
+
+DEFAULT_VARIABLES = {
+    # Runs are parallel to each other; threads inside numpy would only fight over the cores.
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    # Mesa's software renderer draws in the thread that asks.
+    "LP_NUM_THREADS": "0",
+    # The order of sets of strings is part of what a seed has to repeat.
+    "PYTHONHASHSEED": "0",
+    "MUJOCO_GL": "disable",
+}
+_KEPT_VARIABLES = frozenset(
+    {
+        *("PATH", "HOME", "USER", "LOGNAME", "SHELL", "LANG", "LANGUAGE", "TZ", "TMPDIR", "XDG_RUNTIME_DIR"),
+        *("LD_LIBRARY_PATH", "VIRTUAL_ENV", "PYTHONPATH", "PYTHONDONTWRITEBYTECODE"),
+        *("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES", "NVIDIA_DRIVER_CAPABILITIES"),
+        *("MUJOCO_EGL_DEVICE_ID", "__EGL_VENDOR_LIBRARY_DIRS", "LIBGL_DRIVERS_PATH"),
+        "MENAGERIE_ROOT",
+    }
+)
+_GPU_VARIABLES = ("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES")
+
+
+def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
+    """Adds to a plan what this process knows: its import path, its environment, how to render.
+
+    Args:
+        plan: The run. Relative paths are those of this process.
+        cores: Processor cores it may use; None: all.
+
+    Raises:
+        LaunchError: The variables ask for a video or a recording that cannot be.
+    """
+    plan = _with_absolute_paths(plan)
+    films_now = plan.video == "always"
+    if plan.video != "none":
+        settings_of(plan)  # what is wrong with them is said before anything is started
+    renders_now = films_now or camera_recording(plan) is not None
+    backend = best_video_backend() if renders_now or plan.live_view_port is not None else None
+    variables = dict(variables_of(plan))
+    if renders_now and backend in ("egl", "osmesa"):
+        variables.setdefault("MUJOCO_GL", backend)
+    home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
+    return RunRequest(
+        plan=plan,
+        environment={
+            **DEFAULT_VARIABLES,
+            **kept_environment(),
+            **home,
+            **variables,
+            "PWD": str(plan.work_dir),
+            **_fixed_variables(plan),
+        },
+        import_path=[str(Path(entry).absolute()) for entry in sys.path],
+        video_backend=backend,
+        cores=cores,
+    )
+
+
+def kept_environment() -> dict[str, str]:
+    """This process's variables that runs may see: no credentials, no settings of services."""
+    return {key: value for key, value in os.environ.items() if key in _KEPT_VARIABLES or key.startswith("LC_")}
+
+
+def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, str]:
+    """The whole environment of one of the plan's programs."""
+    plan = request.plan
+    of_role = plan.robot_application if program.role == "robot" else plan.simulation_application
+    environment = {
+        **request.environment,
+        **(of_role.environment_variables if of_role else {}),
+        **program.environment,
+        "PWD": str(program.folder),
+        **_fixed_variables(plan),
+    }
+    if plan.has_episode and program.role == "robot":
+        environment.setdefault(SOCKET_VARIABLE, str(agent_socket_path(plan)))
+    return environment
+
+
+def _fixed_variables(plan: RunPlan) -> dict[str, str]:
+    """Variables that an application cannot set otherwise."""
+    variables = {
+        "AWS_ROBOMAKER_SIMULATION_JOB_ID": plan.job_id,
+        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": plan.job_arn,
+        "AWS_ROBOMAKER_SIMULATION_RUN_ID": plan.run_id,
+        "ROBOMAKER_SEED": str(plan.seed),
+        "ROBOMAKER_OUTPUT_DIR": str(plan.output_dir),
+    }
+    folders = {
+        "ROBOMAKER_JOB_ROOT": plan.root_dir,
+        "ROBOMAKER_DATA_DIR": plan.data_dir,
+        "ROBOMAKER_WORLD_DIR": plan.world_dir,
+    }
+    variables |= {name: str(folder) for name, folder in folders.items() if folder is not None}
+    if not plan.compute.gpu:
+        variables |= dict.fromkeys(_GPU_VARIABLES, "")
+    elif not os.environ.get(_GPU_VARIABLES[0]):
+        variables[_GPU_VARIABLES[0]] = "0"
+    return variables
+
+
+def _with_absolute_paths(plan: RunPlan) -> RunPlan:
+    """Paths become absolute here, where relative ones still mean what the caller meant."""
+    folders = {
+        name: value.absolute()
+        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir", "checkpoint_dir")
+        if (value := getattr(plan, name)) is not None
+    }
+    applications = {
+        name: application.model_copy(update={"path": application.path.absolute()})
+        for name in ("simulation_application", "robot_application")
+        if (application := getattr(plan, name)) is not None and application.path is not None
+    }
+    programs = [program.model_copy(update={"folder": program.folder.absolute()}) for program in plan.programs]
+    return plan.model_copy(update={**folders, **applications, "programs": programs})

@@ -1,0 +1,96 @@
+"""The supervisor of one run: a small process between the launcher and the run.
+
+It runs no application code, so nothing an application does (a crash, a C call that never returns, an
+ignored signal, a fork bomb) keeps it from doing its work:
+
+- it starts the run's process, where the run has an episode, and its programs;
+- it kills all of them and everything they started when it is told to, when the run ends, and when the
+  launcher's process disappears, however that happens (the channel between them closes);
+- it adopts processes whose parents died, so that grandchildren which left the process group are found;
+- it looks at what they use and how long their logs are;
+- it reports how the run ended and in which phase.
+"""
+
+import json
+import os
+import signal
+import socket
+from contextlib import suppress
+from multiprocessing.connection import Connection
+
+from ....schemas.wire.errors import LaunchError
+from ..episode.progress import Progress
+from ..limits.processes import adopt_orphans, come_first, kill_children
+from ..process.run_request import RunRequest
+from ..process.waiting_run import Rehearse, RunChild, WaitingRun
+from ..states.provenance import note_run_of_programs
+from .watching import Supervision
+
+
+def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse) -> None:
+    """Waits for a run, and supervises it.
+
+    Args:
+        control: Brings one message, with the connection to the run's launcher; closed, if no run will come.
+        run_child: What the run's process does.
+        rehearse: What that process does until there is a run.
+    """
+    os.setsid()
+    adopt_orphans()
+    come_first()
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    progress = Progress()
+    run = WaitingRun(run_child, progress, control.close, rehearse)
+    with control:
+        _, descriptors, _, _ = socket.recv_fds(control, 1, 1)
+    if not descriptors:
+        run.dismiss()
+        return
+    channel = Connection(descriptors[0])
+    try:
+        message = channel.recv_bytes()
+    except EOFError:
+        run.dismiss()
+        return
+    while not run.tell(message):  # which both read at the same time
+        run.dismiss()
+        run = WaitingRun(run_child, progress, channel.close, lambda _: None)
+    _supervise(channel, RunRequest.model_validate_json(message), run, progress)
+
+
+def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progress: Progress) -> None:
+    """Starts one run, watches it, leaves none of its processes behind.
+
+    Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
+    str, "reason": str}`; under `Continue` perhaps `{"event": "crashed", "exit": object}`; at last
+    `{"event": "exited", "exit": object}`, each object an `outcomes.Exit`. Messages from the launcher:
+    `{"stop": reason}` asks the run to finish (SIGTERM), `{"kill": true}` ends it.
+
+    Args:
+        channel: Connection to the launcher.
+        request: The run.
+        run: Becomes the run's process.
+        progress: What that shares with this process.
+    """
+    if not request.plan.has_episode:
+        run.dismiss()
+
+    def tell(message: dict[str, object]) -> None:
+        with suppress(OSError):  # nobody may be left to be told
+            channel.send_bytes(json.dumps(message).encode())
+
+    supervision = Supervision(channel, request, progress, run.begin, tell)
+    try:
+        supervision.prepare()
+        if not request.plan.has_episode:
+            with suppress(OSError):  # a full disk fails the run when its result is written
+                note_run_of_programs(request.for_run_process().plan)
+    except (LaunchError, OSError) as error:
+        kill_children()
+        code = error.failure_code if isinstance(error, LaunchError) else "InternalServiceError"
+        tell({"event": "refused", "code": code, "reason": str(error)})
+        return
+    tell({"event": "started"})
+    supervision.start()
+    supervision.until_end()
+    tell({"event": "exited", "exit": supervision.finish().to_message()})

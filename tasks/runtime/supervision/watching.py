@@ -1,0 +1,361 @@
+"""Watching the processes of one run: who ended, what that means, what is to be done about it."""
+
+import heapq
+import itertools
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from ....schemas.runs.programs import ToolEnds
+from ..episode.progress import AGENT_GONE, Phase, Progress
+from ..limits.capped_logs import CappedLog
+from ..limits.disk_use import disk_meter
+from ..limits.limits import Excess, Meter, confine
+from ..limits.logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG
+from ..limits.processes import descendants_of, kill_children
+from ..process.run_request import RunRequest
+from .outcomes import Crash, Exit, how_it_ended
+from .ports import fork_forwarder, open_ports
+from .programs import Program, StartError
+from .run_requests import program_environment
+
+END_GRACE_S = 1.0
+"""Time that processes get to end once the run has ended."""
+LAST_WORD_S = 1.0
+"""Time in which the end of a robot program still tells why an episode ended that it drove."""
+AGENT_GONE_S = 0.5
+"""Time in which an episode notices by itself that its robot program has ended."""
+CLEAN_UP_TIMEOUT_S = 6.0
+_CLEAN_UP_POLL_S = 0.02
+
+
+class Supervision:
+    """The processes of one run, from the first to the last.
+
+    Args:
+        channel: Connection to the launcher.
+        request: The run.
+        progress: What the run's process shares.
+        begin_run: Lets the run's process begin; returns its pid.
+        tell: Sends a message to the launcher.
+    """
+
+    def __init__(
+        self,
+        channel: Connection,
+        request: RunRequest,
+        progress: Progress,
+        begin_run: Callable[[], int],
+        tell: Callable[[dict[str, Any]], None],
+    ) -> None:
+        self._channel = channel
+        self._request = request
+        self._plan = request.plan
+        self._progress = progress
+        self._begin_run = begin_run
+        self._tell = tell
+        self._run_pid: int | None = None
+        self._run_ended: int | None = None
+        """A pidfd of the run's process while it lives."""
+        self._run_status: int | None = None
+        self._programs: list[Program] = []
+        self._logs: list[CappedLog] = []
+        self._meter = Meter(self._plan.compute)
+        self._disk = disk_meter(self._plan, _pids_of_run)
+        self._disk_writer: int | None = None
+        """The session of processes that had written most when the run's folders held too much."""
+        self._next_look_s = 0.0
+        self._timers: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._is_over = False
+        self._is_ending = False
+        self._is_stopped = False
+        """Whether somebody else ends the run."""
+        self._is_completed = False
+        """Whether an application ended with exit code 0, in a run without an episode."""
+        self._crash: Crash | None = None
+        self._has_crashed = False
+        """Whether something crashed and the run goes on nevertheless."""
+
+    # Beginning
+
+    def prepare(self) -> None:
+        """Opens ports and logs; starts nothing yet.
+
+        Raises:
+            LaunchError: A port is taken.
+            OSError: The logs cannot be made.
+        """
+        plan = self._plan
+        ports = open_ports(plan.ports)
+        if ports:
+            self._meter = Meter(plan.compute, frozenset({fork_forwarder(ports)}))
+        folder = plan.output_dir / LOG_FOLDER
+        folder.mkdir(parents=True, exist_ok=True)
+        if plan.has_episode:
+            self._logs = [CappedLog(folder / STDOUT_LOG), CappedLog(folder / STDERR_LOG)]
+        for program in plan.programs:
+            environment = program_environment(self._request, program)
+            limits = plan.compute
+            if program.cleanup_argv is not None:
+                # What it starts has its limits from elsewhere, and may be about to set a higher one.
+                limits = limits.model_copy(update={"processes": None})
+            confined = partial(confine, limits, self._request.cores)
+            self._programs.append(Program(program, environment, plan.output_dir, confined))
+            self._logs += self._programs[-1].logs
+
+    def start(self) -> None:
+        """Starts the run's process and programs."""
+        if self._plan.has_episode:
+            self._run_pid = self._begin_run()
+            self._run_ended = os.pidfd_open(self._run_pid)
+        for program in self._programs:
+            self._start(program)
+
+    def _confine(self) -> None:
+        confine(self._plan.compute, self._request.cores)
+
+    def _start(self, program: Program) -> None:
+        if self._is_ending:
+            return
+        try:
+            program.start()
+        except (StartError, OSError) as error:
+            if _restarts(program):
+                self._after(program.pause(f"could not be started: {error}"), partial(self._start, program))
+            else:
+                self._on_crash(_crash_of(program, f"could not be started: {error}"))
+
+    # Watching
+
+    def until_end(self) -> None:
+        """Returns when the run has ended and its processes had their time to end by themselves."""
+        while not self._is_over:
+            now = time.monotonic()
+            due = min([self._next_look_s, *(timer[0] for timer in self._timers[:1])])
+            ready = wait([self._channel, *self._pidfds()], max(0.0, due - now))
+            if self._channel in ready:
+                self._obey()
+            self._look_who_ended(ready)
+            self._run_timers()
+            self._look_at_use()
+            if self._is_ending and not self._pidfds():
+                return
+
+    def _pidfds(self) -> list[int]:
+        programs = [program.ended for program in self._programs if program.ended is not None]
+        return programs if self._run_ended is None else [self._run_ended, *programs]
+
+    def _obey(self) -> None:
+        try:
+            message = json.loads(self._channel.recv_bytes())
+        except (EOFError, OSError):
+            self._is_over = self._is_stopped = True
+            return
+        self._is_stopped = True
+        if "stop" not in message:
+            self._is_over = True
+        else:
+            self._is_ending = True
+            self._ask_to_end(message["stop"])
+
+    def _look_who_ended(self, ready: list[Any]) -> None:
+        if self._run_ended in ready:
+            assert self._run_ended is not None
+            os.close(self._run_ended)
+            self._run_ended = None
+            assert self._run_pid is not None
+            _, self._run_status = os.waitpid(self._run_pid, 0)
+            self._on_run_end()
+        for program in self._programs:
+            if program.ended in ready:
+                self._on_program_end(program, program.see_end())
+
+    def _run_timers(self) -> None:
+        while self._timers and self._timers[0][0] <= time.monotonic():
+            heapq.heappop(self._timers)[2]()
+
+    def _look_at_use(self) -> None:
+        if time.monotonic() < self._next_look_s:
+            return
+        excess = self._meter.look()
+        for log in self._logs:
+            log.look()
+        self._next_look_s = time.monotonic() + self._meter.interval_s
+        if excess is not None:
+            self._on_excess(excess)
+        elif self._disk_writer is None and self._disk.look():
+            self._is_over = True  # what there is, is measured and told once nobody adds to it
+            self._disk_writer = self._meter.busiest_writer()
+
+    def _after(self, delay_s: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
+
+    # What an end means
+
+    def _on_run_end(self) -> None:
+        exit_of_run = self._exit()
+        is_about_robot = exit_of_run.ended_by == "agent" or _blamed_role(exit_of_run.report) == "robot"
+        if is_about_robot and self._robot_program() is not None:
+            # Unless its end, which is to come, says more.
+            self._after(LAST_WORD_S, partial(self._conclude, exit_of_run))
+        else:
+            self._conclude(exit_of_run)
+
+    def _conclude(self, exit_of_run: Exit) -> None:
+        if self._is_ending or self._has_crashed:
+            return
+        if exit_of_run.ended_by is None and self._plan.failure_behavior == "Continue":
+            self._go_on(exit_of_run)
+        else:
+            self._end()
+
+    def _on_program_end(self, program: Program, status: int) -> None:
+        if self._is_ending:
+            return
+        if _restarts(program):
+            pause_s = program.pause(how_it_ended(status))
+            program.clear_away()
+            self._after(pause_s, partial(self._start, program))
+        elif program.plan.kind == "tool" or status != 0:
+            if program.plan.kind == "tool" or not self._is_failing_by_itself():
+                self._on_crash(_crash_of(program, how_it_ended(status)))
+        elif self._run_pid is None:
+            self._is_completed = not self._has_crashed
+            if self._is_completed:
+                self._end()
+        elif self._run_status is not None:
+            self._conclude(self._exit())
+        else:
+            self._after(AGENT_GONE_S, self._tell_run_that_agent_is_gone)
+
+    def _is_failing_by_itself(self) -> bool:
+        """Whether the run's process has said that it fails, which its robot program may have noticed first."""
+        return self._run_status is None and _blamed_role(self._progress.read_report()) == "simulation"
+
+    def _on_crash(self, crash: Crash) -> None:
+        if self._plan.failure_behavior == "Continue":
+            if not self._has_crashed:
+                self._go_on(Exit(None, None, self._progress.phase, {}, crash, self._tools()))
+        else:
+            self._crash = crash
+            self._end()
+
+    def _go_on(self, crashed: Exit) -> None:
+        """After a crash that ends nothing else: the run lasts until somebody ends it."""
+        self._has_crashed = True
+        self._tell({"event": "crashed", "exit": crashed.to_message()})
+
+    def _on_excess(self, excess: Excess) -> None:
+        """Ends the run at once, whatever its failure behaviour: its processes must not be there any longer."""
+        self._is_over = True
+        if not self._is_ending:
+            self._blame(excess)
+
+    def _blame(self, excess: Excess) -> None:
+        what = f"used too much: {excess.text}"
+        program = next((program for program in self._programs if program.pid == excess.session), None)
+        if program is None and self._run_pid is None:
+            program = self._programs[0]  # a process that left its session; there is but one application, mostly
+        if program is not None:
+            self._crash = _crash_of(program, what)
+        else:
+            self._crash = Crash(self._progress.phase.role or "simulation", what)
+
+    def _robot_program(self) -> Program | None:
+        applications = (program for program in self._programs if program.plan.kind == "application")
+        return next((program for program in applications if program.plan.role == "robot" and program.is_running), None)
+
+    # Ending
+
+    def _end(self) -> None:
+        """Ends the run for a reason of its own."""
+        if not self._is_ending:
+            self._is_ending = True
+            self._ask_to_end("canceled")
+            self._after(END_GRACE_S / 2, lambda: self._ask_to_end("canceled"))
+            self._after(END_GRACE_S, self._give_up)
+
+    def _give_up(self) -> None:
+        self._is_over = True
+
+    def _ask_to_end(self, reason: str) -> None:
+        self._terminate_run(reason)
+        for program in self._programs:
+            program.terminate()
+
+    def _tell_run_that_agent_is_gone(self) -> None:
+        if not self._is_ending:
+            self._terminate_run(AGENT_GONE)
+
+    def _terminate_run(self, reason: str) -> None:
+        if self._run_pid is not None and self._run_status is None:
+            self._progress.request_stop(reason)
+            os.kill(self._run_pid, signal.SIGTERM)
+
+    def finish(self) -> Exit:
+        """Leaves nothing of the run behind.
+
+        Returns:
+            How it ended.
+        """
+        statuses = kill_children()
+        if self._run_pid is not None and self._run_status is None:
+            self._run_status = statuses.get(self._run_pid)
+        self._clean_up()
+        self._look_at_disk()
+        for log in self._logs:
+            with suppress(OSError):
+                log.close()
+        return self._exit()
+
+    def _look_at_disk(self) -> None:
+        """Whatever the run left, and however it ended by itself: it has failed if that is more than it may leave."""
+        if not self._is_stopped and (found := self._disk.last_look()) is not None:
+            self._blame(Excess(found, self._disk_writer or 0))
+
+    def _clean_up(self) -> None:
+        left = {pid for program in self._programs if (pid := program.clean_up()) is not None}
+        give_up_at = time.monotonic() + CLEAN_UP_TIMEOUT_S
+        while left and time.monotonic() < give_up_at:
+            left -= {pid for pid in left if os.waitpid(pid, os.WNOHANG)[0]}
+            time.sleep(_CLEAN_UP_POLL_S if left else 0.0)
+        kill_children()
+
+    def _exit(self) -> Exit:
+        phase, report, tools = self._progress.phase, self._progress.read_report(), self._tools()
+        if self._run_pid is None:
+            ended_by = {"ended_by": "application"} if self._is_completed else {}
+            return Exit(0 if self._is_completed else None, None, Phase.STARTING, ended_by, self._crash, tools)
+        status = self._run_status
+        if status is None:
+            return Exit(None, None, phase, report, self._crash, tools)
+        exit_code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else None
+        signal_number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
+        return Exit(exit_code, signal_number, phase, report, self._crash, tools)
+
+    def _tools(self) -> list[ToolEnds]:
+        return [restarts for program in self._programs if (restarts := program.restarts) is not None]
+
+
+def _pids_of_run() -> Iterator[int]:
+    """Processes below this one, read one after the other as they are asked for."""
+    return (state.pid for state in descendants_of(os.getpid()))
+
+
+def _blamed_role(report: dict[str, Any]) -> str | None:
+    return Phase(report["phase"]).role if "error" in report else None
+
+
+def _restarts(program: Program) -> bool:
+    return program.plan.kind == "tool" and program.plan.exit_behavior == "RESTART"
+
+
+def _crash_of(program: Program, what: str) -> Crash:
+    return Crash(program.plan.role, what, program.plan.name, is_tool=program.plan.kind == "tool")

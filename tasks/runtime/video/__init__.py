@@ -1,0 +1,15 @@
+"""Video: made while a run goes on, after a run that failed, and live in a page.
+
+May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`, `tasks.runtime.recording`,
+`tasks.runtime.rendering`, `tasks.runtime.states`.
+"""
+
+__all__ = [
+    "camera_recorder",
+    "camera_settings",
+    "failure_videos",
+    "live_view",
+    "video",
+    "video_files",
+    "video_settings",
+]

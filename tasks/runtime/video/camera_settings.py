@@ -1,0 +1,57 @@
+"""Whether a camera is recorded, from the variables of a run's launch configurations."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.variables import number_in, variables_of
+from ....schemas.wire.errors import LaunchError
+
+RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
+CAMERA_VARIABLE = "ROBOMAKER_RECORD_CAMERA"
+_MAX_RATE_HZ = 60.0
+_BOTH = "both"
+_INVALID = "InvalidInput"
+
+
+@dataclass(frozen=True)
+class CameraRecording:
+    """Which camera is recorded, and how often."""
+
+    rate_hz: float
+    """Pictures per simulated second."""
+
+    camera: str | None = None
+    """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
+
+
+def camera_recording(plan: RunPlan) -> CameraRecording | None:
+    """Returns what a run's variables ask for; None: no pictures, which is the default.
+
+    Raises:
+        LaunchError: The rate is not a number above 0 and at most 60, or two views are asked for in one picture.
+    """
+    if not plan.record:
+        return None
+    return _read(variables_of(plan))
+
+
+def _read(variables: Mapping[str, str]) -> CameraRecording | None:
+    text = variables.get(RATE_VARIABLE)
+    if text is None:
+        return None
+    rate_hz = number_in(text)
+    if not 0 < rate_hz <= _MAX_RATE_HZ:
+        raise LaunchError(
+            f"{RATE_VARIABLE} is {text!r}; it has to be pictures per simulated second, above 0 and at most "
+            f"{_MAX_RATE_HZ:g}, such as 5",
+            _INVALID,
+        )
+    camera = variables.get(CAMERA_VARIABLE) or None
+    if camera == _BOTH:
+        raise LaunchError(
+            f"{CAMERA_VARIABLE} is {camera!r}, but a picture of two views has no camera_info that is true of it; it "
+            "has to be follow, top, or the name of one of the model's cameras (videos may have both)",
+            _INVALID,
+        )
+    return CameraRecording(rate_hz, camera)

@@ -1,0 +1,142 @@
+"""Films of runs that failed, made after the run's processes are gone."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from ....schemas.runs.plan import RunOutcome, RunPlan
+from ....schemas.wire.errors import LaunchError
+from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE
+from ..limits.left_files import read_left
+from ..limits.run_notes import add_note
+from ..rendering.backends import best_video_backend
+from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, FilmRequest, unfinished
+from .video_settings import settings_of
+
+FILMING_LIMIT_S = 300.0
+"""Wall-clock time for the films of one run."""
+_PROGRAM = "prefect_robomaker.tasks.runtime.video.rerender"
+_REMARKS_FILE = "film.log"
+_POLL_S = 0.1
+_MAX_REASON_CHARACTERS = 500
+
+
+def film_failure(
+    plan: RunPlan,
+    outcome: RunOutcome,
+    stop: Callable[[], str | None],
+    environment: Mapping[str, str],
+    *,
+    limit_s: float = FILMING_LIMIT_S,
+    clock: Callable[[], float] = time.monotonic,
+) -> None:
+    """Makes the films that a run's policy asks for now that it is known how the run ended.
+
+    With `on-failure` these are `video.mp4`, `last-10s.mp4` and `poster.png` of a run that failed; with `always` a
+    failed run gets `last-10s.mp4`, a poster of its last moment, and `video.mp4` if it was killed before its own was
+    complete. What cannot be filmed is told in the run's error log.
+
+    Args:
+        plan: The run; none of its processes is left.
+        outcome: How it ended.
+        stop: Asked about every 0.1 s; anything but None ends the filming.
+        environment: Variables of the process that films.
+        limit_s: Wall-clock limit.
+        clock: Seconds, for the limit.
+    """
+    if plan.video == "none" or not plan.has_episode:
+        return
+    _remove_unfinished(plan.output_dir)
+    if not has_failed(plan, outcome):
+        return
+    try:
+        request = _request(plan)
+        variables = {**environment, **({} if request.backend == "rays" else {"MUJOCO_GL": request.backend})}
+        problem = _carry_out(request, plan.work_dir.absolute(), variables, stop, clock() + limit_s, clock)
+    except (OSError, LaunchError) as error:
+        problem = str(error)
+    if problem:
+        _remove_unfinished(plan.output_dir)
+        add_note(plan.output_dir, f"No film of the failure: {problem}.")
+
+
+def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:
+    """Whether a run crashed, ran out of time, or was judged FAIL or ERROR; canceled ones did not."""
+    if outcome.status != "Completed":
+        return outcome.status == "Failed"
+    return outcome.timed_out or _verdict(plan.output_dir) in ("FAIL", "ERROR")
+
+
+def _request(plan: RunPlan) -> FilmRequest:
+    log_dir, output_dir = plan.work_dir.absolute() / STATE_LOG_FOLDER, plan.output_dir.absolute()
+    if not log_dir.exists():
+        raise FileNotFoundError("no state was noted: it failed before its first step or has no `physics`")
+    settings = settings_of(plan)
+    return FilmRequest(
+        log_dir=log_dir,
+        output_dir=output_dir,
+        backend=best_video_backend(),
+        camera=settings.camera,
+        size=settings.size,
+        rate_hz=settings.rate_hz,
+        whole_film=not (output_dir / VIDEO_FILE).exists(),
+        parent_pid=os.getpid(),
+    )
+
+
+def _verdict(output_dir: Path) -> str | None:
+    try:
+        return json.loads(read_left(output_dir / RESULT_FILE, MAX_RESULT_BYTES))["verdict"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # a program may have written it
+        return None
+
+
+def _carry_out(
+    request: FilmRequest,
+    work_dir: Path,
+    environment: Mapping[str, str],
+    stop: Callable[[], str | None],
+    deadline_s: float,
+    clock: Callable[[], float],
+) -> str | None:
+    """Runs the program that films; returns what went wrong."""
+    remarks_path = work_dir / _REMARKS_FILE
+    remarks_path.unlink(missing_ok=True)
+    with remarks_path.open("xb") as remarks:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", _PROGRAM, request.model_dump_json()],
+            env={**environment, "PWD": str(work_dir)},
+            cwd=work_dir,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=remarks,
+            start_new_session=True,
+        )
+    try:
+        while process.poll() is None:
+            if (reason := stop()) is not None:
+                return f"the job was stopped ({reason})"
+            if clock() >= deadline_s:
+                return "it took too long"
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_POLL_S)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    if process.returncode == 0:
+        return None
+    lines = remarks_path.read_text(errors="replace").strip().splitlines()
+    return lines[-1][:_MAX_REASON_CHARACTERS] if lines else f"it ended with exit code {process.returncode}"
+
+
+def _remove_unfinished(output_dir: Path) -> None:
+    for name in (VIDEO_FILE, CLIP_FILE):
+        with suppress(OSError):  # the application may have put anything there
+            unfinished(output_dir / name).unlink()

@@ -1,0 +1,240 @@
+"""A page that shows a run while it goes on: what `streamUI` asks for.
+
+A small HTTP server in the run's process, on 127.0.0.1 only. It draws while somebody looks, at most five times a
+second, and never holds the run up: results are the same with and without.
+
+| path | what |
+| --- | --- |
+| `/` | the page |
+| `/status.json` | job, simulated time, speed |
+| `/frame.jpg?after=N&camera=NAME` | the next picture after number N, with its number in `X-Frame` |
+| `/stream.mjpg?camera=NAME` | pictures without end, for other programs |
+"""
+
+import json
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from ....schemas.runs.plan import RunPlan
+from ..episode.results import Findings
+from ..rendering.views import BOTH, FOLLOW, TOP
+from .live_frames import LiveFrames
+from .video_settings import VideoSettings
+
+LIVE_VIEW_FILE = "live-view.json"
+"""In the work folder: `{"url": …}`, while the page is there."""
+
+_ADDRESS = "127.0.0.1"
+_PAGE = Path(__file__).with_name("live_view.html")
+_CHECK_EVERY_S = 0.1
+"""Simulated time between two looks at whether anybody watches."""
+_PATIENCE_S = 2.0
+_MAX_VIEWERS = 16
+_LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+_BOUNDARY = "frame"
+
+
+class LiveView:
+    """Observes a run and serves its page.
+
+    A page that cannot be served, because the port is taken for example, does not fail the run: the error log
+    says why.
+    """
+
+    def __init__(
+        self,
+        plan: RunPlan,
+        backend: str | None,
+        settings: VideoSettings,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Starts the server, and says in the log and in `live-view.json` where it is.
+
+        Args:
+            plan: The run; `live_view_port` is the port, 0 for any free one.
+            backend: How to render; None: with rays.
+            settings: Camera and size.
+            clock: Seconds.
+        """
+        self.next_time_s = 0.0
+        self.url: str | None = None
+        self._server: _Server | None = None
+        self._plan, self._clock = plan, clock
+        self._frames = LiveFrames(backend, settings, clock)
+        self._state, self._time_s = "starting", 0.0
+        self._began_s = clock()
+        self._file = plan.work_dir / LIVE_VIEW_FILE
+        try:
+            self._server = server = _Server((_ADDRESS, plan.live_view_port or 0), self._frames, self.status)
+        except OSError as error:
+            self.next_time_s = float("inf")
+            sys.stderr.write(f"No live view: port {plan.live_view_port} of {_ADDRESS}: {error}\n")
+            return
+        self.url = f"http://{_ADDRESS}:{server.server_address[1]}/"
+        threading.Thread(target=server.serve, name="live view server", daemon=True).start()
+        self._file.write_text(json.dumps({"url": self.url, "pid": os.getpid()}))
+        sys.stdout.write(f"Live view: {self.url}\n")
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Notes the time, and the state if somebody waits for a picture."""
+        if self._state == "starting":
+            self._state, self._began_s = "running", self._clock()
+        self._time_s = time_s
+        self._frames.offer(environment, time_s)
+        self.next_time_s = time_s + _CHECK_EVERY_S
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Ends the server and takes its address back."""
+        del ended_by
+        self._file.unlink(missing_ok=True)
+        self._frames.close()
+        if self._server is not None:
+            self._server.stop()
+        return Findings()
+
+    def state(self) -> None:
+        """Has nothing to keep; see `checkpoints.Resumable`."""
+
+    def restore(self, state: None, environment: Any) -> None:
+        """Has nothing to put back."""
+
+    def status(self) -> dict[str, Any]:
+        """What the page shows beside the picture; times in seconds."""
+        wall_s = self._clock() - self._began_s
+        return {
+            "job": self._plan.job_id,
+            "run": self._plan.run_id,
+            "seed": self._plan.seed,
+            "state": self._state,
+            "sim_time_s": round(self._time_s, 3),
+            "wall_time_s": round(wall_s, 3),
+            "speed": round(self._time_s / wall_s, 2) if wall_s > 0 else 0.0,
+            "camera": self._frames.camera or "",
+            "problem": self._frames.problem,
+        }
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    request_queue_size = _MAX_VIEWERS
+
+    def __init__(self, address: tuple[str, int], frames: LiveFrames, status: Callable[[], dict[str, Any]]) -> None:
+        super().__init__(address, _Handler)
+        self.frames, self.status = frames, status
+        self._stopped = False
+        self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
+
+    def serve(self) -> None:
+        """Serves until it is stopped, asleep until somebody comes."""
+        while not self._stopped:
+            self.handle_request()
+        self.server_close()
+
+    def stop(self) -> None:
+        """Ends `serve`."""
+        self._stopped = True
+        with suppress(OSError):
+            self.socket.shutdown(socket.SHUT_RDWR)  # wakes it
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Viewers come and go; that is of no interest in the log of a run."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    timeout = 30
+
+    @property
+    def _page(self) -> _Server:
+        assert isinstance(self.server, _Server)
+        return self.server
+
+    def do_GET(self) -> None:
+        """Answers a viewer."""
+        host = (self.headers.get("Host") or "").rsplit(":", 1)[0].lower()
+        if host not in _LOCAL_NAMES:  # a page from elsewhere whose name was made to point here
+            self._answer(403, "text/plain; charset=utf-8", b"This page answers to 127.0.0.1 and localhost only.\n")
+            return
+        address = urlsplit(self.path)
+        query = {name: values[-1] for name, values in parse_qs(address.query).items()}
+        if address.path == "/":
+            self._answer(200, "text/html; charset=utf-8", _PAGE.read_bytes())
+        elif address.path == "/status.json":
+            self._answer(200, "application/json", json.dumps(self._page.status()).encode())
+        elif address.path in ("/frame.jpg", "/stream.mjpg"):
+            self._show(address.path, query)
+        else:
+            self._answer(404, "text/plain; charset=utf-8", b"There are /, /status.json, /frame.jpg and /stream.mjpg.\n")
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (the base class's name)
+        """Keeps requests out of the run's log."""
+
+    def _show(self, path: str, query: dict[str, str]) -> None:
+        camera, after = query.get("camera"), query.get("after", "0")
+        if camera is not None and camera not in (FOLLOW, TOP, BOTH):
+            self._answer(400, "text/plain; charset=utf-8", b"camera has to be follow, top or both\n")
+            return
+        if not (after.isascii() and after.isdigit() and len(after) < 16):
+            self._answer(400, "text/plain; charset=utf-8", b"after has to be the number of a picture\n")
+            return
+        if not self._page.viewers.acquire(blocking=False):
+            self._answer(503, "text/plain; charset=utf-8", b"Too many look already.\n")
+            return
+        try:
+            if camera is not None:
+                self._page.frames.camera = camera
+            if path == "/stream.mjpg":
+                self._stream()
+            else:
+                self._frame(int(after))
+        finally:
+            self._page.viewers.release()
+
+    def _frame(self, after: int) -> None:
+        number, jpeg = self._page.frames.next_after(after, _PATIENCE_S)
+        if number == after or not jpeg:
+            self._answer(204, "image/jpeg", b"")
+        else:
+            self._answer(200, "image/jpeg", jpeg, {"X-Frame": str(number)})
+
+    def _stream(self) -> None:
+        self.close_connection = True
+        self.send_response(200)
+        self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        number = 0
+        while True:
+            newest, jpeg = self._page.frames.next_after(number, _PATIENCE_S)
+            if self._page.frames.closed:
+                return
+            if newest == number:
+                continue
+            number = newest
+            head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            self.wfile.write(head.encode() + jpeg + b"\r\n")
+
+    def _answer(self, status: int, kind: str, body: bytes, headers: dict[str, str] | None = None) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header(
+            "Content-Security-Policy",
+            "default-src 'none'; img-src 'self' blob:; connect-src 'self'; style-src 'unsafe-inline'; "
+            "script-src 'unsafe-inline'; frame-ancestors 'none'",
+        )
+        for name, value in (headers or {}).items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(body)

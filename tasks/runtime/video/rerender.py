@@ -1,0 +1,152 @@
+"""Makes the films of a run from its log of states: a program of its own, started after a run that failed.
+
+`python -P -m prefect_robomaker.tasks.runtime.video.rerender REQUEST`, where REQUEST is a `FilmRequest` as JSON. The
+clip of the last seconds comes first: it says most, should there be no time for the rest.
+"""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import ctypes
+import math
+import os
+import shutil
+import signal
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from PIL import Image as PillowImage
+
+from ..rendering.cameras import Image
+from ..rendering.drawing import awake, work_out_places
+from ..rendering.views import CameraNameError
+from ..states.state_log import Segment, StateLog
+from .encoder import Film
+from .recorder import Filming
+from .video_files import CLIP_FILE, POSTER_FILE, VIDEO_FILE, FilmRequest
+from .video_settings import VideoSettings
+
+CLIP_S = 10.0
+_PR_SET_PDEATHSIG = 1
+_NICENESS = 5
+_TOLERANCE_S = 5e-7
+"""Forgives rounding in sums of time steps, as the loop of a run does."""
+
+
+def make_films(request: FilmRequest) -> None:
+    """Writes `last-10s.mp4`, `poster.png` with the last moment, and `video.mp4` if it is asked for.
+
+    Raises:
+        StateLogError: There is no log.
+        ValueError: No state was noted, or there is no such camera.
+        Exception: OpenGL does not work here, or the files cannot be written.
+    """
+    log = StateLog.open(request.log_dir)
+    if not log.frames:
+        raise ValueError("no state was noted")
+    settings = VideoSettings(request.camera, request.size, request.rate_hz)
+    clip, film = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
+    is_short = log.end_s <= CLIP_S
+    # Of a short run the clip is the film.
+    last = write_film(log, clip, settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
+    poster = request.output_dir / POSTER_FILE
+    for path in (poster, film) if request.whole_film else (poster,):
+        path.unlink(missing_ok=True)  # programs may have left a link there
+    PillowImage.fromarray(last).save(poster)
+    if request.whole_film and is_short:
+        shutil.copyfile(clip, film)
+    elif request.whole_film:
+        write_film(log, film, settings, request.backend)
+
+
+def write_film(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
+    """Writes one film of a log, from a time to its end.
+
+    Args:
+        log: The states.
+        path: The file.
+        settings: Camera, size and rate.
+        backend: `egl`, `osmesa` or `rays`.
+        begin_s: Simulated time of the first picture.
+
+    Returns:
+        The last picture.
+
+    Raises:
+        Exception: OpenGL does not work here, or the file cannot be written.
+    """
+    film: Film | None = None
+    picture: Image | None = None
+    try:
+        for picture in _pictures(log, settings, backend, begin_s):
+            if film is None:
+                film = Film(path, (picture.shape[1], picture.shape[0]), settings.rate_hz)
+            film.add(picture)
+        assert film is not None
+        assert picture is not None
+        film.close()
+    except BaseException:
+        if film is not None:
+            film.abandon()
+        raise
+    return picture
+
+
+def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin_s: float) -> Iterator[Image]:
+    """A picture per frame of the film, which at least shows the last state."""
+    begin = min(math.ceil(begin_s * settings.rate_hz - 1e-6), math.floor(log.end_s * settings.rate_hz + 1e-6))
+    for segment in log.segments:
+        last = math.floor((segment.times[-1] + _TOLERANCE_S) * settings.rate_hz)
+        if last >= begin:
+            yield from _pictures_of(segment, log.camera, settings, backend, begin, last)
+            begin = last + 1
+
+
+def _pictures_of(
+    segment: Segment, camera: str | None, settings: VideoSettings, backend: str, begin: int, last: int
+) -> Iterator[Image]:
+    model = awake(mujoco.MjModel.from_binary_path(str(segment.model_path)))
+    data = mujoco.MjData(model)
+    # Each frame shows the first state that is not before it, as it does when filming during the run.
+    due_s = np.arange(begin, last + 1) / settings.rate_hz - _TOLERANCE_S
+    filming = Filming(model, settings, backend, camera)
+    try:
+        shown, picture = -1, None
+        for index in np.searchsorted(segment.times, due_s).tolist():
+            if picture is None or index != shown:
+                segment.set_state(data, index)
+                work_out_places(model, data)
+                shown, picture = index, filming.picture(data)
+            yield picture
+    finally:
+        filming.close()
+
+
+def main() -> int:
+    """Makes the films that the command line asks for; the last line of standard error says what went wrong."""
+    request = FilmRequest.model_validate_json(sys.argv[1])
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != request.parent_pid:
+        return 1
+    os.nice(_NICENESS)  # runs that are still going on come first
+    try:
+        make_films(request)
+    except CameraNameError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    except Exception as error:
+        traceback.print_exc()
+        sys.stderr.write(f"{type(error).__name__}: {error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    code = main()
+    sys.stderr.flush()
+    # Without the interpreter's clean-up, in which OpenGL's libraries may complain.
+    os._exit(code)

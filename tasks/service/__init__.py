@@ -1,0 +1,6 @@
+"""The service that every operation works with: settings, catalog, object store, clock, random numbers.
+
+May import: `schemas`, `tasks.catalog`, `tasks.storage`.
+"""
+
+__all__ = ["builtin_applications", "home", "service"]

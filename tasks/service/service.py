@@ -1,0 +1,156 @@
+"""What every operation works with: settings, catalog, object store, clock, chance.
+
+A `Service` is opened once per process and passed along explicitly. Flow functions that Prefect
+itself calls (in a worker, from a schedule) find it through `Service.current`.
+"""
+
+import os
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ...schemas.settings import Settings
+from ...schemas.wire.arns import resource_arn
+from ...schemas.wire.ids import IdPrefix, new_id
+from ..catalog import Catalog, ClientToken, Resource
+from ..storage import open_store
+from ..storage.base import ObjectStore
+from .builtin_applications import register_builtins
+from .home import prepare_home
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a job operation is: how many of its parts are in which state."""
+
+    counts: Mapping[str, int]
+    total: int
+
+
+def _ignore(progress: Progress) -> None:
+    """Takes progress that nobody watches."""
+
+
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
+@dataclass(frozen=True)
+class Service:
+    """One service: a catalog, an object store, and who it says it is in ARNs."""
+
+    settings: Settings
+    catalog: Catalog
+    store: ObjectStore
+    clock: Callable[[], datetime] = _utc_now
+    chance: random.Random = field(default_factory=random.SystemRandom)
+    """Source of ids, and of seeds that nobody gave."""
+
+    report_progress: Callable[[Progress], None] = _ignore
+    """Told of every change while a job operation is performed; called from several threads."""
+
+    @classmethod
+    def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
+        """Opens the catalog and the object store, creating what is missing.
+
+        Raises:
+          ConfigurationError: a setting leads nowhere.
+          StorageError: the object store does not answer.
+        """
+        prepare_home(settings)
+        catalog = Catalog.open(settings.catalog_url, clock=_utc_now)
+        store = open_store(settings, os.environ if environ is None else environ)
+        register_builtins(catalog, settings)
+        return cls(settings=settings, catalog=catalog, store=store)
+
+    @classmethod
+    def current(cls) -> "Service":
+        """The active service, or the one the environment variables describe."""
+        return _active.get() or _from_environment()
+
+    @contextmanager
+    def activated(self) -> Iterator["Service"]:
+        """Makes this service the current one for flows and tasks called inside the block."""
+        token = _active.set(self)
+        try:
+            yield self
+        finally:
+            _active.reset(token)
+
+    def watched_by(self, listener: Callable[[Progress], None]) -> "Service":
+        """The same service, whose progress `listener` is told of."""
+        return replace(self, report_progress=listener)
+
+    def folder(self, *parts: str) -> Path:
+        """A folder below the data home, created."""
+        path = self.settings.home.joinpath(*parts)
+        path.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def arn(self, kind: str, resource_id: str) -> str:
+        """The ARN of a resource of this service."""
+        return resource_arn(self.settings.region, self.settings.account, kind, resource_id)
+
+    def store_job(
+        self,
+        kind: str,
+        prefix: IdPrefix,
+        document: Mapping[str, Any],
+        *,
+        tags: Mapping[str, str] | None,
+        token: ClientToken | None,
+        parent: str | None = None,
+        labels: Mapping[str, Sequence[str]] | None = None,
+    ) -> Resource:
+        """Stores a new job as `Pending`, under an id of its own.
+
+        Args:
+          kind: its kind of resource, as in its ARN.
+          prefix: what its id begins with.
+          document: the request, and what its performer needs besides.
+          tags: its tags.
+          token: makes the call repeatable.
+          parent: ARN of the batch it belongs to.
+          labels: what else lists find it by.
+
+        Raises:
+          IdempotentParameterMismatchException: the token was used for another request.
+        """
+        job_id = new_id(prefix, self.chance)
+        job = Resource.new(
+            arn=self.arn(kind, job_id),
+            kind=kind,
+            id=job_id,
+            status="Pending",
+            parent=parent,
+            tags=tags,
+            labels=labels,
+            document=document,
+        )
+        return self.catalog.create(job, token=token)
+
+    def made_before(self, token: ClientToken | None) -> Resource | None:
+        """What an earlier call with the same token made: repeating it succeeds whatever has changed since.
+
+        Raises:
+          IdempotentParameterMismatchException: the earlier call was another request.
+        """
+        return self.catalog.made_before(token, self.settings.account)
+
+    def new_seed(self) -> int:
+        """A seed for a job whose request gives none; it is recorded with the job."""
+        return self.chance.randrange(2**31)
+
+
+_active: ContextVar[Service | None] = ContextVar("robomaker_service", default=None)
+
+
+@cache
+def _from_environment() -> Service:
+    return Service.open(Settings.from_environment(os.environ))

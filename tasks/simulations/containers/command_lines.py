@@ -1,0 +1,202 @@
+"""Command lines of container engines, docker and podman alike where they are alike."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ....schemas.runs.programs import ComputeLimits
+
+# Not every client passes signals on, or ends as its container did; it has a group of its own (`set -m`), and what it
+# cannot tell is asked for afterwards. That a container could start no more processes only its control group tells, and
+# only while it runs.
+_START = """
+tell_of_processes() {
+  local pid=0 tries=0 pids unified events count
+  until [ "${pid:-0}" -gt 0 ]; do
+    sleep 0.5
+    (( ++tries > 120 )) && return
+    pid=$("$1" inspect --format '{{.State.Pid}}' "$2" 2>/dev/null)
+  done
+  pids=$(sed -n 's/^[0-9]*:pids://p' "/proc/$pid/cgroup" 2>/dev/null)
+  unified=$(sed -n 's/^0:://p' "/proc/$pid/cgroup" 2>/dev/null)
+  events="/sys/fs/cgroup${pids:+/pids}${pids:-$unified}/pids.events"
+  while read -r _ count 2>/dev/null <"$events"; do
+    if [ "$count" -gt 0 ]; then
+      echo "the container could start no more than the $3 processes and threads that are allowed" >&2
+      return
+    fi
+    sleep 0.5
+  done
+}
+trap '"$1" kill --signal TERM "$2" >/dev/null 2>&1' TERM
+set -m
+"$1" start --attach "$2" &
+main=$!
+if [ -n "$4" ]; then
+  tell_of_processes "$1" "$2" "$4" &
+  teller=$!
+  disown $teller
+fi
+set +m
+while wait $main; code=$?; kill -0 $main 2>/dev/null; do :; done
+[ -n "$4" ] && kill -KILL -- -$teller 2>/dev/null
+form='{{.State.Status}} {{.State.OOMKilled}} {{.State.ExitCode}}'
+read -r status is_out_of_memory ended_with <<<"$("$1" inspect --format "$form" "$2" 2>/dev/null)"
+case "$status:$ended_with" in exited:*|created:[1-9]*) code=$ended_with ;; esac
+if [ "$is_out_of_memory" = true ]; then
+  echo "the container used more memory than the $3 MiB that are allowed, and was killed" >&2
+elif [ "$code" = 137 ]; then
+  echo "the container was killed; perhaps it used more memory than the $3 MiB that are allowed" >&2
+fi
+exit $code
+"""
+# A tool is started at the same moment as its container, which takes a while to be there. When the container ends, it is
+# killed, and that is noticed first; what it means is for the container's own end to say.
+_RUN_TOOL = """
+state() { "$1" inspect --format '{{.State.Status}}' "$2" 2>/dev/null; }
+until now=$(state "$1" "$2"); [ "$now" = running ]; do
+  case "$now" in exited|dead) exit 1 ;; esac
+  sleep 0.1
+done
+"$1" exec "$2" /bin/bash -c "$3"
+code=$?
+if [ $code = 137 ]; then
+  sleep 0.5
+  [ "$(state "$1" "$2")" = running ] || sleep 10
+fi
+exit $code
+"""
+_REMOVE = 'exec "$1" rm -f "$2" >/dev/null'
+# Whoever owns the folder is not the same number inside and outside of rootless engines.
+_GIVE_BACK = 'chown -hR "$(stat -c %u:%g "$0")" "$0" && chmod -R u+rwX "$0"'
+_GIVEN_BACK = "/robomaker"
+# Engines read files line by line, with 64 KiB for a line.
+_LONGEST_IN_FILE = 10_000
+
+NO_PROGRAM = "/robomaker-no-such-program"
+"""What no image has."""
+
+
+@dataclass(frozen=True)
+class Mount:
+    """A folder of this machine that a container sees."""
+
+    source: Path
+    target: str
+    read_only: bool = False
+
+    @property
+    def option(self) -> str:
+        """The value of the engine's option `--mount`; paths may hold colons and commas."""
+        values = ["type=bind", f"source={self.source}", f"target={self.target}"]
+        line = io.StringIO()
+        csv.writer(line, lineterminator="").writerow(values + ["readonly"] * self.read_only)
+        return line.getvalue()
+
+
+@dataclass(frozen=True)
+class Container:
+    """A container to be run."""
+
+    engine: str
+    name: str
+    image: str
+    command: Sequence[str] = ()
+    """Replaces the image's `CMD`; its `ENTRYPOINT` stays."""
+
+    environment: Mapping[str, str] = field(default_factory=dict)
+    mounts: Sequence[Mount] = ()
+    limits: ComputeLimits = field(default_factory=ComputeLimits)
+    is_podman: bool = False
+    gpu: str = "0"
+    """Which GPU it gets, where its limits say that it gets one: number or UUID."""
+
+
+def env_file(variables: Mapping[str, str]) -> str:
+    """What a file for the engine's option `--env-file` says: a variable in each line, its value as it is."""
+    return "".join(f"{name}={value}\n" for name, value in sorted(variables.items()) if _fits_line(value))
+
+
+def _fits_line(value: str) -> bool:
+    return not any(character in value for character in "\n\r\0") and len(value) < _LONGEST_IN_FILE
+
+
+def create_argv(container: Container, variables: Path) -> list[str]:
+    """Makes a container on the machine's network, which does not run yet.
+
+    The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: they are those
+    of whoever performs the job, too.
+
+    Args:
+      container: the container.
+      variables: where `env_file` of its environment is; only what that cannot hold is in the command line.
+    """
+    limits = container.limits
+    argv = [container.engine, "create", "--name", container.name, "--network", "host", "--log-driver", "none"]
+    argv += ["--security-opt", "label=disable"]
+    if limits.cpus is not None:
+        argv += ["--cpus", str(limits.cpus)]
+    if limits.memory_bytes is not None:
+        # Engines allow as much again of swap, unless that is said to be the limit too.
+        argv += ["--memory", str(limits.memory_bytes), "--memory-swap", str(limits.memory_bytes)]
+    if limits.processes is not None:
+        argv += ["--pids-limit", str(limits.processes)]
+    if limits.gpu:
+        argv += _gpu_options(container)
+    argv += ["--env-file", str(variables)]
+    for name, value in sorted(container.environment.items()):
+        if not _fits_line(value):
+            argv += ["-e", f"{name}={value}"]
+    for mount in container.mounts:
+        argv += ["--mount", mount.option]
+    return [*argv, container.image, *container.command]
+
+
+def _gpu_options(container: Container) -> list[str]:
+    """What gives it a GPU: docker has NVIDIA's hook called, podman reads what `nvidia-ctk cdi generate` wrote."""
+    if container.is_podman:
+        return ["--device", f"nvidia.com/gpu={container.gpu}"]
+    return ["--gpus", f"device={container.gpu}"]
+
+
+def gpu_probe_argv(container: Container) -> list[str]:
+    """Makes a container that has the GPU of another, and nothing that it could run."""
+    name, program = f"{container.name}-gpu", NO_PROGRAM
+    argv = [container.engine, "create", "--name", name, "--network", "none", *_gpu_options(container)]
+    return [*argv, "--entrypoint", program, container.image]
+
+
+def start_argv(container: Container) -> list[str]:
+    """Runs a container that was made, in the foreground; ends with its exit code.
+
+    It says if memory was the container's end, and if it could start no more processes.
+    """
+    mebibytes = round((container.limits.memory_bytes or 0) / 2**20)
+    processes = str(container.limits.processes or "")
+    return ["/bin/bash", "-c", _START, "start", container.engine, container.name, str(mebibytes), processes]
+
+
+def tool_argv(container: Container, command: str) -> list[str]:
+    """Runs a command line beside what a container runs, as soon as it does."""
+    return ["/bin/bash", "-c", _RUN_TOOL, "tool", container.engine, container.name, command]
+
+
+def remove_argv(container: Container) -> list[str]:
+    """Ends a container, whatever it does, and removes it."""
+    return ["/bin/bash", "-c", _REMOVE, "remove", container.engine, container.name]
+
+
+def give_back_argv(engine: str, name: str, image: str, folder: Path) -> list[str]:
+    """Makes all that containers wrote into a folder belong to whoever owns the folder.
+
+    Args:
+      engine: the engine's program.
+      name: for the container that does it, and is removed.
+      image: an image that has a shell, `chown`, `chmod` and `stat`.
+      folder: the folder.
+    """
+    run = [engine, "run", "--rm", "--name", name, "--network", "none", "--security-opt", "label=disable"]
+    run += ["--user", "0", "--mount", Mount(folder, _GIVEN_BACK).option, "--entrypoint", "/bin/sh"]
+    return [*run, image, "-c", _GIVE_BACK, _GIVEN_BACK]

@@ -1,0 +1,316 @@
+"""Container engines of this machine: which there is, and what it knows of an image."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ....schemas.runs.plan import ApplicationRole
+from ....schemas.wire.errors import LaunchError
+
+ENGINE_VARIABLE = "ROBOMAKER_CONTAINER_ENGINE"
+PULL_TIMEOUT_S = 1800.0
+_ENGINES = ("docker", "podman")
+_ANSWER_TIMEOUT_S = 20.0
+_CREATE_TIMEOUT_S = 120.0
+_POLL_S = 0.1
+_KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")
+# What the engine says is told last: where it has nothing to copy, tar complains too. Of what tar says the first line is
+# told, and the rest is read: it would end where nobody does.
+_COPY = """
+set -o pipefail
+case "$(tar --version 2>/dev/null)" in *"GNU tar"*) quiet=--warning=no-timestamp ;; *) quiet= ;; esac
+unpack() {
+  tar --extract --directory "$1" --numeric-owner --preserve-permissions "--$2-owner" $quiet 2>&1 >/dev/null |
+    { head -n 1 >&2; cat >/dev/null; }
+}
+said=$({ "$1" cp "$2" - 2>&3 | unpack "$3" "$4"; } 3>&1)
+code=$?
+echo "$said" >&2
+[ $code = 0 ] && [ "$4" = no-same ] && chmod -R a+rwX "$3"
+exit $code
+"""
+_CONTAINERD_STORE = "io.containerd.snapshotter.v1"
+_KEPT_BEGINNINGS = ("DOCKER_", "CONTAINER_", "CONTAINERS_", "REGISTRY_")
+
+Which = Callable[[str], str | None]
+"""Finds a program on the path."""
+
+
+class EngineError(Exception):
+    """An engine refused, or does not answer; the message is what it said last."""
+
+
+class NameTakenError(EngineError):
+    """A container was not made because another has its name."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A container engine.
+
+    Args:
+      program: its path.
+      environment: what it is called with.
+      is_podman: whether it is podman, whatever it is called.
+      instead_of: why it is not another engine, in words.
+    """
+
+    program: str
+    environment: Mapping[str, str]
+    is_podman: bool = False
+    instead_of: str = ""
+
+    def call(
+        self, *arguments: str, timeout_s: float = _ANSWER_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
+    ) -> str:
+        """Runs a command of the engine; returns what it printed.
+
+        Raises:
+          EngineError: it failed, took too long, or was `stopped`.
+        """
+        return self.carry_out([self.program, *arguments], arguments[0], timeout_s, stopped)
+
+    def carry_out(
+        self, argv: Sequence[str], what: str, timeout_s: float, stopped: Callable[[], bool] = lambda: False
+    ) -> str:
+        """Runs a command line that calls the engine; returns what it printed.
+
+        Args:
+          argv: the command line.
+          what: is done by it, for messages.
+          timeout_s: how long it may take.
+          stopped: asked several times a second whether to give up.
+
+        Raises:
+          EngineError: it failed, took too long, or was `stopped`.
+        """
+        try:
+            process = subprocess.Popen(
+                argv,
+                env=dict(self.environment),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise EngineError(f"{argv[0]} cannot be run: {error.strerror}") from error
+        return _finish(process, what, timeout_s, stopped)
+
+
+@dataclass(frozen=True)
+class Image:
+    """What an engine knows of an image that is on this machine."""
+
+    id: str | None
+    """By which the engine knows it, whatever its names: a SHA-256, in hexadecimal."""
+
+    digests: tuple[str, ...]
+    """`sha256:…` of its manifest, one for each registry it came from."""
+
+    is_built_here: bool
+    """Whether no registry has given or got it, as far as its digests tell."""
+
+    volumes: tuple[str, ...]
+    ports: tuple[str, ...]
+
+
+def engine_environment(environ: Mapping[str, str]) -> dict[str, str]:
+    """The variables of this process that an engine needs: how it is reached, where its credentials are."""
+    return {
+        name: value
+        for name, value in environ.items()
+        if name in _KEPT_VARIABLES or name.startswith(_KEPT_BEGINNINGS) or name == "LANG"
+    }
+
+
+def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
+    """The engine that a variable names, or the first of docker and podman that answers.
+
+    Args:
+      environ: environment variables; `ROBOMAKER_CONTAINER_ENGINE` names one.
+      which: finds a program on the path.
+
+    Raises:
+      LaunchError: there is none, or none answers; says what each said.
+    """
+    named = environ.get(ENGINE_VARIABLE)
+    said = []
+    for name in (named,) if named else _ENGINES:
+        if (program := which(name)) is None:
+            said.append(f"{name} is not installed")
+            continue
+        engine = Engine(program, engine_environment(environ))
+        try:
+            engine.call("version")
+            # Some systems have podman under the name of docker.
+            is_podman = "podman" in engine.call("--version").lower()
+            return replace(engine, is_podman=is_podman, instead_of="; ".join(said))
+        except EngineError as error:
+            said.append(f"{name} does not answer ({error})")
+    raise LaunchError(
+        f"container images need docker or podman, and this machine has none that works: {'; '.join(said)}; "
+        f"install one, or say with {ENGINE_VARIABLE} where it is",
+        "InvalidInput",
+    )
+
+
+def get_image(
+    engine: Engine,
+    uri: str,
+    role: ApplicationRole,
+    *,
+    digest: str | None,
+    pull_timeout_s: float = PULL_TIMEOUT_S,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Image:
+    """Pulls an image and checks that a job may run it.
+
+    An image that was built here is not asked for: in a registry its name may mean somebody else's. Where the engine
+    cannot tell that, this goes for all that are here and whose name has no registry in it. Nor is one asked for that is
+    named by its digest and is here already. One that is here is used where the registry does not give it.
+
+    Args:
+      engine: where it is to be.
+      uri: its name.
+      role: of the application, for failure codes.
+      digest: what it has to be; `None`: whatever the name means now.
+      pull_timeout_s: how long pulling may take.
+      stopped: asked several times a second whether to give up.
+
+    Raises:
+      LaunchError: it cannot be had, is another one, or breaks the rules for images.
+    """
+    if uri.startswith("-"):  # an option, to an engine
+        raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0", "InvalidInput")
+    code = role.capitalize()
+    image = _inspect(engine, uri)
+    if image is None or not ("@" in uri or (digest is None and _may_be_built_here(engine, uri, image))):
+        try:
+            engine.call("pull", uri, timeout_s=pull_timeout_s, stopped=stopped)
+        except EngineError as error:
+            if image is None:
+                why = f" ({engine.program} was asked because {engine.instead_of})" if engine.instead_of else ""
+                raise LaunchError(
+                    f"the image {uri} cannot be pulled: {error}{why}", f"BadPermissions{code}Application"
+                ) from error
+        image = _inspect(engine, uri)
+    if image is None:
+        raise LaunchError(f"the image {uri} is not there after it was pulled", f"BadPermissions{code}Application")
+    if digest is not None and digest not in image.digests:
+        found = ", ".join(image.digests) or "no digest: it was built here"
+        raise LaunchError(
+            f"the image {uri} has changed since the version was made: {digest}, then {found}",
+            f"{code}ApplicationVersionMismatchedEtag",
+        )
+    for instruction, values in (("VOLUME", image.volumes), ("EXPOSE", image.ports)):
+        if values:
+            raise LaunchError(
+                f"the image {uri} has {instruction} {' '.join(values)}, which jobs do not allow; remove it from the "
+                "Dockerfile (ports are opened with portForwardingConfig)",
+                "InvalidInput",
+            )
+    return image
+
+
+def copy_out(
+    engine: Engine,
+    uri: str,
+    name: str,
+    folders: Mapping[str, Path],
+    *,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Copies folders of an image to this machine; those that it does not have are left out.
+
+    What is mounted over a folder of an image hides what the image has there, such as a workspace below
+    `/home/robomaker`. Root keeps whose files they are; for others, and where podman does not tell it, all files become
+    the caller's, and whoever is the image's `USER` may write to them too.
+
+    Args:
+      engine: where the image is.
+      uri: the image.
+      name: for the container that is made for this, and removed.
+      folders: by the path in the image, the folder here.
+      stopped: asked several times a second whether to give up.
+
+    Raises:
+      LaunchError: the engine refuses, or it was `stopped`.
+    """
+    owners = "same" if os.geteuid() == 0 and not engine.is_podman else "no-same"
+    try:
+        engine.call("create", "--name", name, "--network", "host", uri, "nothing", timeout_s=_CREATE_TIMEOUT_S)
+        try:
+            for inside, here in folders.items():
+                argv = ["/bin/bash", "-c", _COPY, "copy", engine.program, f"{name}:{inside}/.", str(here), owners]
+                try:
+                    engine.carry_out(argv, "cp", PULL_TIMEOUT_S, stopped)
+                except EngineError as error:
+                    if "o such" not in str(error) and "not find" not in str(error) and "not exist" not in str(error):
+                        raise
+        finally:
+            engine.call("rm", "-f", name)
+    except EngineError as error:
+        raise LaunchError(f"the image {uri} cannot be looked into: {error}", "InternalServiceError") from error
+
+
+def _inspect(engine: Engine, uri: str) -> Image | None:
+    """What is known of an image; `None` if it is not on this machine."""
+    try:
+        found: dict[str, Any] = json.loads(engine.call("image", "inspect", uri))[0]
+    except (EngineError, ValueError, LookupError):
+        return None
+    config = found.get("Config") or {}
+    names: list[str] = found.get("RepoDigests") or []
+    return Image(
+        id=str(found.get("Id") or "").rpartition(":")[2] or None,  # podman leaves out that it is a SHA-256
+        digests=tuple(name.rpartition("@")[2].lower() for name in names),
+        is_built_here=all(name.startswith("localhost/") for name in names),  # as podman calls them
+        volumes=tuple(config.get("Volumes") or ()),
+        ports=tuple(config.get("ExposedPorts") or ()),
+    )
+
+
+def _may_be_built_here(engine: Engine, uri: str, image: Image) -> bool:
+    if image.is_built_here:
+        return True
+    first, separator, _ = uri.partition("/")
+    if separator and (first == "localhost" or "." in first or ":" in first):
+        return False
+    return not engine.is_podman and _gives_all_images_digests(engine)
+
+
+def _gives_all_images_digests(engine: Engine) -> bool:
+    """Whether docker keeps images in containerd's store, which also names those by digests that were built here."""
+    try:
+        return _CONTAINERD_STORE in engine.call("info", "--format", "{{.DriverStatus}}")
+    except EngineError:
+        return False
+
+
+def _finish(process: "subprocess.Popen[str]", what: str, timeout_s: float, stopped: Callable[[], bool]) -> str:
+    deadline = time.monotonic() + timeout_s
+    while True:
+        try:
+            printed, complained = process.communicate(timeout=_POLL_S)
+            break
+        except subprocess.TimeoutExpired:
+            late = time.monotonic() >= deadline
+            if late or stopped():
+                os.killpg(process.pid, signal.SIGKILL)  # with helpers, which have its output open too
+                process.communicate()
+                why = f"did not end within {timeout_s:g} s" if late else "was stopped"
+                raise EngineError(f"`{what}` {why}") from None
+    if process.returncode:
+        last = (complained.strip() or printed.strip() or f"exit code {process.returncode}").splitlines()[-1]
+        # docker: The container name "/x" is already in use by container …; podman: … that name is already in use
+        raise (NameTakenError if "name" in last and "already in use" in last else EngineError)(last)
+    return printed

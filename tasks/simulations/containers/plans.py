@@ -1,0 +1,241 @@
+"""Applications that are container images: pulled, given folders, run by docker or podman."""
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ....schemas.runs.plan import ApplicationRole
+from ....schemas.runs.programs import ProgramPlan
+from ....schemas.wire.errors import LaunchError
+from ...catalog import Resource
+from ...runtime.agents.agent_client import SOCKET_VARIABLE
+from ...runtime.agents.agent_socket import agent_socket_path
+from ..environment.compute import gpu_of
+from ..environment.folders import AGENT, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
+from ..environment.run_environment import Surroundings, container_sandbox, tool_plan
+from ..environment.shared_memory import SHARED_MEMORY, make_shared_memory
+from ..ros.domains import DOMAIN_VARIABLE
+from .cleanup import ContainerNote, noted_container
+from .command_lines import (
+    NO_PROGRAM,
+    Container,
+    Mount,
+    create_argv,
+    env_file,
+    gpu_probe_argv,
+    remove_argv,
+    start_argv,
+    tool_argv,
+)
+from .engines import Engine, EngineError, Image, copy_out, engine_environment, find_engine, get_image
+
+_CREATE_TIMEOUT_S = 120.0
+
+
+def plan_container(
+    role: ApplicationRole,
+    application: Resource,
+    uri: str,
+    config: Mapping[str, Any],
+    surroundings: Surroundings,
+    *,
+    drives: bool,
+) -> list[ProgramPlan]:
+    """Gets an application's image, makes its container, and says how it and its tools are run.
+
+    Args:
+      role: the application's.
+      application: it, or the version of it.
+      uri: its image.
+      config: its entry in the job's request.
+      surroundings: what it finds.
+      drives: whether it is a robot application that drives a simulation over a socket.
+
+    Raises:
+      LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
+    """
+    container, image = _made_container(role, application, uri, config["launchConfig"], surroundings, drives)
+    # The engine is called as whoever performs the job calls it: its sockets and credentials are theirs.
+    environment = engine_environment(surroundings.environ)
+    folder = container_sandbox(surroundings.folder, role).root  # what the container writes is measured there
+    program = ProgramPlan(
+        name=role,
+        role=role,
+        kind="application",
+        argv=start_argv(container),
+        folder=folder,
+        image_id=image.id,
+        environment=environment,
+        cleanup_argv=remove_argv(container),
+    )
+    tools = [
+        tool_plan(role, tool, tool_argv(container, tool["command"]), folder, environment)
+        for tool in config.get("tools") or []
+    ]
+    return [program, *tools]
+
+
+def _made_container(
+    role: ApplicationRole,
+    application: Resource,
+    uri: str,
+    launch: Mapping[str, Any],
+    surroundings: Surroundings,
+    drives: bool,
+) -> tuple[Container, Image]:
+    """Gets an image and makes the container.
+
+    It is made here and not when it is run: who kills an engine's client that makes one cannot know whether the engine
+    goes on to make it. For the same reason nobody stops this.
+    """
+    engine = find_engine(surroundings.environ, surroundings.which)
+    digest = application.document.get("imageDigest")
+    image = get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
+    name = _container_name(role, surroundings)
+    sandbox = _seeded_sandbox(engine, ContainerNote(engine.program, f"{name}-image", uri, role), surroundings)
+    command = launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)]
+    container = Container(
+        engine=engine.program,
+        name=name,
+        image=uri,
+        command=command,
+        environment={
+            DOMAIN_VARIABLE: surroundings.plan.environment[DOMAIN_VARIABLE],
+            **(launch.get("environmentVariables") or {}),
+            **_container_variables(surroundings, drives),
+        },
+        mounts=_mounts(sandbox, surroundings, drives),
+        limits=surroundings.plan.compute,
+        is_podman=engine.is_podman,
+        gpu=gpu_of(surroundings.environ),
+    )
+    if container.limits.gpu:
+        with noted_container(surroundings.folder, ContainerNote(engine.program, f"{name}-gpu", uri, role)):
+            check_gpu(engine, container)
+    try:
+        with noted_container(surroundings.folder, ContainerNote(engine.program, name, uri, role)):
+            _create(engine, container, surroundings.folder / f"{role}.env")
+    except EngineError as error:
+        raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
+    return container, image
+
+
+def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:
+    """A name that no other container has: who runs a stored run again does so under its id, in another folder."""
+    digest = hashlib.sha256(os.fsencode(surroundings.folder.absolute())).hexdigest()[:10]
+    return f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{digest}-{role}"
+
+
+def _create(engine: Engine, container: Container, variables: Path) -> None:
+    """Makes a container; its variables may be secrets, and command lines are for all users of a machine to read.
+
+    Raises:
+      EngineError: the engine refuses.
+    """
+    variables.unlink(missing_ok=True)
+    try:
+        variables.touch(0o600, exist_ok=False)
+        variables.write_text(env_file(container.environment), encoding="utf-8")
+        engine.carry_out(create_argv(container, variables), "create", _CREATE_TIMEOUT_S)
+    finally:
+        variables.unlink(missing_ok=True)
+
+
+def check_gpu(engine: Engine, container: Container) -> None:
+    """Finds out whether an engine can give a container a GPU, before it is the application that fails.
+
+    Raises:
+      LaunchError: it cannot; says why.
+    """
+    name = f"{container.name}-gpu"
+    try:
+        engine.carry_out(gpu_probe_argv(container), "create", _CREATE_TIMEOUT_S)
+        engine.call("start", "--attach", name, timeout_s=_CREATE_TIMEOUT_S)
+    except EngineError as error:
+        if NO_PROGRAM not in str(error):  # which is the last that is looked at
+            needed = "a description by `nvidia-ctk cdi generate`" if engine.is_podman else "NVIDIA's container toolkit"
+            raise LaunchError(
+                f"{engine.program} cannot give the container GPU {container.gpu}; it needs {needed}: {error}",
+                "InvalidInput",
+            ) from error
+
+
+def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundings) -> Sandbox:
+    """Folders for a container, with what its image has there; whoever `USER` is may write to them."""
+    sandbox = container_sandbox(surroundings.folder, note.role).create()
+    sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
+    folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
+    with noted_container(surroundings.folder, note):
+        copy_out(engine, note.image, note.name, folders, stopped=surroundings.stopped)
+    output = sandbox.place(OUTPUT)
+    output.mkdir(parents=True, exist_ok=True)
+    for folder in (*folders.values(), output):
+        folder.chmod(0o777)
+    return sandbox
+
+
+def _mounts(sandbox: Sandbox, surroundings: Surroundings, drives: bool) -> list[Mount]:
+    shared = surroundings.sandbox
+    mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS)]
+    for path in surroundings.destinations:
+        if path.startswith((f"{HOME}/", f"{LOGS}/")):
+            _make_mount_point(sandbox, path)
+    mounts.append(Mount(shared.place(DATA_SOURCES), DATA_SOURCES, read_only=True))
+    mounts += [Mount(shared.place(path), path, read_only=True) for path in surroundings.destinations]
+    mounts.append(Mount(sandbox.place(OUTPUT), OUTPUT))
+    mounts.append(Mount(make_shared_memory(surroundings.folder), SHARED_MEMORY))
+    if surroundings.plan.world_dir is not None:
+        mounts.append(Mount(surroundings.plan.world_dir, WORLD, read_only=True))
+    if drives:
+        # Who may not write to the folder may connect nevertheless.
+        mounts.append(Mount(_agent_folder(surroundings), AGENT, read_only=True))
+    return mounts
+
+
+def _make_mount_point(sandbox: Sandbox, path: str) -> None:
+    """Makes a folder below what the image has, where the engine would make one that belongs to root.
+
+    Raises:
+      LaunchError: the image has something else there; links could lead anywhere.
+    """
+    place = sandbox.root
+    for part in PurePosixPath(path).parts[1:]:
+        place /= part
+        if place.is_symlink() or (place.exists() and not place.is_dir()):
+            raise LaunchError(
+                f"the data source's destination {path} cannot be there: the image has something at "
+                f"/{place.relative_to(sandbox.root)} that is no folder",
+                "InvalidInput",
+            )
+        place.mkdir(exist_ok=True)
+
+
+def _agent_folder(surroundings: Surroundings) -> Path:
+    """The folder of the socket that a robot drives the simulation by, made before an engine makes it as root."""
+    folder = agent_socket_path(surroundings.plan).parent
+    folder.parent.mkdir(0o700, exist_ok=True)
+    folder.mkdir(0o755, exist_ok=True)
+    return folder
+
+
+def _container_variables(surroundings: Surroundings, drives: bool) -> dict[str, str]:
+    """What a container has in its environment: nothing that is about folders of this machine."""
+    variables = {
+        "AWS_ROBOMAKER_SIMULATION_JOB_ID": surroundings.plan.job_id,
+        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": surroundings.plan.job_arn,
+        "AWS_ROBOMAKER_SIMULATION_RUN_ID": surroundings.plan.run_id,
+        "ROBOMAKER_JOB_ROOT": "/",
+        "ROBOMAKER_DATA_DIR": DATA_SOURCES,
+        "ROBOMAKER_OUTPUT_DIR": OUTPUT,
+        "ROBOMAKER_SEED": str(surroundings.plan.seed),
+    }
+    if not surroundings.plan.compute.gpu:  # also where an image or the engine would give it all there are
+        variables |= {"CUDA_VISIBLE_DEVICES": "", "NVIDIA_VISIBLE_DEVICES": ""}
+    if drives:
+        variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(surroundings.plan).name}"
+    if surroundings.plan.world_dir is not None:
+        variables["ROBOMAKER_WORLD_DIR"] = WORLD
+    service = {name: value for name, value in surroundings.plan.environment.items() if name.startswith("AWS_")}
+    return variables | {name: value for name, value in service.items() if name != "AWS_DATA_PATH"}

@@ -1,0 +1,6 @@
+"""What a job reads: application bundles, data sources, the rooms of its world.
+
+May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.simulations.environment`, `tasks.storage`.
+"""
+
+__all__ = ["bundles", "data_sources", "world_rooms"]

@@ -1,0 +1,98 @@
+"""Bundles on this machine: fetched once, kept by their content, shared by all jobs."""
+
+import fcntl
+import glob
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from ....schemas.wire.errors import (
+    BucketNotFoundError,
+    BundleError,
+    LaunchError,
+    ObjectNotFoundError,
+    StorageAccessDeniedError,
+)
+from ...catalog import Resource
+from ...service.service import Service
+from ...storage import ObjectInfo, fetch, unpack
+
+
+def world_bundle(world: Resource, service: Service) -> Path:
+    """The folder of a world's bundle, read-only by agreement.
+
+    Raises:
+      StorageError: it cannot be fetched.
+    """
+    bucket, prefix = world.document["bundle"]["bucket"], world.document["bundle"]["prefix"]
+
+    def fill(folder: Path) -> None:
+        fetch(service.store, bucket, prefix, folder)
+
+    return _once(service.folder("cache", "worlds") / prefix.rsplit("/", 1)[-1], fill)
+
+
+def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:
+    """The folder an application's archive was unpacked into.
+
+    Args:
+      source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
+      role: `Robot` or `Simulation`, for failure codes.
+      service: where the archive is stored.
+      is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
+        `$LATEST` is whatever is there now.
+
+    Raises:
+      LaunchError: it is gone, is not what it was, may not be read or cannot be unpacked.
+      StorageError: the object store does not answer.
+    """
+    bucket, key = source["s3Bucket"], source["s3Key"]
+    try:
+        mismatch = f"{role}ApplicationVersionMismatchedEtag" if is_pinned else "MismatchedEtag"
+        found = service.store.head(bucket, key)
+        if is_pinned and found.etag != source["etag"]:
+            raise _changed(found, "the version was made", source["etag"], mismatch)
+
+        def fill(folder: Path) -> None:
+            with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+                archive = Path(scratch, "archive")
+                fetched = service.store.get_file(bucket, key, archive)
+                if fetched.etag != found.etag:
+                    raise _changed(fetched, "it was looked at", found.etag, mismatch)
+                unpack(archive, folder)
+
+        return _once(service.folder("cache", "applications") / found.etag, fill)
+    except BundleError as error:
+        raise LaunchError(f"s3://{bucket}/{key}: {error}", f"InvalidBundle{role}Application") from error
+    except (BucketNotFoundError, ObjectNotFoundError, StorageAccessDeniedError) as error:
+        raise LaunchError(str(error), f"BadPermissions{role}Application") from error
+
+
+def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> LaunchError:
+    return LaunchError(
+        f"s3://{found.bucket}/{found.key} has changed since {since}: ETag {found.etag}, then {etag}", failure_code
+    )
+
+
+def _once(folder: Path, fill: Callable[[Path], None]) -> Path:
+    """Fills a folder unless it is there; of several processes one does it, a failed one leaves nothing."""
+    if folder.is_dir():
+        return folder
+    with (folder.parent / f".{folder.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not folder.is_dir():
+            part = folder.with_name(f".{folder.name}.part")
+            _remove_parts(part)  # of a filler that was killed
+            try:
+                fill(part)
+                part.rename(folder)
+            finally:
+                _remove_parts(part)
+    return folder
+
+
+def _remove_parts(part: Path) -> None:
+    """Removes a folder that was to be filled, and what filling it has put beside it."""
+    for left in part.parent.glob(f"*{glob.escape(part.name)}*"):
+        shutil.rmtree(left, ignore_errors=True)

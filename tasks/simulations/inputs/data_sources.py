@@ -1,0 +1,136 @@
+"""Data sources: stored objects that a job finds in its data folder."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ....schemas.wire.errors import (
+    BundleError,
+    InvalidParameterException,
+    LaunchError,
+    StorageAccessDeniedError,
+    StorageError,
+)
+from ...service.service import Service
+from ...storage import unpack
+from ...storage.base import ObjectInfo
+from ..environment.folders import DATA_SOURCES, Sandbox, protect, remove
+
+MAX_FILES = 100
+MAX_BYTES = 25 * 10**9
+
+
+def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service) -> list[dict[str, Any]]:
+    """Finds the objects that data sources mean now, with their ETags.
+
+    Raises:
+      InvalidParameterException: an object does not exist or cannot be read, or there are too many.
+    """
+    resolved, objects = [], []
+    for index, config in enumerate(configs):
+        found = _objects(config, f"dataSources[{index}]", service)
+        objects += found
+        keys = [{"s3Key": item.key, "etag": item.etag} for item in found]
+        resolved.append({"type": "File", **config, "s3Keys": keys})
+    size = sum(item.size_bytes for item in objects)
+    if len(objects) > MAX_FILES or size > MAX_BYTES:
+        raise InvalidParameterException(
+            f"dataSources: {len(objects)} files, {size / 1e9:.1f} GB in all; "
+            f"a job reads at most {MAX_FILES} files, {MAX_BYTES / 1e9:.0f} GB in all"
+        )
+    return resolved
+
+
+def fetch_data_sources(sources: Sequence[Mapping[str, Any]], sandbox: Sandbox, service: Service) -> Path | None:
+    """Fetches resolved data sources into a job's folders, read-only.
+
+    Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is `plans/maps/flat.pgm` in the
+    folder of data sources. An archive becomes a folder of its name: `maps/flat.zip` becomes `plans/maps/flat`.
+    A source with a destination is there instead, its archives unpacked into the destination itself; `plans` leads
+    there.
+
+    Returns:
+      The folder of data sources; `None` if there are none.
+
+    Raises:
+      LaunchError: an object is gone, has changed, or is no archive.
+    """
+    # A destination inside of another's is filled later, as it would be mounted over it.
+    for source in sorted(sources, key=lambda source: len(PurePosixPath(source.get("destination") or "/").parts)):
+        folder = _folder_of(source, sandbox)
+        for item in source["s3Keys"]:
+            place = f"s3://{source['s3Bucket']}/{item['s3Key']}"
+            try:
+                _fetch(source, item, folder, service)
+            except StorageAccessDeniedError as error:
+                raise LaunchError(f"{place}: {error}", "BadPermissionsS3Object") from error
+            except (StorageError, BundleError) as error:
+                raise LaunchError(f"{place}: {error}", "InvalidS3Resource") from error
+    for source in sources:
+        protect(sandbox.place(source.get("destination") or f"{DATA_SOURCES}/{source['name']}"))
+    return sandbox.place(DATA_SOURCES) if sources else None
+
+
+def _folder_of(source: Mapping[str, Any], sandbox: Sandbox) -> Path:
+    """The empty folder that a source is fetched into."""
+    usual = sandbox.place(f"{DATA_SOURCES}/{source['name']}")
+    destination = source.get("destination")
+    if not destination:
+        usual.mkdir(parents=True, exist_ok=True)
+        return usual
+    folder = sandbox.place(destination)
+    remove(folder)
+    folder.mkdir(parents=True)
+    # Relative, so that it leads to the same place where the folders are mounted in a container.
+    usual.symlink_to(os.path.relpath(folder, usual.parent))
+    return folder
+
+
+def _objects(config: Mapping[str, Any], place: str, service: Service) -> list[ObjectInfo]:
+    found: list[ObjectInfo] = []
+    for number, key in enumerate(config["s3Keys"]):
+        where = f"{place}.s3Keys[{number}]: s3://{config['s3Bucket']}/{key}"
+        try:
+            if config.get("type") == "Prefix":
+                items = list(service.store.list(config["s3Bucket"], key))
+            else:
+                items = [service.store.head(config["s3Bucket"], key)]
+        except StorageError as error:
+            raise InvalidParameterException(f"{where} cannot be read: {error}") from error
+        if not items:
+            raise InvalidParameterException(f"{where}: no object has a key that starts so")
+        found += items
+    return found
+
+
+def _fetch(source: Mapping[str, Any], item: Mapping[str, Any], folder: Path, service: Service) -> None:
+    bucket, key = source["s3Bucket"], item["s3Key"]
+    relative = PurePosixPath(key)
+    if relative.is_absolute() or ".." in relative.parts:
+        raise StorageError(f"the key {key!r} leads out of the data folder")
+    path = folder / relative
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fetched = service.store.get_file(bucket, key, path)
+    if fetched.etag != item["etag"]:
+        raise LaunchError(f"s3://{bucket}/{key} has changed since the job was made", "MismatchedEtag")
+    if source["type"] == "Archive":
+        _unpack(path, folder, has_destination=bool(source.get("destination")))
+
+
+def _unpack(archive: Path, folder: Path, *, has_destination: bool) -> None:
+    """Replaces a fetched archive by what is in it."""
+    if not has_destination:
+        unpack(archive, archive.with_name(archive.name.removesuffix(".zip").removesuffix(".tar.gz")))
+        archive.unlink()
+        return
+    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+        fetched = archive.rename(Path(scratch, "archive"))
+        for empty in [parent for parent in archive.parents if parent.is_relative_to(folder) and parent != folder]:
+            if not any(empty.iterdir()):
+                empty.rmdir()
+        unpacked = Path(scratch, "unpacked")
+        unpack(fetched, unpacked)
+        shutil.copytree(unpacked, folder, dirs_exist_ok=True)

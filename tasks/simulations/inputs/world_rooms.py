@@ -1,0 +1,56 @@
+"""The rooms of stored worlds, and orders for jobs that ask for others."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+from pydantic import ValidationError
+
+from ....schemas.operations.requested_requirements import rooms_asked, unknown_room
+from ....schemas.operations.simulation_jobs import SimulationJobOrder
+from ....schemas.wire.errors import InvalidParameterException, StorageError
+from ....schemas.worlds.world import World
+from ...catalog import Resource
+from ...service.service import Service
+from ...storage import ObjectStore
+
+WORLD_FILE = "world.json"
+
+
+def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
+    """Names of a world's rooms; `None` if that cannot be found out now.
+
+    Args:
+      world: the world.
+      service: where its bundle is stored.
+    """
+    bundle: Mapping[str, str] | None = world.document.get("bundle")
+    if not bundle:
+        return None
+    try:
+        return _read(service.store, bundle["bucket"], bundle["prefix"])
+    except (StorageError, ValidationError):  # whoever performs the job finds out, and says so
+        return None
+
+
+def check_rooms(order: SimulationJobOrder, world: Resource, service: Service, where: str = "") -> None:
+    """Refuses an order whose goals ask for rooms that its world does not have.
+
+    Args:
+      order: the order.
+      world: the world it names.
+      service: where that is stored.
+      where: the path of the order in the request, with a dot at its end.
+
+    Raises:
+      InvalidParameterException: names the member, the room asked for and those that there are.
+    """
+    asked = rooms_asked(order)
+    rooms = room_names(world, service) if asked else None
+    if rooms is not None and (problem := unknown_room(asked, rooms)) is not None:
+        raise InvalidParameterException(f"{where}{problem}")
+
+
+@lru_cache(maxsize=256)  # a bundle's prefix is the hash of its content
+def _read(store: ObjectStore, bucket: str, prefix: str) -> tuple[str, ...]:
+    world = World.model_validate_json(store.get_bytes(bucket, f"{prefix}/{WORLD_FILE}"))
+    return tuple(room.name for room in world.floorplan.rooms)

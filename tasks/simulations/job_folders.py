@@ -1,0 +1,109 @@
+"""Folders of jobs on this machine: what of them stays when a job is over, and what of dead performers is cleared away.
+
+Containers do not die with whoever started them. Where performers and supervisors were killed and nobody takes their
+job over, the next performer on the machine ends the containers, whatever job it performs.
+"""
+
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ...schemas.lifecycles import is_terminal
+from ...schemas.wire.errors import ServiceUnavailableException
+from ..catalog import Resource
+from ..execution.held_leases import died_here
+from ..service.service import Service
+from .containers.cleanup import has_containers, remove_containers, remove_containers_of_job, remove_run
+from .environment.folders import remove
+from .outputs.run_outputs import NOT_STORED
+
+KIND = "simulation-job"
+
+_logger = logging.getLogger(__name__)
+
+
+def clean_up_job(folder: Path, document: Mapping[str, Any], run_id: str) -> None:
+    """Removes what is not needed any more of a job that nobody performs.
+
+    Outputs that could not be stored stay, and so does a run with containers that could not be removed.
+
+    Args:
+      folder: the job's.
+      document: what is known of the job.
+      run_id: its last run.
+    """
+    remove_containers_of_job(folder)
+    run = folder / run_id
+    if "outputs" in document:
+        kept = {run_id for run_id, run in kept_runs(document).items() if "outputs" not in run}
+        for each in folder.glob("*"):  # also what performers left that died
+            if each.name not in kept:
+                remove_run(each)
+    elif not has_containers(run) and _has_unstored(run):
+        for each in run.iterdir():
+            if each.name not in NOT_STORED:
+                remove(each)
+    else:
+        remove_run(run)
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def kept_runs(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """The runs before a job's last one, by their ids."""
+    return {run["runId"]: run for run in document.get("earlierRuns", ())}
+
+
+def clear_containers_of_the_dead(service: Service) -> None:
+    """Ends the containers of runs that are nobody's any more: of jobs that are over, and of performers that died here.
+
+    Of the former the folders go too, which were kept because a container could not be removed. What does not work is
+    logged, and tried again by the next.
+
+    Args:
+      service: where the jobs are stored.
+    """
+    try:
+        for run, job in runs_of_nobody(service):
+            _logger.warning("containers of %s are removed: nobody performs it any more", run)
+            if is_terminal(job.kind, job.status):
+                clean_up_job(run.parent, job.document, job.document.get("runId", run.name))
+            else:
+                remove_containers(run)
+            if has_containers(run):
+                return  # an engine that does not answer makes nobody wait for each of them
+    except (OSError, ServiceUnavailableException) as error:
+        _logger.warning("containers that nobody needs are not looked for: %s", error)
+
+
+def runs_of_nobody(service: Service) -> Iterator[tuple[Path, Resource]]:
+    """Folders of runs on this machine that have containers and that nobody performs; each with its job.
+
+    Jobs that the catalog does not know may be of another region or account, and are left alone.
+
+    Args:
+      service: where the jobs are stored.
+
+    Raises:
+      ServiceUnavailableException: the catalog does not answer.
+    """
+    for run in sorted((service.settings.home / "jobs").glob("*/*")):
+        if has_containers(run):
+            arn = service.arn(KIND, run.parent.name)
+            job = service.catalog.get_many([arn]).get(arn)
+            if job is not None and _is_nobodys(job, service):
+                yield run, job
+
+
+def _is_nobodys(job: Resource, service: Service) -> bool:
+    owner, has_run_out = service.catalog.lease_of(job.arn)
+    if owner is None:
+        return is_terminal(job.kind, job.status)
+    return has_run_out and died_here(owner)  # not where its machine slept for a while
+
+
+def _has_unstored(run: Path) -> bool:
+    """Whether there is something in a run's folder that was to be stored."""
+    return any((run / "output").glob("*")) or any((run / name).exists() for name in NOT_STORED[1:])

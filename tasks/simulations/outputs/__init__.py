@@ -1,0 +1,6 @@
+"""What a run stores: output locations, upload configurations, names, rolling uploads, publication.
+
+May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.simulations.environment`, `tasks.storage`.
+"""
+
+__all__ = ["locations", "run_outputs", "upload_files"]

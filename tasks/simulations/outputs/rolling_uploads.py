@@ -1,0 +1,160 @@
+"""Uploads while a job runs: every few seconds files are taken, stored, and gone; and what is left of it at the end.
+
+Files that were taken wait in a folder of the run, `rolling/<number of the sweep>/<configuration>/<path>`, so that
+whoever goes on after a crash knows what each of them is. What was stored is noted in `rolled.jsonl`, for the manifest.
+"""
+
+import hashlib
+import json
+import logging
+import os
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+from ....schemas.runs.manifest import ManifestFile
+from ....schemas.wire.errors import StorageError
+from ...storage import ObjectStore
+from ...storage.folders import regular_files
+from ...storage.naming import check_key, join_key
+from .upload_configurations import Upload
+from .upload_files import take, visit_matches
+
+SWEEP_S = 5.0
+"""How often is looked for files."""
+
+_WAITING, _LEDGER = "rolling", "rolled.jsonl"
+_JOIN_S = 30.0
+
+_logger = logging.getLogger(__name__)
+
+
+class RollingUploads:
+    """The rolling uploads of one run; as a context, every few seconds until its end.
+
+    Args:
+      uploads: the configurations; see `rolling_only`.
+      folder: the run's own folder.
+      store: where files go.
+      bucket: where they go.
+      prefix: of the run's outputs.
+      sweep_s: seconds between two looks; absent: `SWEEP_S`.
+    """
+
+    def __init__(
+        self,
+        uploads: Sequence[Upload],
+        folder: Path,
+        store: ObjectStore,
+        bucket: str,
+        prefix: str,
+        *,
+        sweep_s: float | None = None,
+    ) -> None:
+        self._uploads = rolling_only(uploads)
+        self._folder = folder
+        self._store = store
+        self._bucket = bucket
+        self._prefix = prefix
+        self._sweep_s = SWEEP_S if sweep_s is None else sweep_s
+        self._sweeps = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, name=f"uploads to {prefix}", daemon=True)
+
+    def __enter__(self) -> "RollingUploads":
+        if self._uploads:
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        if self._uploads:
+            self._thread.join(_JOIN_S)
+
+    def sweep(self) -> None:
+        """Takes the files that are finished, and stores them; what cannot be stored waits for the next time."""
+        for upload in self._uploads:
+            if os.path.lexists(self._folder / "output" / upload.name):
+                continue  # they get names of their own at the end, which the run's own outputs do not have
+            target = self._folder / _WAITING / f"{self._sweeps:08d}" / upload.name
+            visit_matches(upload.sandbox.root, upload.glob, self._taker(target))
+        self._sweeps += 1
+        for name, path in taken_files(self._folder):
+            if self._ended.is_set():
+                return  # what is left is stored with the other outputs
+            self._store_one(name, path)
+
+    def _go_on(self) -> None:
+        while not self._ended.wait(self._sweep_s):
+            try:
+                self.sweep()
+            except (StorageError, OSError) as error:
+                _logger.warning("rolling uploads to %s/%s wait: %s", self._bucket, self._prefix, error)
+
+    def _taker(self, target: Path) -> Callable[[int, str, str], None]:
+        def visit(folder: int, name: str, below: str) -> None:
+            with suppress(OSError, StorageError):  # it may be gone; what cannot be taken is noted at the end
+                check_key(join_key(self._prefix, target.name, below))
+                take(folder, name, target / below)
+
+        return visit
+
+    def _store_one(self, name: str, path: Path) -> None:
+        with path.open("rb") as content:
+            digest = hashlib.file_digest(content, "sha256").hexdigest()
+            size = content.tell()
+        self._store.put_file(self._bucket, join_key(self._prefix, name), path, stopped=self._ended.is_set)
+        with (self._folder / _LEDGER).open("a") as ledger:
+            ledger.write(json.dumps({"path": name, "size_bytes": size, "sha256": digest}) + "\n")
+        path.unlink()
+
+
+def rolling_only(uploads: Iterable[Upload]) -> list[Upload]:
+    """Those of some configurations whose files are uploaded while a run goes on.
+
+    Of several with one name the first: the files of the others are named apart from its own at the end.
+    """
+    first: dict[str, Upload] = {}
+    for upload in uploads:
+        if upload.is_rolling:
+            first.setdefault(upload.name, upload)
+    return list(first.values())
+
+
+def taken_files(folder: Path) -> list[tuple[str, Path]]:
+    """Files that were taken and are not stored yet, oldest first.
+
+    Args:
+      folder: the run's own folder.
+
+    Returns:
+      Paths below the run's outputs, and where each file is.
+    """
+    waiting = folder / _WAITING
+    if not waiting.is_dir():
+        return []
+    return [
+        (file.name, file.path) for sweep in sorted(waiting.iterdir()) if sweep.is_dir() for file in regular_files(sweep)
+    ]
+
+
+def rolled_files(folder: Path, later: Iterable[str]) -> list[ManifestFile]:
+    """What was stored while the run went on, as it is stored now.
+
+    Args:
+      folder: the run's own folder.
+      later: paths that are stored again, over what was.
+    """
+    ledger = folder / _LEDGER
+    if not ledger.is_file():
+        return []
+    last: dict[str, ManifestFile] = {}
+    for line in ledger.read_text().splitlines():
+        with suppress(ValueError):  # half a line, of a performer that died
+            entry = ManifestFile.model_validate_json(line)
+            last[entry.path] = entry
+    return [entry for path, entry in sorted(last.items()) if path not in set(later)]

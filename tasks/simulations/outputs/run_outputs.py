@@ -1,0 +1,233 @@
+"""What a run leaves: its outputs and the files that upload configurations mean, stored in one place."""
+
+import logging
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ....schemas.wire.errors import (
+    BucketNotFoundError,
+    ChecksumMismatchError,
+    LaunchError,
+    StorageAccessDeniedError,
+    StorageError,
+    StorageUnavailableError,
+)
+from ...catalog import Resource
+from ...service.service import Service
+from ...storage import publish, read_manifest, store_unfinished
+from ...storage.folders import FolderFile, regular_files
+from ...storage.naming import check_key, join_key
+from .locations import output_place, prepare_bucket
+from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
+from .upload_configurations import Upload, uploads_of
+from .upload_files import link_or_copy, visit_matches
+from .upload_names import Found, distinct
+
+NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
+"""What of a run's folder stays when it could not be stored."""
+
+GIVE_UP_S = 3600.0
+"""How long storing is tried again and again."""
+
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 60.0
+_LISTEN_EVERY_S = 0.5
+"""How often it is asked in a pause whether to give up."""
+_MOST_CHANGES = 3
+_NOTES = "logs/uploads.log"
+_MOST_NOTES = 200
+
+_logger = logging.getLogger(__name__)
+
+
+class RunOutputs:
+    """Outputs of one run of a job.
+
+    Args:
+      job: the job.
+      run_id: the run.
+      folder: the run's own folder.
+      service: where they are stored.
+      sleep: waits, in seconds.
+    """
+
+    def __init__(
+        self,
+        job: Resource,
+        run_id: str,
+        folder: Path,
+        service: Service,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._job = job
+        self._run_id = run_id
+        self._folder = folder
+        self._service = service
+        self._sleep = sleep
+        self.bucket, self.prefix = output_place(job, run_id, service)
+
+    @property
+    def output_dir(self) -> Path:
+        """Where the run writes."""
+        return self._folder / "output"
+
+    @property
+    def place(self) -> dict[str, str]:
+        """Where they are stored."""
+        return {"bucket": self.bucket, "prefix": self.prefix}
+
+    def prepare(self) -> None:
+        """Finds out before a long run that its outputs have nowhere to go.
+
+        Raises:
+          LaunchError: there is no such bucket.
+        """
+        try:
+            prepare_bucket(self._service, self.bucket)
+        except BucketNotFoundError as error:
+            raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
+
+    def rolling(self) -> RollingUploads:
+        """The uploads while the run goes on."""
+        return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix)
+
+    def store(
+        self, about: Mapping[str, Any], *, finished: bool, stopped: Callable[[], bool] = lambda: False
+    ) -> dict[str, str]:
+        """Stores them; returns where.
+
+        What a crashed or killed run left is stored too, but without a manifest: it is not whole. A store that does
+        not answer is asked again for an hour; a file that changes is stored again, a few times.
+
+        Args:
+          about: how the run ended.
+          finished: whether it is whole.
+          stopped: asked while the store does not answer whether to give up.
+
+        Raises:
+          StorageError: that does not work.
+          OSError: the outputs cannot be read.
+        """
+        uploaded = self._stage()
+        for changes_left in reversed(range(_MOST_CHANGES)):
+            try:
+                self._patiently(lambda: self._store_once(about, uploaded, finished=finished), stopped)
+                break
+            except ChecksumMismatchError:
+                if not changes_left:
+                    raise
+        return self.place
+
+    def were_stored(self) -> None:
+        """Checks that they are stored as a whole; a store that does not answer is asked again for an hour.
+
+        Raises:
+          StorageError: they are not.
+        """
+        self._patiently(lambda: read_manifest(self._service.store, self.bucket, self.prefix))
+
+    def not_stored(self, error: Exception) -> str:
+        """Says what went wrong, and where the outputs are."""
+        return (
+            f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; they are in {self.output_dir}"
+        )
+
+    def _patiently(self, ask: Callable[[], object], stopped: Callable[[], bool] = lambda: False) -> None:
+        """Asks the store again, with growing pauses, while it does not answer and nobody says stop."""
+        began, pause_s = time.monotonic(), _FIRST_PAUSE_S
+        while True:
+            try:
+                ask()
+                return
+            except StorageUnavailableError as error:
+                if time.monotonic() - began + pause_s > GIVE_UP_S:
+                    raise
+                _logger.warning("the store is asked about %s again in %g s: %s", self._job.arn, pause_s, error)
+                if not self._pause(pause_s, stopped):
+                    raise
+                pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    def _pause(self, pause_s: float, stopped: Callable[[], bool]) -> bool:
+        """Waits; returns early, and false, when it is to stop."""
+        left_s = pause_s
+        while left_s > 0.0 and not stopped():
+            self._sleep(min(left_s, _LISTEN_EVERY_S))
+            left_s -= _LISTEN_EVERY_S
+        return left_s <= 0.0
+
+    def _store_once(self, about: Mapping[str, Any], uploaded: Sequence[FolderFile], *, finished: bool) -> None:
+        store = self._service.store
+        prepare_bucket(self._service, self.bucket)
+        if not finished:
+            store_unfinished(store, self.bucket, self.prefix, self.output_dir, more=uploaded)
+            return
+        publish(
+            store,
+            self.bucket,
+            self.prefix,
+            self.output_dir,
+            about={"job": self._job.arn, "run": self._run_id, "seed": self._job.document["seed"], **about},
+            created_at=self._service.clock(),
+            more=uploaded,
+            stored=rolled_files(self._folder, [file.name for file in (*uploaded, *regular_files(self.output_dir))]),
+        )
+
+    def _uploads(self) -> list[Upload]:
+        return uploads_of(self._job.document["request"], self._folder)
+
+    def _stage(self) -> list[FolderFile]:
+        """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
+
+        They are linked into folders of their own, one for each configuration, so that a performer that goes on after a
+        crash finds them too, and finds the same.
+        """
+        staged, uploads = self._folder / "uploads", self._uploads()
+        notes: list[str] = []
+        rolling = rolling_only(uploads)
+        files = [Found(name, path, replaces=True) for name, path in taken_files(self._folder)]
+        seen: set[tuple[str, int, int]] = set()
+        for index, upload in enumerate(uploads):
+            folder = staged / f"{index:02d}"
+            visit_matches(upload.sandbox.root, upload.glob, self._stager(upload, folder, seen, notes))
+            if folder.is_dir():
+                found = regular_files(folder)
+                files += [Found(f"{upload.name}/{file.name}", file.path, upload in rolling) for file in found]
+        outputs = [file.name for file in regular_files(self.output_dir)]
+        return self._named(outputs, files, staged / "notes.log", notes)
+
+    def _named(self, outputs: list[str], files: list[Found], notes_file: Path, notes: list[str]) -> list[FolderFile]:
+        stored = {file.path for file in rolled_files(self._folder, later=[])}
+        notes += [f"{name} of an upload was replaced by the run's own output" for name in sorted(stored & set(outputs))]
+        placed, renamed = distinct(outputs, stored, files)
+        if not (notes := [*notes, *renamed]):
+            return placed
+        notes_file.parent.mkdir(parents=True, exist_ok=True)
+        notes_file.write_text("\n".join(notes[:_MOST_NOTES]) + "\n")
+        told, _ = distinct([*outputs, *(file.name for file in placed)], stored, [Found(_NOTES, notes_file)])
+        return [*placed, *told]
+
+    def _stager(
+        self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], notes: list[str]
+    ) -> Callable[[int, str, str], None]:
+        def visit(descriptor: int, name: str, below: str) -> None:
+            try:
+                about = os.stat(name, dir_fd=descriptor, follow_symlinks=False)
+                same = (f"{upload.name}/{below}", about.st_dev, about.st_ino)
+                if same in seen:
+                    return  # another configuration means the same file by the same name
+                check_key(join_key(self.prefix, upload.name, below))
+                link_or_copy(descriptor, name, folder / below)
+                seen.add(same)
+            except (StorageError, OSError) as error:
+                notes.append(f"{upload.name}/{below!r} is not uploaded: {error}")
+
+        return visit
+
+
+def failure_code_of(error: Exception) -> str:
+    """The job's failure code for outputs that could not be stored."""
+    if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):
+        return "BadPermissionsS3Output"
+    return "UploadContentMismatchError" if isinstance(error, ChecksumMismatchError) else "InternalServiceError"

@@ -1,0 +1,168 @@
+"""Files that a glob means below a job's folders, found and taken without following a link.
+
+What programs left may change while it is looked at, and be meant to lead astray: folders are opened one inside the
+other, and files are named by their open folder.
+"""
+
+import errno
+import fcntl
+import os
+import shutil
+import signal
+import stat
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ....schemas.wire.globs import Glob
+
+MAX_DEPTH = 100
+"""Folders within each other that are looked into."""
+
+_FOLDER_FLAGS = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+_FILE_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+_QUIET_S = 10.0
+
+Visit = Callable[[int, str, str], None]
+"""Told of a file: descriptor of its open folder, its name there, its path below the glob's fixed folder."""
+
+
+def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
+    """Visits the regular files that a glob means, in the order of their names.
+
+    Args:
+      root: what `/` is for the glob.
+      glob: which files.
+      visit: see `Visit`; may take the file away.
+    """
+    with _opened_below(root, glob.fixed_folder) as folder:
+        if folder is not None:
+            _walk(folder, glob.fixed_folder, "", glob, visit, MAX_DEPTH)
+
+
+def _walk(folder: int, path: str, below: str, glob: Glob, visit: Visit, depth: int) -> None:
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name)
+    for entry in entries:
+        inner = f"{path}/{entry.name}"
+        if entry.is_file(follow_symlinks=False):
+            if glob.matches(inner):
+                visit(folder, entry.name, below + entry.name)
+        elif depth and entry.is_dir(follow_symlinks=False) and glob.may_match_below(inner):
+            with _opened(entry.name, folder) as opened:
+                if opened is not None:
+                    _walk(opened, inner, f"{below}{entry.name}/", glob, visit, depth - 1)
+
+
+@contextmanager
+def _opened_below(root: Path, path: str) -> Iterator[int | None]:
+    """A folder below a root, open; `None` if there is none or a link is on the way."""
+    names = [part for part in path.split("/") if part]
+    with _opened(str(root), None) as folder:
+        if folder is None or not names:
+            yield folder
+            return
+        current = os.dup(folder)
+        try:
+            for name in names:
+                with _opened(name, current) as inner:
+                    if inner is None:
+                        yield None
+                        return
+                    following = os.dup(inner)
+                os.close(current)
+                current = following
+            yield current
+        finally:
+            os.close(current)
+
+
+@contextmanager
+def _opened(name: str, folder: int | None) -> Iterator[int | None]:
+    try:
+        descriptor = os.open(name, _FOLDER_FLAGS, dir_fd=folder)
+    except OSError:
+        yield None
+        return
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def link_or_copy(folder: int, name: str, target: Path) -> None:
+    """Makes a file that nobody writes to any more appear under a second path, in place of what is there.
+
+    Args:
+      folder: descriptor of its folder.
+      name: its name there.
+      target: the other path; its folder is made.
+
+    Raises:
+      OSError: it is not there, is no regular file, or may not be read.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    with _opened_file(folder, name) as content:
+        try:
+            os.link(name, target, src_dir_fd=folder, follow_symlinks=False)
+        except OSError:  # on another file system, or of another user
+            with os.fdopen(os.dup(content), "rb") as source, target.open("xb") as copy:
+                shutil.copyfileobj(source, copy)
+
+
+def take(folder: int, name: str, target: Path) -> bool:
+    """Moves a file away from programs that may still run, unless one has it open for writing.
+
+    Args:
+      folder: descriptor of its folder.
+      name: its name there.
+      target: where to, on the same file system; its folder is made.
+
+    Returns:
+      Whether it was taken: nobody can write to it any more.
+
+    Raises:
+      OSError: it is not there, is no regular file, or may not be read or moved.
+    """
+    with _opened_file(folder, name) as content:
+        if is_written_to(content):
+            return False
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.rename(name, target, src_dir_fd=folder)
+        if is_written_to(content):  # it was opened a moment ago
+            with suppress(FileExistsError):
+                os.link(target, name, dst_dir_fd=folder)
+                target.unlink()
+                return False
+    return True
+
+
+def is_written_to(descriptor: int) -> bool:
+    """Whether somebody has a file open for writing.
+
+    The kernel grants a read lease to one whom nobody has open for writing; where it cannot tell (files of others,
+    file systems without leases), a file that did not change for ten seconds counts as finished.
+    """
+    try:
+        # A writer that comes while the lease is held has a signal sent; the usual one would end this process.
+        fcntl.fcntl(descriptor, fcntl.F_SETSIG, signal.SIGURG)
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_RDLCK)
+    except OSError as error:
+        if error.errno == errno.EAGAIN:
+            return True
+        return time.time() - os.fstat(descriptor).st_mtime < _QUIET_S
+    fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+    return False
+
+
+@contextmanager
+def _opened_file(folder: int, name: str) -> Iterator[int]:
+    descriptor = os.open(name, _FILE_FLAGS, dir_fd=folder)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "no regular file", name)
+        yield descriptor
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,195 @@
+"""The applications of a run, fetched and resolved: factories of the simulation's process, programs, containers."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
+from ....schemas.runs.programs import PortPlan, ProgramPlan
+from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
+from ...catalog import Resource
+from ..containers.plans import plan_container
+from ..environment.folders import HOME
+from ..environment.run_environment import Surroundings, tool_plan
+from ..inputs.bundles import application_bundle
+from ..ros.launching import node_variables, own_master
+from .applications import LATEST, find_application, python_package
+from .launching import Code, Factory, Program, check_pair, resolve_launch
+
+_ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
+_SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT")
+"""What the names of variables begin with that set how a run goes."""
+
+
+@dataclass
+class Applications:
+    """The applications of a run."""
+
+    plans: dict[ApplicationRole, ApplicationPlan] = field(default_factory=dict)
+    programs: list[ProgramPlan] = field(default_factory=list)
+    ports: list[PortPlan] = field(default_factory=list)
+
+
+def plan_applications(request: Mapping[str, Any], surroundings: Surroundings) -> Applications:
+    """Fetches a job's applications and resolves how they are started.
+
+    Args:
+      request: the job's request.
+      surroundings: what they find.
+
+    Raises:
+      LaunchError: something cannot be had or started; carries the job's failure code.
+      StorageError: the object store does not answer.
+    """
+    planned = Applications()
+    launches: dict[ApplicationRole, tuple[str, Factory | Program]] = {}
+    for role in _ROLES:
+        if configs := request.get(f"{role}Applications"):
+            has_master = any(_is_ros_1(launch) for _, launch in launches.values())
+            launches[role] = _plan(role, configs[0], surroundings, planned, has_master)
+    check_pair(launches.get("simulation"), launches.get("robot"))
+    if any(_is_ros_1(launch) for _, launch in launches.values()):
+        master = own_master()
+        planned.programs = [
+            program.model_copy(update={"environment": {**master, **program.environment}})
+            for program in planned.programs
+        ]
+    return planned
+
+
+def _is_ros_1(launch: Factory | Program) -> bool:
+    return isinstance(launch, Program) and launch.ros == 1
+
+
+def _plan(
+    role: ApplicationRole,
+    config: Mapping[str, Any],
+    surroundings: Surroundings,
+    planned: Applications,
+    has_master: bool,
+) -> tuple[str, Factory | Program]:
+    """Adds an application to what is planned; returns its name and what starts it.
+
+    With `has_master` another application brings the job's ROS master.
+    """
+    launch_config = config["launchConfig"]
+    try:
+        found = find_application(config["application"], role, config.get("applicationVersion"), surroundings.service)
+    except ResourceNotFoundException as error:
+        raise LaunchError(str(error), "ResourceNotFound") from error
+    planned.ports += _ports(launch_config)
+    if (uri := image_of(found)) is not None:
+        simulation = planned.plans.get("simulation")
+        drives = role == "robot" and simulation is not None and simulation.attribute is not None
+        programs = plan_container(role, found, uri, config, surroundings, drives=drives)
+        planned.plans[role] = ApplicationPlan(
+            role=role, name=found.name, environment_variables=_settings_in(launch_config)
+        )
+        planned.programs += programs
+        return found.name, Program(tuple(programs[0].argv))
+    code = _code(role, found, surroundings)
+    launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
+    planned.plans[role] = ApplicationPlan(
+        role=role,
+        name=found.name,
+        attribute=launch.attribute if isinstance(launch, Factory) else None,
+        path=code.folder,
+        package=code.module if isinstance(launch, Program) else None,
+        environment_variables=launch_config.get("environmentVariables") or {},
+    )
+    if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
+        # A factory is imported from the bundle that all jobs share: two roles may have the same one.
+        code = replace(code, folder=_own_copy(code.folder, surroundings.folder / f"{role}-application"))
+        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
+    planned.programs += _programs(code, launch, config, surroundings)
+    return found.name, launch
+
+
+def _settings_in(launch: Mapping[str, Any]) -> dict[str, str]:
+    """The variables of a container that may be meant for the run; the others are its own affair, and maybe secret.
+
+    A plan is written down, and its variables are those of whatever calls the engine, too.
+    """
+    variables = launch.get("environmentVariables") or {}
+    return {name: value for name, value in variables.items() if name.startswith(_SETTINGS)}
+
+
+def image_of(application: Resource) -> str | None:
+    """The container image that an application is; `None`: it is an archive or an installed package."""
+    uri = (application.document.get("environment") or {}).get("uri")
+    return None if uri is None or python_package(uri) is not None else uri
+
+
+def _code(role: ApplicationRole, application: Resource, surroundings: Surroundings) -> Code:
+    if sources := application.document.get("sources"):
+        is_pinned = application.document["version"] != LATEST
+        source = _for_this_machine(sources)
+        folder = application_bundle(source, role.capitalize(), surroundings.service, is_pinned=is_pinned)
+        return Code(role, application.name, folder=folder)
+    return Code(role, application.name, module=python_package(application.document["environment"]["uri"]))
+
+
+def _for_this_machine(sources: list[dict[str, Any]]) -> dict[str, Any]:
+    """The source for 64-bit x86; one without an architecture serves all."""
+    for source in sources:
+        if source.get("architecture", "X86_64") == "X86_64":
+            return source
+    return sources[0]
+
+
+def _own_copy(bundle: Path, folder: Path) -> Path:
+    """A copy of a bundle that its programs may write to: the unpacked one is that of all jobs.
+
+    Blocks are shared where the file system can do that.
+    """
+    copied = subprocess.run(["cp", "-r", "--reflink=auto", "--", str(bundle), str(folder)], capture_output=True)
+    if copied.returncode:
+        why = copied.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise LaunchError(f"the bundle cannot be copied to {folder}: {' '.join(why)}", "InternalServiceError")
+    return folder
+
+
+def _programs(
+    code: Code, launch: Factory | Program, config: Mapping[str, Any], surroundings: Surroundings
+) -> list[ProgramPlan]:
+    """The application itself where it is a program, and its tools."""
+    variables = config["launchConfig"].get("environmentVariables") or {}
+    import_path = [str(code.folder)] if code.folder else []
+    if inherited := variables.get("PYTHONPATH") or surroundings.environ.get("PYTHONPATH"):
+        import_path.append(inherited)
+    environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
+    if isinstance(launch, Program) and launch.launcher is not None:
+        environment |= node_variables(code.folder, launch.launcher, sys.executable, variables, surroundings.environ)
+    folder = code.folder or surroundings.sandbox.place(HOME)
+    programs = []
+    if isinstance(launch, Program):
+        _make_executable(Path(launch.argv[0]), code.folder)
+        programs.append(
+            ProgramPlan(
+                name=code.role,
+                role=code.role,
+                kind="application",
+                argv=list(launch.argv),
+                folder=folder,
+                environment=environment,
+            )
+        )
+    for tool in config.get("tools") or []:
+        argv = ["/bin/bash", "-c", tool["command"]]
+        programs.append(tool_plan(code.role, tool, argv, folder, environment))
+    return programs
+
+
+def _make_executable(path: Path, bundle: Path | None) -> None:
+    """Makes a file of our copy of a bundle executable: zip archives made by some tools do not say that it is."""
+    if bundle is not None and path.is_relative_to(bundle):
+        path.chmod(path.stat().st_mode | 0o111)
+
+
+def _ports(launch: Mapping[str, Any]) -> list[PortPlan]:
+    mappings = (launch.get("portForwardingConfig") or {}).get("portMappings") or []
+    return [PortPlan(job_port=each["jobPort"], application_port=each["applicationPort"]) for each in mappings]

@@ -1,0 +1,113 @@
+"""Applications in the catalog: finding them and their versions, and reading what they are made of.
+
+An application is one resource, whose document says what it is now (`$LATEST`). A numbered version
+is a child of it with a document of its own. On the wire all of them have the application's ARN;
+inside the catalog a version's is that of the application with `/version/<number>` behind it.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ....schemas.runs.plan import ApplicationRole
+from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
+from ...catalog import Resource
+from ...service.service import Service
+
+LATEST = "$LATEST"
+MAX_VERSIONS = 40
+"""How many versions an application may have at once."""
+
+_PYTHON = "python"
+_DIGEST = re.compile("sha256:[0-9a-f]{64}", re.IGNORECASE)
+
+
+def version_kind(kind: str) -> str:
+    """The kind of the versions of a kind of application."""
+    return f"{kind}-version"
+
+
+def version_arn(application_arn: str, version: str | int) -> str:
+    """The ARN of a version inside the catalog."""
+    return f"{application_arn}/version/{version}"
+
+
+def find_application(reference: str, role: ApplicationRole, version: str | None, service: Service) -> Resource:
+    """The application that an ARN or a bare name means, or one version of it.
+
+    Args:
+      reference: ARN or name.
+      role: which kind of application it is.
+      version: a version's number; `None` or `$LATEST`: what the application is now.
+      service: where it is stored.
+
+    Returns:
+      The application; or the version, with the application's ARN and tags.
+
+    Raises:
+      ResourceNotFoundException: there is none, or it has no such version.
+    """
+    kind = f"{role}-application"
+    if reference.startswith("arn:"):
+        application = service.catalog.get(reference, kind=kind)
+    else:
+        found = service.catalog.find(kind, reference)
+        if found is None:
+            raise ResourceNotFoundException(f"there is no {role} application named {reference!r}")
+        application = found
+    return application if version in (None, LATEST) else _version(application, str(version), service)
+
+
+def _version(application: Resource, version: str, service: Service) -> Resource:
+    kind, arn = version_kind(application.kind), version_arn(application.arn, version)
+    found = service.catalog.get_many([arn]).get(arn)
+    if found is None:
+        numbers = [child.document["version"] for child in service.catalog.children(application.arn, kind)]
+        raise ResourceNotFoundException(
+            f"{application.arn} has no version {version!r}; it has {', '.join([LATEST, *numbers])}"
+        )
+    return replace(found, arn=application.arn, tags=application.tags)
+
+
+def python_package(uri: str) -> str | None:
+    """The installed package that an environment is; `None`: it is a container image."""
+    scheme, _, module = uri.partition("://")
+    return module if scheme == _PYTHON else None
+
+
+def check_environment(uri: str) -> None:
+    """Checks that an environment is an installed package or may be a container image; neither is looked for.
+
+    Raises:
+      InvalidParameterException: it is neither.
+    """
+    scheme, separator, module = uri.partition("://")
+    is_package = scheme == _PYTHON and all(part.isidentifier() for part in module.split("."))
+    is_image = not separator and not re.search(r"\s", uri)
+    if not is_package and not is_image:
+        raise InvalidParameterException(
+            f"environment.uri: {uri!r} is no environment; give python://package.module for an installed package, "
+            "or a container image such as registry.example.com/my-app:1.0"
+        )
+
+
+def image_digest(uri: str) -> str | None:
+    """The digest that the name of a container image ends with, if it does."""
+    digest = uri.rpartition("@")[2]
+    return digest.lower() if digest != uri and _DIGEST.fullmatch(digest) else None
+
+
+def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[str, Any]:
+    """The source with the ETag its archive has now.
+
+    Raises:
+      InvalidParameterException: there is no such archive, or it cannot be read.
+    """
+    place = f"s3://{source['s3Bucket']}/{source['s3Key']}"
+    try:
+        return {**source, "etag": service.store.head(source["s3Bucket"], source["s3Key"]).etag}
+    except StorageError as error:
+        raise InvalidParameterException(
+            f"sources[{index}]: {place} cannot be read ({error}); give the bucket and key of a .tar, .tar.gz or .zip"
+        ) from error

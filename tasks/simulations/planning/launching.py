@@ -1,0 +1,208 @@
+"""What a launch configuration starts: a factory in the simulation's process, or a program of its own.
+
+The order is that of `docs/simulation-jobs.md`: `command`; then `packageName` with `launchFile`, which is a launch
+file of ROS, a Python script, another file that can be executed, or the dotted path of a factory; then the factory
+that every package has.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ....schemas.runs.plan import ApplicationRole
+from ....schemas.wire.errors import LaunchError
+from ..ros.launching import Ros, is_launch_file, lacks_launch_file, readers_of
+
+DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
+_LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
+# Where launch files and scripts are in a package, in sources and as ROS installs them.
+_INNER_FOLDERS = ("", "launch", "scripts")
+_SETUPS = ("setup.bash", "install/setup.bash", "local_setup.bash")
+_SOURCE_AND_RUN = 'n=$1; shift; while [ "$n" -gt 0 ]; do source "$1"; shift; n=$((n - 1)); done; exec "$@"'
+
+Which = Callable[[str], str | None]
+"""Finds a program on the path."""
+
+
+@dataclass(frozen=True)
+class Code:
+    """An application's code on this machine."""
+
+    role: ApplicationRole
+    name: str
+    """The application's name, for messages."""
+    folder: Path | None = None
+    """The unpacked bundle; `None`: an installed package."""
+    module: str | None = None
+    """The installed package; `None`: a bundle."""
+
+    @property
+    def crash_code(self) -> str:
+        """The failure code of an application that does not start."""
+        return f"{self.role.capitalize()}ApplicationCrash"
+
+
+@dataclass(frozen=True)
+class Factory:
+    """A function that is called in the simulation's process."""
+
+    attribute: str
+    """Dotted path: `my_nav.arena.make_environment`."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A process of its own."""
+
+    argv: tuple[str, ...]
+    launcher: Path | None = None
+    """`roslaunch` or `ros2`, where it is that."""
+    ros: Ros | None = None
+    """Which ROS launches it, if any."""
+
+
+def resolve_launch(
+    code: Code, launch: Mapping[str, Any], which: Which, python: str, *, has_master: bool = False
+) -> Factory | Program:
+    """Decides what is started.
+
+    Args:
+      code: the application.
+      launch: its launch configuration.
+      which: finds programs that are not in the bundle.
+      python: the interpreter for scripts.
+      has_master: another application of the job brings the ROS 1 master.
+
+    Raises:
+      LaunchError: it is not there, or cannot be started on this machine.
+    """
+    if command := launch.get("command"):
+        return Program((_find_program(code, command[0], which), *command[1:]))
+    package, file = launch.get("packageName"), launch.get("launchFile")
+    path = _find_file(code.folder, package or "", file) if file and code.folder is not None else None
+    if file and is_launch_file(file, path):
+        return _ros_launch(code, package or "", file, path, which, has_master)
+    if file and file.endswith(".py"):
+        return _script(code, package or "", file, path, python)
+    if path is not None:
+        return Program((str(_runnable(code, path)),))
+    parts = [code.module, package, file or DEFAULT_FACTORIES[code.role]]
+    return Factory(".".join(part for part in parts if part))
+
+
+def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[str, Factory | Program] | None) -> None:
+    """Checks that somebody makes the environment that a robot application's factory asks for.
+
+    Args:
+      simulation: name and launch of the simulation application; `None`: the built-in one.
+      robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
+
+    Raises:
+      LaunchError: nobody does.
+    """
+    if simulation is None or robot is None:
+        return
+    if isinstance(simulation[1], Program) and isinstance(robot[1], Factory):
+        raise LaunchError(
+            f"robot application {robot[0]} is the factory {robot[1].attribute}, which steps an environment, but "
+            f"simulation application {simulation[0]} is a program and makes none; give the robot application a "
+            "launchConfig.command too, or the simulation application a packageName and launchFile such as my_nav and "
+            "arena.make_environment",
+            "InvalidInput",
+        )
+
+
+def _find_program(code: Code, name: str, which: Which) -> str:
+    """The program that a command begins with: in the bundle, then on the path."""
+    if code.folder is not None and not name.startswith("/"):
+        path = code.folder / name
+        if _is_file_of(code.folder, path):
+            return str(_runnable(code, path))
+    is_relative = "/" in name and not name.startswith("/")  # to the bundle, not to wherever this process is
+    if not is_relative and (found := which(name)) is not None:
+        return found
+    where = (
+        "neither in its bundle nor on the path of this machine" if code.folder else "not on the path of this machine"
+    )
+    raise LaunchError(
+        f"{code.role} application {code.name}: launchConfig.command begins with {name!r}, which is {where}; "
+        "give a file of the bundle such as bin/drive, or an installed program",
+        code.crash_code,
+    )
+
+
+def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: Which, has_master: bool) -> Program:
+    if path is None and code.folder is not None and (lack := lacks_launch_file(code.folder, package, file)):
+        raise LaunchError(f"{code.role} application {code.name}: {lack}", code.crash_code)
+    readers = readers_of(file, path)
+    what = [str(path)] if path else [part for part in (package, file) if part]
+    for ros in readers:
+        if (program := which(_LAUNCHERS[ros])) is not None:
+            options = ["launch"] if ros == 2 else ["--wait"] if has_master else []
+            return Program(_with_setups(code, program, [*options, *what]), Path(program), ros)
+    needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
+    raise LaunchError(
+        f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
+        "install ROS here, put the application into a container image, or start it with launchConfig.command",
+        "InvalidInput",
+    )
+
+
+def _with_setups(code: Code, program: str, arguments: list[str]) -> tuple[str, ...]:
+    """A program of ROS in the environments of its installation and of the bundle's workspace."""
+    setups = [Path(program).parent.parent / "setup.bash"]
+    if code.folder is not None:
+        setups += [code.folder / setup for setup in _SETUPS]
+    there = [str(setup) for setup in setups if setup.is_file()]
+    if not there:
+        return (program, *arguments)
+    return ("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, program, *arguments)
+
+
+def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:
+    """A script: as a module where its folder is a package, else as a file."""
+    stem = file.removesuffix(".py")
+    if code.folder is None:
+        return Program((python, "-m", ".".join(part for part in (code.module, package, stem) if part)))
+    if path is None:
+        places = " or ".join(_places(package, file))
+        raise LaunchError(
+            f"{code.role} application {code.name}: the bundle has no {places}; launchConfig.launchFile is {file!r}, a "
+            "script of the package",
+            code.crash_code,
+        )
+    module = ".".join(part for part in (package, stem) if part)
+    is_module = path == code.folder.joinpath(*module.split(".")).with_suffix(".py") and (
+        not package or (path.parent / "__init__.py").is_file()
+    )
+    return Program((python, "-m", module) if is_module else (python, str(path)))
+
+
+def _places(package: str, file: str) -> list[str]:
+    folder = "/".join(package.split(".")) if package else ""
+    return ["/".join(part for part in (folder, inner, file) if part) for inner in _INNER_FOLDERS]
+
+
+def _find_file(folder: Path, package: str, file: str) -> Path | None:
+    """A file of a package in a bundle, if there is one."""
+    return next((path for place in _places(package, file) if _is_file_of(folder, path := folder / place)), None)
+
+
+def _is_file_of(folder: Path, path: Path) -> bool:
+    """Whether a file is there and in the bundle: names such as `..usr.bin` would lead out of it."""
+    return path.is_file() and path.resolve().is_relative_to(folder.resolve())
+
+
+def _runnable(code: Code, path: Path) -> Path:
+    """A file that can be executed, or could be if archives kept that: it says what interprets it."""
+    if not os.access(path, os.X_OK):
+        with path.open("rb") as content:
+            if content.read(2) != b"#!":
+                raise LaunchError(
+                    f"{code.role} application {code.name}: {path.name} can neither be executed nor does it say by "
+                    "what, with a first line such as #!/bin/bash; pack it with its executable bit set",
+                    code.crash_code,
+                )
+    return path

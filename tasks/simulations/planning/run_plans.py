@@ -1,0 +1,121 @@
+"""Turning a simulation job's request into a plan that this machine can carry out."""
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ....schemas.operations.requested_requirements import unknown_room
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError
+from ....schemas.worlds.world import World
+from ...catalog import Resource
+from ...service.service import Service
+from ..environment.compute import compute_limits, disk_limit
+from ..environment.process_variables import process_variables
+from ..environment.run_environment import Surroundings, run_sandbox
+from ..inputs.bundles import world_bundle
+from ..inputs.data_sources import fetch_data_sources
+from ..inputs.world_rooms import WORLD_FILE
+from ..ros.domains import DOMAIN_VARIABLE
+from .application_plans import plan_applications
+from .resuming import CHECKPOINTS_FOLDER, checkpoint_every_s
+
+
+def run_plan(
+    job: Resource,
+    run_id: str,
+    folder: Path,
+    service: Service,
+    ros_domain: int,
+    stopped: Callable[[], bool] = lambda: False,
+) -> RunPlan:
+    """Fetches everything a run needs and says where it is.
+
+    Args:
+      job: the simulation job.
+      run_id: id of this run of it.
+      folder: the run's own folder, empty.
+      service: where worlds, applications and data are stored.
+      ros_domain: the run's own domain of ROS 2; see `ros_domains`.
+      stopped: asked while something takes long whether to give up.
+
+    Raises:
+      LaunchError: something cannot be had; carries the job's failure code.
+    """
+    request = job.document["request"]
+    work_dir, output_dir = folder / "work", folder / "output"
+    work_dir.mkdir(parents=True)
+    output_dir.mkdir()
+    limits = compute_limits(request)
+    sandbox = run_sandbox(folder).create()
+    world_dir = _world_dir(request, service)
+    sources = job.document.get("dataSources") or []
+    plan = RunPlan(
+        job_id=job.id,
+        job_arn=job.arn,
+        run_id=run_id,
+        seed=job.document["seed"],
+        max_duration_s=float(request["maxJobDurationInSeconds"]),
+        world_dir=world_dir,
+        data_dir=fetch_data_sources(sources, sandbox, service),
+        root_dir=sandbox.root,
+        work_dir=work_dir,
+        output_dir=output_dir,
+        checkpoint_dir=folder / CHECKPOINTS_FOLDER,
+        compute=limits,
+        environment={DOMAIN_VARIABLE: str(ros_domain), **process_variables(sandbox, service.settings, os.environ)},
+        failure_behavior=request.get("failureBehavior") or "Fail",
+        record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
+        video=job.document["video"],
+        live_view_port=_live_view_port(request),
+        requirements=_requirements(job, world_dir),
+    )
+    destinations = tuple(each["destination"] for each in sources if each.get("destination"))
+    applications = plan_applications(request, Surroundings(plan, folder, sandbox, destinations, service, stopped))
+    disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
+    return plan.model_copy(
+        update={
+            "compute": limits.model_copy(update={"disk_bytes": disk_bytes}),
+            "checkpoint_every_s": checkpoint_every_s(applications.plans.get("simulation")),
+            "simulation_application": applications.plans.get("simulation"),
+            "robot_application": applications.plans.get("robot"),
+            "programs": applications.programs,
+            "ports": applications.ports,
+        }
+    )
+
+
+def _live_view_port(request: Mapping[str, Any]) -> int | None:
+    """Any free port for the page of the run, if an application's `streamUI` asks for one."""
+    configs = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
+    return 0 if any(config["launchConfig"].get("streamUI") for config in configs) else None
+
+
+def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
+    arn = world_arn(request)
+    if arn is None:
+        return None
+    try:
+        return world_bundle(service.catalog.get(arn, kind="world"), service)
+    except (ResourceNotFoundException, StorageError) as error:
+        raise LaunchError(f"world {arn}: {error}", "ResourceNotFound") from error
+
+
+def _requirements(job: Resource, world_dir: Path | None) -> list[JobRequirement]:
+    """What the job orders, all of which can be judged in this world."""
+    requirements = parse_requirements(job.document.get("requirements", []), "requirements")
+    if world_dir is not None and rooms_of(requirements):
+        world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())
+        asked = [(f"requirements[{index}].room", room) for index, room in rooms_of(requirements)]
+        if problem := unknown_room(asked, [room.name for room in world.floorplan.rooms]):
+            raise LaunchError(problem, "InvalidInput")
+    return requirements
+
+
+def world_arn(request: Mapping[str, Any]) -> str | None:
+    """ARN of the world a request drives in, if it names one."""
+    applications = request.get("simulationApplications") or [{}]
+    worlds = applications[0].get("worldConfigs") or [{}]
+    return worlds[0].get("world")

@@ -1,0 +1,64 @@
+"""A process that builds world bundles on demand.
+
+Started as `python -m prefect_robomaker.tasks.worldforge.bundle.worker`; reads one JSON object a line from
+standard input and answers each with one line on standard output:
+
+    {"body": "<template body>", "floorplan_seed": 1, "interior_seed": 2, "folder": "/…/bundle"}
+    {"content": "<hash>"}   or   {"error": "<why there is no world>"}
+
+It ends when its input does, also in the midst of a world, so it never outlives whoever started it.
+"""
+
+import json
+import os
+import queue
+import sys
+import threading
+import traceback
+from pathlib import Path
+
+from ....schemas.templates.parsing import parse_template_body
+from ....schemas.wire.errors import RobomakerError
+from ..generator import generate_world
+from .bundle import write_bundle
+
+
+def main() -> None:
+    """Answers orders until there are no more."""
+    # What a library prints must not come between the answers.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    orders: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(orders,), daemon=True).start()
+    while True:
+        print(json.dumps(answer(json.loads(orders.get()))), file=answers, flush=True)
+
+
+def _read(orders: "queue.SimpleQueue[str]") -> None:
+    for line in sys.stdin:
+        orders.put(line)
+    os._exit(0)
+
+
+def answer(order: dict[str, str | int]) -> dict[str, str]:
+    """Builds one bundle.
+
+    Returns:
+      `{"content": hash}`, or `{"error": reason}` when there is no such world.
+    """
+    try:
+        body = parse_template_body(str(order["body"]))
+        world = generate_world(body, int(order["floorplan_seed"]), int(order["interior_seed"]))
+        return {"content": write_bundle(world, Path(str(order["folder"])))}
+    except RobomakerError as error:
+        return {"error": str(error)}
+    except OSError as error:
+        return {"error": f"the bundle could not be written: {error}"}
+    except Exception as error:
+        # One world's failure, told as such: ending here would tell its orderer nothing but an exit code.
+        traceback.print_exc()
+        return {"error": f"the generator failed with {type(error).__name__}: {error}"}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,328 @@
+"""What an export is made from: a world bundle, taken apart into things made of shapes.
+
+Shapes, masses, friction and joints are those of the compiled MJCF, so that every format shows and
+weighs the same. `world.json` says which furniture a geom belongs to and where that stands.
+"""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+from dataclasses import dataclass, replace
+from math import cos, pi, sin
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.worlds.world import Furniture, World
+from ..bundle.bundle import MODEL_FILE, read_world
+
+Kind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "plane", "mesh"]
+ThingKind = Literal["building", "furniture", "body"]
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+BUILDING = "building"
+UNLIMITED_RAD = 1e16
+"""Limit of a hinge that has none: some readers take a joint without limits for a fixed one."""
+
+_KINDS: dict[int, Kind] = {
+    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+    mujoco.mjtGeom.mjGEOM_BOX: "box",
+    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
+}
+_DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
+_NOT_DRAWN_GROUP = 3
+_CEILING_GROUP = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """One geom, in its thing's frame."""
+
+    name: str
+    """Unique in its thing."""
+    kind: Kind
+    half: tuple[float, float, float]
+    """Half extents along its own axes, metres; a capsule's round ends come on top of the third; of a
+    plane the third means nothing, and 0 in the others means that it has no end."""
+    position: Vector
+    rotation: Matrix
+    color: tuple[float, float, float, float]
+    """Mean colour, texture included; red, green, blue and opacity, 0 to 1."""
+    material: int
+    """Index in the compiled model, or -1."""
+    mesh: int
+    """Index in the compiled model, or -1."""
+    drawn: bool
+    ceiling: bool
+    """Seen from below only, so that one can look into rooms from above."""
+    collides: bool
+    friction: float
+
+    @property
+    def endless(self) -> bool:
+        """Whether it is a plane without an end."""
+        return self.kind == "plane" and 0.0 in self.half[:2]
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """The one joint that ties a body to the world."""
+
+    kind: Literal["revolute", "prismatic"]
+    position: Vector
+    """In the body's frame, metres."""
+    axis: Vector
+    lower: float
+    """Least way from where the body is now, radians or metres."""
+    upper: float
+    damping: float
+    friction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """What a body weighs, about its centre of mass."""
+
+    mass_kg: float
+    position: Vector
+    moments: Matrix
+    """In the body's axes, kg m2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """The building, a piece of furniture, or a body that moves."""
+
+    name: str
+    """Unique in the world."""
+    kind: ThingKind
+    label: str
+    """What it is; equal things have equal labels."""
+    position: Vector
+    rotation: Matrix
+    shapes: tuple[Shape, ...]
+    inertia: Inertia | None = None
+    """Absent: it never moves."""
+    joint: Joint | None = None
+    """Absent: it moves freely, or not at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A whole world."""
+
+    world: World
+    model: mujoco.MjModel
+    things: tuple[Thing, ...]
+    """The building first, furniture in the order of `world.json`, then bodies as in the MJCF."""
+    folder: Path | None = None
+    """The bundle's, which holds the pictures that the MJCF names."""
+
+
+def read_scene(bundle: Path) -> Scene:
+    """Reads a bundle.
+
+    Raises:
+      FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
+      ValueError: one of them is none, or the MJCF has something that exports cannot hold.
+    """
+    world = read_world(bundle)
+    path = bundle / MODEL_FILE
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: a world bundle has its MJCF there")
+    return make_scene(world, mujoco.MjModel.from_xml_path(str(path)), bundle)
+
+
+def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) -> Scene:
+    """Takes a compiled world apart.
+
+    Args:
+      world: the world that the MJCF was written for.
+      model: the compiled MJCF.
+      folder: where its pictures are; without, they are written anew where they are needed.
+
+    Raises:
+      ValueError: the MJCF has something that exports cannot hold.
+    """
+    fixed = {item.id: item for item in world.furniture if not item.movable}
+    colors = _material_colors(model)
+    owned: dict[str, list[Shape]] = {BUILDING: [], **{name: [] for name in fixed}}
+    for geom in np.flatnonzero(model.geom_bodyid == 0):
+        shape = _shape(model, int(geom), colors)
+        owner, _, part = shape.name.partition(".")
+        if part and owner in fixed:
+            owned[owner].append(_moved(shape, fixed[owner], part))
+        else:
+            owned[BUILDING].append(shape)
+    things = [Thing(BUILDING, "building", "building", np.zeros(3), np.eye(3), tuple(owned.pop(BUILDING)))]
+    for name, shapes in owned.items():
+        item = fixed[name]
+        things.append(Thing(name, "furniture", _label(item), _spot(item), _turned(item.yaw), tuple(shapes)))
+    labels = {item.id: _label(item) for item in world.furniture}
+    things += [_body_thing(model, body, labels, colors) for body in range(1, model.nbody)]
+    return Scene(world, model, tuple(things), folder)
+
+
+def _label(item: Furniture) -> str:
+    sizes = "x".join(f"{1000 * size:.0f}" for size in (item.width_m, item.depth_m, item.height_m))
+    return f"{item.model_type} {item.style} {sizes}"
+
+
+def _spot(item: Furniture) -> Vector:
+    return np.array([item.x, item.y, item.base_m])
+
+
+def _turned(yaw: float) -> Matrix:
+    quarters = yaw / (pi / 2)
+    # Cosine and sine exact for quarter turns, which most furniture has.
+    exact = abs(quarters - round(quarters)) < 1e-6
+    c, s = (round(cos(yaw)), round(sin(yaw))) if exact else (cos(yaw), sin(yaw))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _moved(shape: Shape, item: Furniture, name: str) -> Shape:
+    """The shape in the frame of the furniture that it is part of."""
+    back = _turned(item.yaw).T
+    position, rotation = back @ (shape.position - _spot(item)), back @ shape.rotation
+    return replace(shape, name=name, position=position, rotation=rotation)
+
+
+def _shape(model: mujoco.MjModel, geom: int, colors: list[Vector]) -> Shape:
+    name = model.geom(geom).name or f"geom_{geom}"
+    kind = _KINDS.get(int(model.geom_type[geom]))
+    if kind is None:
+        raise ValueError(f"geom {name!r}: exports hold {', '.join(_KINDS.values())}, not type {model.geom_type[geom]}")
+    material = int(model.geom_matid[geom])
+    color = model.geom_rgba[geom]
+    if material >= 0 and np.allclose(color, _DEFAULT_COLOR):
+        color = colors[material]
+    group = int(model.geom_group[geom])
+    return Shape(
+        name=name,
+        kind=kind,
+        half=_half(kind, model.geom_size[geom]),
+        position=model.geom_pos[geom].copy(),
+        rotation=matrix_of(model.geom_quat[geom]),
+        color=tuple(round(float(value), 3) for value in color),  # pyright: ignore[reportArgumentType]
+        material=material,
+        mesh=int(model.geom_dataid[geom]) if kind == "mesh" else -1,
+        drawn=group != _NOT_DRAWN_GROUP,
+        ceiling=group == _CEILING_GROUP,
+        collides=bool(model.geom_contype[geom] or model.geom_conaffinity[geom]),
+        friction=round(float(model.geom_friction[geom, 0]), 4),
+    )
+
+
+def _half(kind: Kind, size: Vector) -> tuple[float, float, float]:
+    first, second, third = (float(value) for value in size)
+    if kind == "sphere":
+        return first, first, first
+    if kind in ("cylinder", "capsule"):
+        return first, first, second
+    return first, second, third
+
+
+def matrix_of(quaternion: Vector) -> Matrix:
+    """The rotation of a quaternion (w, x, y, z), exact for quarter turns about the axes."""
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion / np.linalg.norm(quaternion))
+    nearest = np.round(matrix)
+    # MJCF is written with six digits.
+    return np.where(np.abs(matrix - nearest) < 2e-6, nearest, matrix).reshape(3, 3)
+
+
+def _material_colors(model: mujoco.MjModel) -> list[Vector]:
+    """The mean colour of every material."""
+    colors = []
+    for material in range(model.nmat):
+        color = model.mat_rgba[material].astype(np.float64)
+        pixels = texture_pixels(model, material)
+        if pixels is not None:
+            color[:3] *= pixels[..., :3].mean(axis=(0, 1)) / 255
+        colors.append(color)
+    return colors
+
+
+def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | None:
+    """The picture on a material, rows from top to bottom; None if it has a plain colour."""
+    texture = int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    if texture < 0:
+        return None
+    shape = (model.tex_height[texture], model.tex_width[texture], model.tex_nchannel[texture])
+    start = int(model.tex_adr[texture])
+    return model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
+
+
+def texture_png(scene: Scene, material: int) -> bytes | None:
+    """The file of the picture on a material; None if it has none, or one that MuJoCo makes itself."""
+    texture = int(scene.model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    start = int(scene.model.tex_pathadr[texture]) if texture >= 0 else -1
+    if start < 0 or scene.folder is None:
+        return None
+    name = scene.model.paths[start:].split(b"\0", 1)[0].decode()
+    path = scene.folder / name
+    return path.read_bytes() if name.endswith(".png") and path.is_file() else None
+
+
+def _body_thing(model: mujoco.MjModel, body: int, labels: dict[str, str], colors: list[Vector]) -> Thing:
+    name = model.body(body).name or f"body_{body}"
+    if model.body_parentid[body] != 0:
+        raise ValueError(f"body {name!r}: exports hold bodies of the world, not bodies of bodies")
+    shapes = tuple(
+        replace(shape, name=shape.name.removeprefix(f"{name}."))
+        for shape in (_shape(model, int(geom), colors) for geom in np.flatnonzero(model.geom_bodyid == body))
+    )
+    return Thing(
+        name=name,
+        kind="body",
+        label=labels.get(name) or _size_label(name, shapes),
+        position=model.body_pos[body].copy(),
+        rotation=matrix_of(model.body_quat[body]),
+        shapes=shapes,
+        inertia=_inertia(model, body),
+        joint=_joint(model, body, name),
+    )
+
+
+def _size_label(name: str, shapes: tuple[Shape, ...]) -> str:
+    """Kind and size of a body that `world.json` does not list as furniture: `door 850x40x2050`."""
+    spans = np.array([np.abs(shape.rotation) @ shape.half for shape in shapes if shape.collides] or [np.zeros(3)])
+    centers = np.array([shape.position for shape in shapes if shape.collides] or [np.zeros(3)])
+    size = (centers + spans).max(axis=0) - (centers - spans).min(axis=0)
+    return f"{name.rstrip('-_0123456789')} {'x'.join(f'{1000 * extent:.0f}' for extent in size)}"
+
+
+def _inertia(model: mujoco.MjModel, body: int) -> Inertia:
+    axes = matrix_of(model.body_iquat[body])
+    moments = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    return Inertia(float(model.body_mass[body]), model.body_ipos[body].copy(), moments)
+
+
+def _joint(model: mujoco.MjModel, body: int, name: str) -> Joint | None:
+    count, joint = int(model.body_jntnum[body]), int(model.body_jntadr[body])
+    kind = int(model.jnt_type[joint]) if count else -1
+    if count == 1 and kind == mujoco.mjtJoint.mjJNT_FREE:
+        return None
+    if count != 1 or kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+        raise ValueError(f"body {name!r}: exports hold bodies with one free, hinge or slide joint")
+    now = float(model.qpos0[model.jnt_qposadr[joint]])
+    limited = bool(model.jnt_limited[joint])
+    lower, upper = (float(limit) - now for limit in model.jnt_range[joint])
+    freedom = int(model.jnt_dofadr[joint])
+    return Joint(
+        kind="revolute" if kind == mujoco.mjtJoint.mjJNT_HINGE else "prismatic",
+        position=model.jnt_pos[joint].copy(),
+        axis=model.jnt_axis[joint].copy(),
+        lower=lower if limited else -UNLIMITED_RAD,
+        upper=upper if limited else UNLIMITED_RAD,
+        damping=float(model.dof_damping[freedom]),
+        friction=float(model.dof_frictionloss[freedom]),
+    )

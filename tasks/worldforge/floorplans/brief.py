@@ -1,0 +1,191 @@
+"""What a floor plan is asked for, in numbers, and what makes neighbours sensible."""
+
+from collections import Counter
+from collections.abc import Iterator
+from math import log
+from typing import NamedTuple
+
+from ....schemas.templates.body import TemplateAspectRatio, TemplateFloorplan
+from ....schemas.worlds.world import PassageKind, RoomType
+from .partition import UNITS_PER_M, Contact, Partition, contacts, extent
+
+INTERIOR_WALL = 2
+EXTERIOR_WALL = 4
+"""Thickness of walls, in units; both even, so that faces fall on units."""
+
+DOOR_WIDTH = 18
+DOOR_CLEARANCE = 6
+"""Between a doorway's jamb and the next corner or doorway, in units."""
+
+OPENING_WIDTH = 20
+"""Clear width below which an opening is not worth the name, in units."""
+
+MIN_SIDES_M: dict[RoomType, float] = {
+    "Bathroom": 1.8,
+    "Bedroom": 2.2,
+    "Closet": 1.2,
+    "Dining": 2.2,
+    "Hallway": 1.3,
+    "Kitchen": 2.0,
+    "Living": 2.2,
+}
+"""Least width of a room between the centre lines of its walls."""
+
+HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Living"})
+"""Types of rooms that want daylight."""
+
+PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
+"""Types of rooms that others may be reached through."""
+
+RATIO_TOLERANCE = 0.2
+"""Logarithmic deviation of an aspect ratio that still grants the wish: a factor of 1.22."""
+
+LIT_WALL = 44
+"""Length of outer wall that a window needs, in units."""
+
+THROUGHNESS: dict[RoomType, float] = {
+    "Bathroom": 0.1,
+    "Bedroom": 0.4,
+    "Closet": 0.1,
+    "Dining": 0.8,
+    "Hallway": 1.0,
+    "Kitchen": 0.7,
+    "Living": 0.95,
+}
+"""How acceptable it is to pass through a room of this type on the way to another."""
+
+_AFFINITY: dict[tuple[RoomType, RoomType], float] = {
+    ("Bathroom", "Bathroom"): 0.05,
+    ("Bathroom", "Bedroom"): 0.8,
+    ("Bathroom", "Closet"): 0.1,
+    ("Bathroom", "Dining"): 0.15,
+    ("Bathroom", "Hallway"): 1.0,
+    ("Bathroom", "Kitchen"): 0.1,
+    ("Bathroom", "Living"): 0.45,
+    ("Bedroom", "Bedroom"): 0.15,
+    ("Bedroom", "Closet"): 0.9,
+    ("Bedroom", "Dining"): 0.3,
+    ("Bedroom", "Hallway"): 1.0,
+    ("Bedroom", "Kitchen"): 0.1,
+    ("Bedroom", "Living"): 0.7,
+    ("Closet", "Closet"): 0.05,
+    ("Closet", "Dining"): 0.25,
+    ("Closet", "Hallway"): 0.8,
+    ("Closet", "Kitchen"): 0.5,
+    ("Closet", "Living"): 0.35,
+    ("Dining", "Dining"): 0.4,
+    ("Dining", "Hallway"): 0.7,
+    ("Dining", "Kitchen"): 1.0,
+    ("Dining", "Living"): 0.95,
+    ("Hallway", "Hallway"): 0.9,
+    ("Hallway", "Kitchen"): 0.75,
+    ("Hallway", "Living"): 0.95,
+    ("Kitchen", "Kitchen"): 0.3,
+    ("Kitchen", "Living"): 0.7,
+    ("Living", "Living"): 0.6,
+}
+
+
+def affinity(one: RoomType, other: RoomType) -> float:
+    """How sensible a door between rooms of two types is, from 0 to 1."""
+    low, high = sorted((one, other))
+    return _AFFINITY[low, high]
+
+
+class Brief(NamedTuple):
+    """The template's wishes about the plan; rooms are numbered in the template's order."""
+
+    names: tuple[str, ...]
+    types: tuple[RoomType, ...]
+    areas_m2: tuple[float, ...]
+    ratios: tuple[float, ...]
+    """Length over width, at least 1: a room may be turned."""
+    footprint_ratio: float
+    """Extent along x over extent along y."""
+    requests: dict[tuple[int, int], tuple[PassageKind, int]]
+    """For pairs of rooms, lower number first: what should join them, and how many."""
+
+    @property
+    def min_sides(self) -> list[int]:
+        """Least width of each room, in units."""
+        return [round(MIN_SIDES_M[kind] * UNITS_PER_M) for kind in self.types]
+
+
+def brief(wishes: TemplateFloorplan) -> Brief:
+    """Reads the numbers out of a template."""
+    numbers = {room.Name: number for number, room in enumerate(wishes.Rooms)}
+    counts: Counter[tuple[int, int]] = Counter()
+    kinds: dict[tuple[int, int], PassageKind] = {}
+    for connection in wishes.DesiredConnections:
+        low, high = sorted(numbers[name] for name in connection.Location)
+        counts[low, high] += 1
+        kinds[low, high] = connection.ConnectionType
+    return Brief(
+        names=tuple(numbers),
+        types=tuple(room.Type for room in wishes.Rooms),
+        areas_m2=tuple(room.DesiredShape.Area for room in wishes.Rooms),
+        ratios=tuple(length_over_width(room.DesiredShape.AspectRatio) for room in wishes.Rooms),
+        footprint_ratio=wishes.Footprint.DesiredAspectRatio.x / wishes.Footprint.DesiredAspectRatio.y,
+        requests={pair: (kinds[pair], count) for pair, count in counts.items()},
+    )
+
+
+def length_over_width(ratio: TemplateAspectRatio) -> float:
+    """The longer side over the shorter one."""
+    return max(ratio.x, ratio.y) / min(ratio.x, ratio.y)
+
+
+def deviation(actual: float, desired: float) -> float:
+    """How far a ratio is from another: 0 when equal, the same for twice and half."""
+    return abs(log(actual / desired))
+
+
+def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
+    """The part of a shared wall between the faces of the walls at its ends, in units."""
+    limit = plan.width if contact.horizontal else plan.height
+    start = contact.start + (EXTERIOR_WALL if contact.start == 0 else INTERIOR_WALL) // 2
+    end = contact.end - (EXTERIOR_WALL if contact.end == limit else INTERIOR_WALL) // 2
+    return start, end
+
+
+def doors_in(span: int) -> int:
+    """How many doorways fit between two corners that far apart; not above 0 when none does."""
+    return (span - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
+
+
+def door_capacity(contact: Contact, plan: Partition) -> int:
+    """How many doorways fit into a shared wall."""
+    start, end = clear_span(contact, plan)
+    return max(0, doors_in(end - start))
+
+
+def opening_fits(contact: Contact, plan: Partition) -> bool:
+    """Whether a shared wall is long enough to be taken away."""
+    start, end = clear_span(contact, plan)
+    return end - start >= OPENING_WIDTH
+
+
+def shared_spans(plan: Partition) -> Iterator[tuple[tuple[int, int], int]]:
+    """For every shared wall the two rooms, lower number first, and its clear length in units.
+
+    The same as `clear_span` of all contacts. The search spends much of its time here, and nearly
+    all plans have rectangular rooms only, which are compared directly.
+    """
+    if any(len(corners) > 4 for corners in plan.rooms):
+        for contact in contacts(plan.rooms):
+            start, end = clear_span(contact, plan)
+            yield (min(contact.low, contact.high), max(contact.low, contact.high)), end - start
+        return
+    boxes = [extent(corners) for corners in plan.rooms]
+    for other, (x0, y0, x1, y1) in enumerate(boxes):
+        for one in range(other):
+            u0, v0, u1, v1 = boxes[one]
+            if x0 == u1 or x1 == u0:
+                start, end, limit = max(y0, v0), min(y1, v1), plan.height
+            elif y0 == v1 or y1 == v0:
+                start, end, limit = max(x0, u0), min(x1, u1), plan.width
+            else:
+                continue
+            if start < end:
+                outer = (start == 0) + (end == limit)
+                yield (one, other), end - start - INTERIOR_WALL - outer * (EXTERIOR_WALL - INTERIOR_WALL) // 2

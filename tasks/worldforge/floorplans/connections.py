@@ -1,0 +1,149 @@
+"""Ways between rooms: the requested ones as far as the plan allows, and more until every room is connected."""
+
+from random import Random
+from typing import NamedTuple
+
+from ....schemas.worlds.world import PassageKind, RoomType
+from .brief import DOOR_CLEARANCE, DOOR_WIDTH, THROUGHNESS, Brief, affinity, clear_span, door_capacity, opening_fits
+from .partition import Contact, Partition, area, contacts
+
+_MAX_WAYS_PER_ROOM = 4
+_OPEN_PLAN: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
+_OPEN_PLAN_SHARE = 0.35
+"""How often a way that nobody asked for, between rooms of these types, is an opening."""
+
+_LONGEST_HALLWAY_OPENING = 52
+"""A hallway is open towards a room at its end, not along its side, unless that is wished; in units."""
+
+_NEAR_CORNER_SHARE = 0.75
+_NEAR_CORNER = 6
+
+Pair = tuple[int, int]
+
+
+class Way(NamedTuple):
+    """A way through a shared wall, along the wall from `start` to `end`, in units."""
+
+    pair: Pair
+    contact: Contact
+    kind: PassageKind
+    start: int
+    end: int
+    requested: bool
+
+
+def shared_walls(plan: Partition) -> dict[Pair, list[Contact]]:
+    """The shared walls of every two rooms, longest first; lower room number first in the key."""
+    walls: dict[Pair, list[Contact]] = {}
+    for contact in contacts(plan.rooms):
+        pair = (min(contact.low, contact.high), max(contact.low, contact.high))
+        walls.setdefault(pair, []).append(contact)
+    for shared in walls.values():
+        shared.sort(key=lambda contact: contact.start - contact.end)
+    return walls
+
+
+def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
+    """Chooses and places all ways; every room is connected afterwards if the partition is valid.
+
+    Args:
+      plan: a valid partition.
+      brief: the wishes.
+      dice: the source of chance.
+    """
+    walls = shared_walls(plan)
+    ways: list[Way] = []
+    for pair, (kind, count) in brief.requests.items():
+        if kind == "Opening":
+            ways += _opening(plan, pair, walls.get(pair, []), requested=True)
+        else:
+            ways += _doorways(plan, pair, walls.get(pair, []), count, dice, requested=True)
+    main = _grown({_most_public(plan, brief)}, ways)
+    while len(main) < len(plan.rooms):
+        pair = _next_pair(plan, brief, walls, ways, main, dice)
+        open_plan = _may_be_open(brief, pair, walls[pair]) and dice.random() < _OPEN_PLAN_SHARE
+        added = _opening(plan, pair, walls[pair], requested=False) if open_plan else []
+        ways += added or _doorways(plan, pair, walls[pair], 1, dice, requested=False)
+        main = _grown(main | set(pair), ways)
+    return ways
+
+
+def _may_be_open(brief: Brief, pair: Pair, shared: list[Contact]) -> bool:
+    """Whether no wall between two rooms is a good idea."""
+    types = {brief.types[room] for room in pair}
+    along = shared[0].end - shared[0].start
+    return types <= _OPEN_PLAN and ("Hallway" not in types or along <= _LONGEST_HALLWAY_OPENING)
+
+
+def _most_public(plan: Partition, brief: Brief) -> int:
+    return max(range(len(plan.rooms)), key=lambda room: (THROUGHNESS[brief.types[room]], area(plan.rooms[room])))
+
+
+def _grown(rooms: set[int], ways: list[Way]) -> set[int]:
+    """All rooms that the ways lead to from the given ones."""
+    grown = set(rooms)
+    while True:
+        found = {room for way in ways if grown.intersection(way.pair) for room in way.pair}
+        if found <= grown:
+            return grown
+        grown |= found
+
+
+def _next_pair(
+    plan: Partition, brief: Brief, walls: dict[Pair, list[Contact]], ways: list[Way], main: set[int], dice: Random
+) -> Pair:
+    """The most sensible pair that joins a new room to the connected ones."""
+    degrees = [sum(room in way.pair for way in ways) for room in range(len(plan.rooms))]
+
+    def sense(pair: Pair) -> float:
+        inner, outer = pair if pair[0] in main else pair[::-1]
+        value = affinity(brief.types[inner], brief.types[outer]) * THROUGHNESS[brief.types[inner]]
+        if len(_grown({outer}, ways)) > 1:
+            value *= THROUGHNESS[brief.types[outer]]
+        if max(degrees[inner], degrees[outer]) >= _MAX_WAYS_PER_ROOM:
+            value *= 0.1
+        # Near ties fall either way.
+        return value * (0.8 + 0.2 * dice.random())
+
+    possible = [
+        pair
+        for pair, shared in walls.items()
+        if (pair[0] in main) != (pair[1] in main) and any(door_capacity(contact, plan) for contact in shared)
+    ]
+    return max(possible, key=sense)
+
+
+def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: bool) -> list[Way]:
+    """Takes away the longest shared wall, from corner to corner; nothing if it is too short."""
+    if not shared or not opening_fits(shared[0], plan):
+        return []
+    return [Way(pair, shared[0], "Opening", *clear_span(shared[0], plan), requested)]
+
+
+def _doorways(
+    plan: Partition, pair: Pair, shared: list[Contact], count: int, dice: Random, *, requested: bool
+) -> list[Way]:
+    """Spreads doorways over the shared walls, at random places; fewer if fewer fit."""
+    places = [contact for contact in shared for _ in range(door_capacity(contact, plan))]
+    chosen = dice.sample(places, min(count, len(places)))
+    ways = []
+    for contact in shared:
+        number = chosen.count(contact)
+        start, end = clear_span(contact, plan)
+        free = end - start - number * DOOR_WIDTH - (number + 1) * DOOR_CLEARANCE
+        shifts = _shifts(number, free, dice)
+        for index, shift in enumerate(shifts):
+            jamb = start + DOOR_CLEARANCE + index * (DOOR_WIDTH + DOOR_CLEARANCE) + shift
+            ways.append(Way(pair, contact, "Doorway", jamb, jamb + DOOR_WIDTH, requested))
+    return ways
+
+
+def _shifts(number: int, free: int, dice: Random) -> list[int]:
+    """By how much the jambs of the doorways in a wall are moved along it, of `free` units in all.
+
+    A single doorway mostly stands near one end, which leaves the rest of the wall to furniture.
+    """
+    if number == 1 and dice.random() < _NEAR_CORNER_SHARE:
+        shift = dice.randint(0, min(free, _NEAR_CORNER))
+        return [shift if dice.random() < 0.5 else free - shift]
+    return sorted(dice.randint(0, free) for _ in range(number))

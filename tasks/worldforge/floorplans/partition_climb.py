@@ -1,0 +1,271 @@
+"""The search for partitions with L-shaped rooms: random slicing trees, improved step by step.
+
+It is called where rectangles do badly: a closet in the corner of a hall is better than one along its whole side.
+"""
+
+from collections.abc import Sequence
+from math import inf, log, sqrt
+from random import Random
+
+from ....schemas.wire.errors import WorldGenerationError
+from ....schemas.worlds.world import RoomType
+from .brief import HABITABLE, OPENING_WIDTH, Brief, affinity, doors_in, shared_spans
+from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, extent, partition, slenderness
+
+MAX_CLIMBS = 40
+"""Hill climbs before giving up; the first few nearly always succeed."""
+
+_CLIMBS = 5
+_TOP = 4
+"""Partitions of a climb that are looked at, the best ones."""
+
+_STEPS_PER_SQUARE = 3
+"""Steps of a climb over the square of the number of rooms."""
+
+_LEAST_STEPS = 20
+_TOLERANCE = log(1.15)
+"""Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
+
+_MISSED_WISH = 0.3
+_OUTLIER = 1.5
+_MISSED_CONNECTION = 2.5
+_NOT_CONNECTED = 9.0
+_TOO_NARROW = 9.0
+_DARK = 0.6
+_STRANGE_NEIGHBOURS = 0.8
+_FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
+"""By number of rooms, the last from there on: with one room, the room's own wish wins."""
+
+_BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
+"""Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
+
+_BENT_OTHERWISE = 1.5
+_TEMPERATURE = 1.0
+_RATIO_SHARE = 0.1
+
+_PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
+
+
+class Judge:
+    """Says what a partition costs under a brief; 0 is perfect."""
+
+    def __init__(self, brief: Brief) -> None:
+        self.brief = brief
+        self.min_sides = brief.min_sides
+        self.possible_ratios = [
+            # A little off the limit, because sides are rounded to units.
+            min(ratio, 0.97 * square_metres * UNITS_PER_M**2 / least**2)
+            for ratio, square_metres, least in zip(brief.ratios, brief.areas_m2, self.min_sides, strict=True)
+        ]
+        self.log_ratios = [log(ratio) for ratio in brief.ratios]
+        self.log_footprint = log(brief.footprint_ratio)
+        self.affinities = [[affinity(one, other) for other in brief.types] for one in brief.types]
+
+    def cost(self, plan: Partition, limit: float = inf) -> float:
+        """The whole cost, or some part of it that is above the limit already."""
+        cost = self._shapes(plan)
+        return cost if cost > limit else cost + self._neighbours(plan)
+
+    def is_valid(self, plan: Partition) -> bool:
+        """Whether every room is wide enough and a way leads to each."""
+        wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
+        return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
+
+    def is_bent(self, plan: Partition) -> bool:
+        """Whether it has an L-shaped room."""
+        return any(len(corners) > 4 for corners in plan.rooms)
+
+    def _shapes(self, plan: Partition) -> float:
+        off = abs(log(plan.width / plan.height) - self.log_footprint)
+        cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_WISH if off > _TOLERANCE else 0.0))
+        for room, corners in enumerate(plan.rooms):
+            kind = self.brief.types[room]
+            if plan.arms[room] < self.min_sides[room]:
+                cost += _TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
+                if plan.arms[room] <= 0:
+                    continue
+            off = log(slenderness(plan, room)) - self.log_ratios[room]
+            if kind == "Hallway" and off > 0:
+                off /= 2  # a hallway that is longer than wished is still a good hallway
+            off = abs(off)
+            cost += off + _OUTLIER * off * off + (_MISSED_WISH if off > _TOLERANCE else 0.0)
+            if len(corners) > 4:
+                cost += _BENT.get(kind, _BENT_OTHERWISE)
+            if kind in HABITABLE:
+                box = extent(corners)
+                if box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
+                    cost += _DARK
+        return cost
+
+    def _neighbours(self, plan: Partition) -> float:
+        if len(plan.rooms) == 1:
+            return 0.0
+        ways, missed = self._ways(plan)
+        cost = _MISSED_CONNECTION * missed
+        reached = _reached_from_first(ways)
+        for room, row in enumerate(self.affinities):
+            if not reached >> room & 1:
+                cost += _NOT_CONNECTED
+            best = max((row[other] for other in range(len(row)) if ways[room] >> other & 1), default=0.0)
+            cost += _STRANGE_NEIGHBOURS * (1 - best)
+        return cost
+
+    def _ways(self, plan: Partition) -> tuple[list[int], int]:
+        """For every room a bit set of the rooms it can be joined to, and how many requested ways do not fit."""
+        ways = [0] * len(plan.rooms)
+        doors: dict[tuple[int, int], int] = {}
+        openings: set[tuple[int, int]] = set()
+        for pair, span in shared_spans(plan):
+            fitting = doors_in(span)
+            if span >= OPENING_WIDTH:
+                openings.add(pair)
+            if fitting > 0:
+                doors[pair] = doors.get(pair, 0) + fitting
+                ways[pair[0]] |= 1 << pair[1]
+                ways[pair[1]] |= 1 << pair[0]
+        missed = 0
+        for pair, (kind, count) in self.brief.requests.items():
+            if kind == "Doorway":
+                missed += max(0, count - doors.get(pair, 0))
+            elif pair in openings:
+                ways[pair[0]] |= 1 << pair[1]
+                ways[pair[1]] |= 1 << pair[0]
+            else:
+                missed += 1
+        return ways, missed
+
+
+def _reached_from_first(ways: Sequence[int]) -> int:
+    """Bit set of the rooms that can be reached from room 0."""
+    reached, fresh = 1, 1
+    while fresh:
+        found = 0
+        for room, others in enumerate(ways):
+            if fresh >> room & 1:
+                found |= others
+        fresh = found & ~reached
+        reached |= fresh
+    return reached
+
+
+def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Partition | None:
+    """Climbs to a partition that may have L-shaped rooms.
+
+    Args:
+      brief: the wishes.
+      dice: the source of chance.
+      below: the cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
+        it, any valid partition will do.
+
+    Raises:
+      WorldGenerationError: `below` is not given, and no valid partition was met in `MAX_CLIMBS` hill climbs.
+    """
+    judge = Judge(brief)
+    valid: dict[Partition, float] = {}
+    for climb in range(MAX_CLIMBS):
+        if climb >= _CLIMBS and (valid or below is not None):
+            break
+        steps = _climb(judge, dice, any_footprint=climb >= _CLIMBS)
+        for plan in sorted(steps, key=lambda plan: steps[plan])[:_TOP]:
+            if judge.is_valid(plan) and (below is None or (judge.is_bent(plan) and steps[plan] < below)):
+                valid[plan] = steps[plan]
+    if valid:
+        return min(valid, key=lambda plan: valid[plan])
+    if below is not None:
+        return None
+    raise WorldGenerationError(
+        f"no partition of {sum(brief.areas_m2):g} m2 into {len(brief.areas_m2)} rooms where every room is wide "
+        f"enough and connected was found in {MAX_CLIMBS} attempts"
+    )
+
+
+def _climb(judge: Judge, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
+    """Improves one random slicing tree by small changes; steps back are taken less and less.
+
+    Args:
+      judge: says what is better.
+      dice: the source of chance.
+      any_footprint: begin with any outline, where the desired one has led nowhere.
+
+    Returns:
+      The partitions on the way, with their costs.
+    """
+    brief = judge.brief
+    count = len(brief.areas_m2)
+    ratios = _footprint_ratios(judge)
+    expression = _random_tree(dice.sample(range(count), count), dice)
+    ratio = dice.choice(ratios) if any_footprint else brief.footprint_ratio
+    plan = _cut(judge, expression, ratio)
+    cost = judge.cost(plan)
+    taken = {plan: cost}
+    steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * count**2)
+    for step in range(steps):
+        changed, changed_ratio = expression, ratio
+        if count == 1 or dice.random() < _RATIO_SHARE:
+            changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
+        else:
+            changed = _changed(expression, dice)
+        plan = _cut(judge, changed, changed_ratio)
+        limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
+        changed_cost = judge.cost(plan, limit)
+        if changed_cost <= limit:
+            expression, ratio, cost = changed, changed_ratio, changed_cost
+            taken[plan] = cost
+    return taken
+
+
+def _footprint_ratios(judge: Judge) -> list[float]:
+    """Outlines to try when the desired one does not suit the rooms."""
+    desired = judge.brief.footprint_ratio
+    if len(judge.possible_ratios) == 1:
+        ratio = judge.possible_ratios[0]
+        return [desired, ratio, 1 / ratio]
+    return [desired, *_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS)]
+
+
+def _cut(judge: Judge, expression: Sequence[int], ratio: float) -> Partition:
+    brief = judge.brief
+    square_units = sum(brief.areas_m2) * UNITS_PER_M**2
+    width = round(sqrt(square_units * ratio))
+    return partition(expression, brief.areas_m2, judge.possible_ratios, width, round(square_units / width))
+
+
+def _random_tree(rooms: list[int], dice: Random) -> list[int]:
+    if len(rooms) == 1:
+        return rooms
+    split = dice.randrange(1, len(rooms))
+    return [*_random_tree(rooms[:split], dice), *_random_tree(rooms[split:], dice), _random_operator(dice)]
+
+
+def _random_operator(dice: Random) -> int:
+    if dice.random() < 0.15:
+        return dice.choice(POCKETS)
+    return SIDE_BY_SIDE if dice.random() < 0.5 else STACKED
+
+
+def _changed(expression: list[int], dice: Random) -> list[int]:
+    """A copy with two rooms swapped, an operator replaced, or a part rebuilt."""
+    changed = expression.copy()
+    chance = dice.random()
+    if chance < 0.5:
+        one, other = dice.sample([index for index, token in enumerate(changed) if token >= 0], 2)
+        changed[one], changed[other] = changed[other], changed[one]
+        return changed
+    index = dice.choice([index for index, token in enumerate(changed) if token < 0])
+    if chance < 0.8:
+        changed[index] = _random_operator(dice)
+        return changed
+    first = _first_token(changed, index)
+    rooms = [token for token in changed[first:index] if token >= 0]
+    dice.shuffle(rooms)
+    return [*changed[:first], *_random_tree(rooms, dice), *changed[index + 1 :]]
+
+
+def _first_token(expression: Sequence[int], root: int) -> int:
+    """Where the tree that ends at `root` begins."""
+    open_trees, index = 1, root
+    while True:
+        open_trees += -1 if expression[index] >= 0 else 1
+        if not open_trees:
+            return index
+        index -= 1

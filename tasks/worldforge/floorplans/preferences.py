@@ -1,0 +1,143 @@
+"""The honest account: what became of every wish about the floor plan, with numbers."""
+
+from collections import Counter
+from itertools import combinations
+
+from ....schemas.templates.body import FLOORPLAN_PATH, DesiredConnection, TemplateAspectRatio, TemplateFloorplan
+from ....schemas.worlds.world import Wish
+from .brief import (
+    DOOR_CLEARANCE,
+    DOOR_WIDTH,
+    INTERIOR_WALL,
+    MIN_SIDES_M,
+    OPENING_WIDTH,
+    RATIO_TOLERANCE,
+    Brief,
+    deviation,
+    length_over_width,
+)
+from .connections import Pair, Way, shared_walls
+from .partition import UNIT_M, Partition, area, slenderness
+from .rivals import rival_wishes
+
+AREA_TOLERANCE = 0.1
+"""Share of the desired area by which a room may be off."""
+
+
+def judge_wishes(wishes: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]) -> list[Wish]:
+    """One `Wish` for the footprint, the ceiling, every area, every aspect ratio and every connection."""
+    report = [_footprint(wishes, brief, plan), _ceiling(wishes)]
+    for number in range(len(wishes.Rooms)):
+        report += [_area(wishes, plan, number), _ratio(wishes, brief, plan, number)]
+    left = Counter(way.pair for way in ways if way.requested)
+    for index, connection in enumerate(wishes.DesiredConnections):
+        low, high = sorted(brief.names.index(name) for name in connection.Location)
+        report.append(_connection(connection, index, (low, high), brief, plan, left))
+        left[low, high] -= 1
+    return report
+
+
+def _footprint(wishes: TemplateFloorplan, brief: Brief, plan: Partition) -> Wish:
+    ratio = plan.width / plan.height
+    wish = Wish(
+        path=f"{FLOORPLAN_PATH}.Footprint.DesiredAspectRatio",
+        wish=f"footprint with aspect ratio {_colon(wishes.Footprint.DesiredAspectRatio)}",
+        outcome="satisfied",
+    )
+    if deviation(ratio, brief.footprint_ratio) <= RATIO_TOLERANCE:
+        return wish
+    if len(wishes.Rooms) == 1:
+        # The one room is the footprint; its own wish was taken.
+        reason = (
+            f"the only room fills the footprint and is wished to be {_colon(wishes.Rooms[0].DesiredShape.AspectRatio)}"
+        )
+        return wish.model_copy(update={"outcome": "contradictory", "reason": reason})
+    reason = f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}, to come nearer to the wishes of the rooms"
+    return wish.model_copy(update={"outcome": "missed", "reason": reason})
+
+
+def _ceiling(wishes: TemplateFloorplan) -> Wish:
+    return Wish(
+        path=f"{FLOORPLAN_PATH}.Ceiling.Height",
+        wish=f"ceiling {wishes.Ceiling.Height:g} m above the floor",
+        outcome="satisfied",
+    )
+
+
+def _area(wishes: TemplateFloorplan, plan: Partition, number: int) -> Wish:
+    room = wishes.Rooms[number]
+    wish = Wish(
+        path=f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.Area",
+        wish=f"{room.Name} of {room.DesiredShape.Area:g} m2",
+        outcome="satisfied",
+    )
+    actual = area(plan.rooms[number]) * UNIT_M**2
+    if abs(actual / room.DesiredShape.Area - 1) <= AREA_TOLERANCE:
+        return wish
+    reason = f"it became {actual:.1f} m2 instead of {room.DesiredShape.Area:g} m2"
+    return wish.model_copy(update={"outcome": "missed", "reason": reason})
+
+
+def _ratio(wishes: TemplateFloorplan, brief: Brief, plan: Partition, number: int) -> Wish:
+    room = wishes.Rooms[number]
+    desired = length_over_width(room.DesiredShape.AspectRatio)
+    wish = Wish(
+        path=f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.AspectRatio",
+        wish=f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}",
+        outcome="satisfied",
+    )
+    actual = slenderness(plan, number)
+    if deviation(actual, desired) <= RATIO_TOLERANCE:
+        return wish
+    least, width = MIN_SIDES_M[room.Type], (room.DesiredShape.Area / desired) ** 0.5
+    if width < least:
+        cause = (
+            f"at {room.DesiredShape.Area:g} m2 it would be {width:.2f} m wide, and this type is at least {least:g} m"
+        )
+        return wish.model_copy(update={"outcome": "contradictory", "reason": cause})
+    reason = f"it became {actual:.2f} instead of {desired:.2f}; {rival_wishes(brief, plan, number)}"
+    return wish.model_copy(update={"outcome": "missed", "reason": reason})
+
+
+def _connection(
+    connection: DesiredConnection, index: int, pair: Pair, brief: Brief, plan: Partition, left: Counter[Pair]
+) -> Wish:
+    one, other = connection.Location
+    wish = Wish(
+        path=f"{FLOORPLAN_PATH}.DesiredConnections[{index}]",
+        wish=f"{connection.ConnectionType} between {one} and {other}",
+        outcome="satisfied",
+    )
+    if left[pair] > 0:
+        return wish
+    walls = shared_walls(plan).get(pair, [])
+    needed = (
+        OPENING_WIDTH if connection.ConnectionType == "Opening" else DOOR_WIDTH + 2 * DOOR_CLEARANCE
+    ) + INTERIOR_WALL
+    if walls:
+        longest = walls[0].end - walls[0].start
+        reason = (
+            f"they share {longest * UNIT_M:.2f} m of wall, and it takes {needed * UNIT_M:.2f} m"
+            if longest < needed + INTERIOR_WALL
+            else f"their shared wall of {longest * UNIT_M:.2f} m has no room for another doorway"
+        )
+        return wish.model_copy(update={"outcome": "missed", "reason": reason})
+    if impossible := _impossible(set(brief.requests), pair):
+        names = ", ".join(brief.names[room] for room in impossible)
+        reason = f"the rooms {names} cannot all touch each other as wished, whatever the plan of rectangular rooms"
+        return wish.model_copy(update={"outcome": "contradictory", "reason": reason})
+    return wish.model_copy(update={"outcome": "missed", "reason": "the two rooms share no wall in this plan"})
+
+
+def _impossible(requests: set[Pair], pair: Pair) -> tuple[int, ...]:
+    """Four rooms around `pair` that should all touch each other: no plan of rectangles has such."""
+    rooms = {room for request in requests for room in request} - set(pair)
+    for others in combinations(sorted(rooms), 2):
+        group = tuple(sorted((*pair, *others)))
+        if requests.issuperset(combinations(group, 2)):
+            return group
+    return ()
+
+
+def _colon(ratio: TemplateAspectRatio) -> str:
+    return f"{ratio.x:g}:{ratio.y:g}"

@@ -1,0 +1,282 @@
+"""The occupancy grid of a world: what a robot's lidar and its planner see of walls and furniture.
+
+Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin.
+The grid speaks of the slice of the world between `ROBOT_LOW_M` and `ROBOT_HIGH_M` above the floor.
+`write_map` writes the pair of files that Nav2's map server reads.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, cos, floor, hypot, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from ruamel.yaml import YAML
+from scipy import ndimage
+
+from ....schemas.worlds.world import Floorplan, Furniture, Point, Room, Wall
+
+RESOLUTION_M = 0.05
+ROBOT_LOW_M = 0.02
+ROBOT_HIGH_M = 0.4
+
+OCCUPIED_PIXEL = 0
+FREE_PIXEL = 254
+UNKNOWN_PIXEL = 205
+
+_MARGIN_M = 0.5
+"""Unknown border around the building, so that a map shows its outer walls whole."""
+
+_TOUCHING_M = 1e-6
+"""An obstacle that enters a cell by less than this only touches it."""
+
+_GRACE_M = 5e-4
+
+
+@dataclass(frozen=True)
+class OccupancyGrid:
+    """Cells that are occupied, and cells that are known at all."""
+
+    origin: Point
+    """South-west corner of cell `[0, 0]`, in metres."""
+
+    occupied: NDArray[np.bool_]
+    """Shape (rows, columns)."""
+
+    known: NDArray[np.bool_]
+    """Shape (rows, columns); nothing is known outside the building. Occupied cells are known."""
+
+    resolution_m: float = RESOLUTION_M
+    """Side of a cell."""
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Cells that are known and not occupied."""
+        return self.known & ~self.occupied
+
+    def cell(self, point: Point) -> tuple[int, int]:
+        """Row and column of the cell that holds a point, which may lie outside the grid."""
+        x, y = (value - start for value, start in zip(point, self.origin, strict=True))
+        return floor(y / self.resolution_m), floor(x / self.resolution_m)
+
+    def center(self, row: int, column: int) -> Point:
+        """Middle of a cell, in metres."""
+        return (
+            self.origin[0] + (column + 0.5) * self.resolution_m,
+            self.origin[1] + (row + 0.5) * self.resolution_m,
+        )
+
+
+def occupancy_grid(
+    floorplan: Floorplan, furniture: Iterable[Furniture] = (), polygons: Iterable[Sequence[Point]] = ()
+) -> OccupancyGrid:
+    """Draws walls and obstacles into a grid.
+
+    A cell is occupied as soon as an obstacle enters it. Lintels and whatever else begins above the
+    robot, or stays flat on the floor, leaves no trace.
+
+    Args:
+      floorplan: the walls and the outline.
+      furniture: obstacles as oriented rectangles.
+      polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
+        furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
+    """
+    half = max(wall.thickness_m for wall in floorplan.walls) / 2
+    xs, ys = zip(*floorplan.footprint, strict=True)
+    border = half + _MARGIN_M
+    # On whole cells, so that walls at multiples of the resolution fill cells exactly.
+    first_x, first_y = (floor(round((min(values) - border) / RESOLUTION_M, 6)) for values in (xs, ys))
+    last_x, last_y = (ceil(round((max(values) + border) / RESOLUTION_M, 6)) for values in (xs, ys))
+    shape = (last_y - first_y, last_x - first_x)
+    # Dividing keeps multiples of 5 cm exact to the last bit.
+    origin = (first_x / round(1 / RESOLUTION_M), first_y / round(1 / RESOLUTION_M))
+    grid = OccupancyGrid(origin, np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))
+    outline = [(min(xs) - half, min(ys) - half), (max(xs) + half, min(ys) - half)]
+    outline += [(max(xs) + half, max(ys) + half), (min(xs) - half, max(ys) + half)]
+    _fill(grid, grid.known, outline)
+    for wall in floorplan.walls:
+        if wall.bottom_m < ROBOT_HIGH_M:
+            _fill(grid, grid.occupied, wall_corners(wall))
+    for item in furniture:
+        if item.base_m < ROBOT_HIGH_M and item.base_m + item.height_m > ROBOT_LOW_M:
+            _fill(grid, grid.occupied, furniture_corners(item))
+    for polygon in polygons:
+        _fill(grid, grid.occupied, polygon)
+    return grid
+
+
+def wall_corners(wall: Wall) -> list[Point]:
+    """A wall's outline on the floor, counter-clockwise."""
+    (x0, y0), (x1, y1) = wall.start, wall.end
+    length = hypot(x1 - x0, y1 - y0)
+    u, v = (x1 - x0) / length * wall.thickness_m / 2, (y1 - y0) / length * wall.thickness_m / 2
+    return [(x0 + v, y0 - u), (x1 + v, y1 - u), (x1 - v, y1 + u), (x0 - v, y0 + u)]
+
+
+def furniture_corners(item: Furniture) -> list[Point]:
+    """A piece of furniture's outline on the floor, counter-clockwise, starting at its right rear corner."""
+    c, s = cos(item.yaw), sin(item.yaw)
+    half_depth, half_width = item.depth_m / 2, item.width_m / 2
+    return [
+        (item.x + along * c - across * s, item.y + along * s + across * c)
+        for along, across in (
+            (-half_depth, -half_width),
+            (half_depth, -half_width),
+            (half_depth, half_width),
+            (-half_depth, half_width),
+        )
+    ]
+
+
+def _fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]) -> None:
+    """Marks every cell that a convex polygon enters, by the separating axis theorem."""
+    size = grid.resolution_m
+    xs, ys = zip(*corners, strict=True)
+    rows, columns = cells.shape
+    west = max(0, floor((min(xs) - grid.origin[0] + _TOUCHING_M) / size))
+    east = min(columns, ceil((max(xs) - grid.origin[0] - _TOUCHING_M) / size))
+    south = max(0, floor((min(ys) - grid.origin[1] + _TOUCHING_M) / size))
+    north = min(rows, ceil((max(ys) - grid.origin[1] - _TOUCHING_M) / size))
+    if west >= east or south >= north:
+        return
+    if _is_upright(corners):
+        cells[south:north, west:east] = True
+        return
+    x = grid.origin[0] + (np.arange(west, east) + 0.5) * size
+    y = grid.origin[1] + (np.arange(south, north) + 0.5)[:, np.newaxis] * size
+    entered = np.ones((north - south, east - west), np.bool_)
+    for index in range(len(corners)):
+        (x0, y0), (x1, y1) = corners[index - 1], corners[index]
+        length = hypot(x1 - x0, y1 - y0)
+        if length == 0:
+            continue
+        # The outward normal of an edge of a counter-clockwise polygon.
+        u, v = (y1 - y0) / length, (x0 - x1) / length
+        reach = (abs(u) + abs(v)) * size / 2
+        entered &= (x - x0) * u + (y - y0) * v < reach - _TOUCHING_M
+    cells[south:north, west:east] |= entered
+
+
+def clearance(grid: OccupancyGrid) -> NDArray[np.float64]:
+    """Distance in metres from every free cell's middle to the nearest obstacle; 0 where not free.
+
+    Measured to the face of the nearest cell that is not free, along the grid's axes exactly, in
+    other directions up to 1 cm too far.
+    """
+    free = grid.free
+    distance = ndimage.distance_transform_edt(free, sampling=grid.resolution_m)
+    return np.where(free, np.asarray(distance) - grid.resolution_m / 2, 0.0)
+
+
+def _is_upright(corners: Sequence[Point]) -> bool:
+    """Whether a polygon is a rectangle along the axes: it enters all cells of its extent."""
+    return len(corners) == 4 and all(
+        abs(x - u) < _TOUCHING_M or abs(y - v) < _TOUCHING_M
+        for (x, y), (u, v) in zip(corners, (*corners[1:], corners[0]), strict=True)
+    )
+
+
+def fitting(grid: OccupancyGrid, radius_m: float) -> NDArray[np.bool_]:
+    """Free cells whose middle a disc can stand on without touching anything: `clearance` of a radius or more.
+
+    Several times faster than the distances themselves: a cell is left out when one that is not free lies within the
+    radius, row by row of the disc.
+
+    Returns:
+      Shape (rows, columns).
+    """
+    # Half a millimetre of grace: distances are sums of floats.
+    limit = (radius_m - _GRACE_M) / grid.resolution_m + 0.5
+    reach = ceil(limit) - 1
+    rows, columns = grid.known.shape
+    blocked = ~grid.free
+    # Counts of blocked cells west of each column; beyond the border nothing counts.
+    west_of = np.zeros((rows, columns + 1), np.int32)
+    np.cumsum(blocked, axis=1, out=west_of[:, 1:])
+    column = np.arange(columns)
+    for up in range(reach + 1):
+        half = ceil(sqrt(limit * limit - up * up)) - 1
+        last, first = np.minimum(column + half + 1, columns), np.maximum(column - half, 0)
+        near = west_of[:, last] != west_of[:, first]
+        blocked[: rows - up] |= near[up:]
+        blocked[up:] |= near[: rows - up]
+    return ~blocked
+
+
+def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.bool_]:
+    """Cells whose middle a disc can reach from `start` without touching anything.
+
+    Args:
+      grid: the map; unknown cells count as occupied.
+      start: where the disc's middle is at first, in metres.
+      radius_m: the disc's radius.
+
+    Returns:
+      Shape (rows, columns); nothing at all when the disc does not fit at `start`.
+    """
+    return connected(fitting(grid, radius_m), grid.cell(start))
+
+
+def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
+    """The part of some cells that holds the cell `start`; nothing when that is none of them."""
+    row, column = start
+    if not (0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and cells[row, column]):
+        return np.zeros_like(cells)
+    # Four neighbours: a disc does not slip through where two obstacles touch at a corner.
+    labels, _ = ndimage.label(cells)  # pyright: ignore[reportGeneralTypeIssues]
+    return labels == labels[row, column]
+
+
+def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
+    """Cells whose middle lies inside a room's polygon, walls included up to their centre lines."""
+    rows, columns = grid.occupied.shape
+    x = grid.origin[0] + (np.arange(columns) + 0.5) * grid.resolution_m
+    y = (grid.origin[1] + (np.arange(rows) + 0.5) * grid.resolution_m)[:, np.newaxis]
+    inside = np.zeros((rows, columns), np.bool_)
+    for index in range(len(room.polygon)):
+        (x0, y0), (x1, y1) = room.polygon[index - 1], room.polygon[index]
+        if x0 == x1:  # polygons are axis-aligned: only these edges cross an eastward ray
+            inside ^= (x < x0) & (min(y0, y1) <= y) & (y < max(y0, y1))
+    return inside
+
+
+def cells_by_room(grid: OccupancyGrid, cells: NDArray[np.bool_], rooms: Iterable[Room]) -> Mapping[str, int]:
+    """How many of the given cells lie in each room, by its name."""
+    return {room.name: int(np.count_nonzero(cells & room_cells(grid, room))) for room in rooms}
+
+
+def write_map(grid: OccupancyGrid, folder: Path) -> None:
+    """Writes `map.pgm` and `map.yaml` as Nav2's map server reads them (mode trinary)."""
+    pixels = np.full(grid.occupied.shape, UNKNOWN_PIXEL, np.uint8)
+    pixels[grid.free] = FREE_PIXEL
+    pixels[grid.occupied] = OCCUPIED_PIXEL
+    # A picture's first row is its top, which is north.
+    Image.fromarray(pixels[::-1]).save(folder / "map.pgm", format="PPM")
+    # An unknown pixel is occupied with probability (255 - 205) / 255 = 0.1961; that must not be below
+    # free_thresh, or the map server would read unknown as free.
+    lines = [
+        "image: map.pgm",
+        "mode: trinary",
+        f"resolution: {grid.resolution_m}",
+        f"origin: [{grid.origin[0]}, {grid.origin[1]}, 0.0]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    ]
+    (folder / "map.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def read_map(folder: Path) -> OccupancyGrid:
+    """Reads what `write_map` wrote."""
+    document = YAML(typ="safe").load((folder / "map.yaml").read_text(encoding="utf-8"))
+    with Image.open(folder / document["image"]) as image:
+        pixels = np.asarray(image)[::-1]
+    x, y, _ = document["origin"]
+    return OccupancyGrid(
+        origin=(float(x), float(y)),
+        occupied=pixels == OCCUPIED_PIXEL,
+        known=pixels != UNKNOWN_PIXEL,
+        resolution_m=float(document["resolution"]),
+    )

@@ -1,0 +1,176 @@
+"""Poses a piece of furniture could take in a room, each with a score; which of them fit is asked later."""
+
+from collections.abc import Iterator
+from random import Random
+
+from ....schemas.worlds.world import Furniture
+from ..geometry.boxes import Pose, pose_of
+from ..geometry.parts import Style
+from .placement import WALL_GAP_M, RoomSpace, Side
+
+TUCK_M = 0.13
+"""How far chairs are pushed under their table."""
+
+FLUSH_M = 0.004
+"""Between pieces that stand edge to edge."""
+
+_STEP_M = 0.3
+_CORNER_M = 0.2
+_BESIDE_GAP_M = 0.04
+_NEAREST_SCREEN_M = 1.7
+_FARTHEST_SCREEN_M = 4.2
+_BEST_SCREEN_M = 2.5
+"""From a screen's front to the sofa's: about three times the width of the screen."""
+
+
+def against_walls(
+    space: RoomSpace, style: Style, front_m: float, prefer: str, dice: Random, *, tall: bool = False
+) -> list[Pose]:
+    """Back to a wall, at the ends, the middle and the quarters of every free stretch.
+
+    Args:
+      space: the room.
+      style: the piece.
+      front_m: what has to stay free before it.
+      prefer: `middle`, `corner` or `any`.
+      dice: the source of chance.
+      tall: whether the piece must not stand before a window.
+    """
+    poses: list[Pose] = []
+    inward = WALL_GAP_M + style.depth_m / 2
+    for side in space.sides:
+        liking = 0.5 * dice.random()
+        for low, high in space.spans(side, style.depth_m, front_m, tall=tall):
+            slack = high - low - style.width_m
+            if slack < 0:
+                continue
+            for share in (0.0, 0.25, 0.5, 0.75, 1.0) if slack > 0.05 else (0.0,):
+                along = low + style.width_m / 2 + share * slack
+                score = liking + _wall_score(side, along, style.width_m, share, prefer) + 0.3 * dice.random()
+                poses.append(side.pose(along, inward, score))
+    return poses
+
+
+def _wall_score(side: Side, along: float, width_m: float, share: float, prefer: str) -> float:
+    """How well a spot on a wall suits: pieces in the middle of it, or in its corners."""
+    off_middle = abs(along - (side.low + side.high) / 2) / max(side.high - side.low, 1e-6)
+    if prefer == "middle":
+        return 1.2 - 2.0 * off_middle - (0.4 if share in (0.0, 1.0) else 0.0)
+    off_corner = min(along - side.low, side.high - along) - width_m / 2
+    if prefer == "corner":
+        return (0.6 if share in (0.0, 1.0) else 0.0) - min(off_corner, 2.0)
+    # Anywhere, but rather flush with a neighbour or a corner than with a useless gap beside it.
+    return 0.4 if share in (0.0, 0.5, 1.0) else 0.0
+
+
+def in_corners(space: RoomSpace, style: Style, dice: Random) -> list[Pose]:
+    """Back and one side to two walls that meet."""
+    poses: list[Pose] = []
+    inward, sideways = WALL_GAP_M + style.depth_m / 2, WALL_GAP_M + style.width_m / 2
+    for side in space.sides:
+        for other in space.sides:
+            if (side.quarter - other.quarter) % 2 == 0:
+                continue
+            # Inside corners only: the other wall's face lies a little within this one's end.
+            if 0 < other.face - side.low < _CORNER_M:
+                poses.append(side.pose(other.face + sideways, inward, dice.random()))
+            elif 0 < side.high - other.face < _CORNER_M:
+                poses.append(side.pose(other.face - sideways, inward, dice.random()))
+    return poses
+
+
+def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Pose]:
+    """Away from walls, best in the middle of the room; along a kitchen's line, its front to it."""
+    x0, y0, x1, y1 = space.bounds
+    middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
+    columns, rows = int((x1 - x0 - 0.8) / 2 / _STEP_M), int((y1 - y0 - 0.8) / 2 / _STEP_M)
+    # A long table lies along a long room: fronts face its long sides.
+    best_turn = (pose_of(run[0]).quarter + 2) % 4 if run else int(x1 - x0 >= y1 - y0)
+    turns = (best_turn, (best_turn + 1) % 4)
+    poses: list[Pose] = []
+    for column in range(-columns, columns + 1):
+        for row in range(-rows, rows + 1):
+            x, y = middle_x + column * _STEP_M, middle_y + row * _STEP_M
+            off = ((x - middle_x) / (x1 - x0)) ** 2 + ((y - middle_y) / (y1 - y0)) ** 2
+            score = -2.0 * off**0.5 + 0.15 * dice.random()
+            poses += [Pose(x, y, turn, score + (0.4 if turn == best_turn else 0.0)) for turn in turns]
+    return poses
+
+
+def beside(partner: Furniture, style: Style, dice: Random) -> list[Pose]:
+    """At the partner's left or right, backs in line, looking the same way."""
+    back = -(partner.depth_m - style.depth_m) / 2
+    across = partner.width_m / 2 + _BESIDE_GAP_M + style.width_m / 2
+    return [pose_of(partner).moved(back, side * across, 0, dice.random()) for side in (1, -1)]
+
+
+def before(partner: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
+    """In front of the partner, turned to it."""
+    distance = partner.depth_m / 2 + gap_m + style.depth_m / 2
+    return [
+        pose_of(partner).moved(distance, shift, 2, 0.2 * dice.random() - abs(shift)) for shift in (0.0, 0.25, -0.25)
+    ]
+
+
+def gathered(table: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
+    """At the ends of a coffee table, turned to it, so that people on sofa and chairs see each other."""
+    reach = table.width_m / 2 + gap_m + style.depth_m / 2
+    # A table's front is turned to its sofa: a little away from it, chairs leave the way to the sofa open.
+    return [
+        pose_of(table).moved(back, side * reach, 3 if side == 1 else 1, 1.0 + 0.5 * dice.random() + back)
+        for side in (1, -1)
+        for back in (0.0, -0.2, -0.4)
+    ]
+
+
+def around(table: Furniture, style: Style) -> list[Pose]:
+    """Chairs at a table, pushed in a little: in pairs along its sides from the middle, then at its ends."""
+    reach = table.depth_m / 2 + style.depth_m / 2 - TUCK_M
+    seats = max(1, int(table.width_m / (style.width_m + 0.12)))
+    shifts = sorted(((i + 0.5) * table.width_m / seats - table.width_m / 2 for i in range(seats)), key=abs)
+    pose = pose_of(table)
+    poses: list[Pose] = []
+    for index, shift in enumerate(shifts):
+        poses.append(pose.moved(reach, shift, 2, 1.0 - 0.1 * index))
+        poses.append(pose.moved(-reach, shift, 0, 1.0 - 0.1 * index))
+    ends = table.width_m / 2 + style.depth_m / 2 - TUCK_M
+    return [*poses, pose.moved(0.0, ends, 3), pose.moved(0.0, -ends, 1)]
+
+
+def at_desk(desk: Furniture, style: Style) -> list[Pose]:
+    """A chair at a desk, pushed in a little, beside the drawers."""
+    reach = desk.depth_m / 2 + style.depth_m / 2 - TUCK_M
+    return [pose_of(desk).moved(reach, 0.12, 2)]
+
+
+def next_to(item: Furniture, style: Style) -> list[Pose]:
+    """In line with a piece, edge to edge, backs in line."""
+    back = -(item.depth_m - style.depth_m) / 2
+    across = item.width_m / 2 + style.width_m / 2 + FLUSH_M
+    return [pose_of(item).moved(back, side * across, 0, 0.5) for side in (1, -1)]
+
+
+def facing(space: RoomSpace, screen: Pose, screen_depth_m: float, style: Style) -> Iterator[Pose]:
+    """Seats opposite a screen: back to the wall across from it if that is not too far, else in the open."""
+    depth = style.depth_m
+    steps: list[tuple[float, float]] = [(distance, -0.7) for distance in (_BEST_SCREEN_M, 2.1, 2.9)]
+    for side in space.sides:
+        if side.quarter == (screen.quarter + 2) % 4:
+            span = abs(side.face - (screen.x if side.axis else screen.y))
+            distance = span - screen_depth_m / 2 - depth - WALL_GAP_M
+            if _NEAREST_SCREEN_M <= distance <= _FARTHEST_SCREEN_M:
+                steps.append((distance, 0.5))
+    for distance, liking in steps:
+        for shift in (0.0, 0.35, -0.35):
+            score = liking - 0.35 * abs(distance - _BEST_SCREEN_M) - 0.6 * abs(shift)
+            yield screen.moved(screen_depth_m / 2 + distance + depth / 2, shift, 2, score)
+
+
+def facing_bonus(pose: Pose, partner: Furniture) -> float:
+    """What a pose gains by looking at the partner from not too far, without anything turned away."""
+    x, y = partner.x - pose.x, partner.y - pose.y
+    distance = max((x * x + y * y) ** 0.5, 1e-6)
+    here, there = pose.moved(1.0, 0.0), pose_of(partner).moved(1.0, 0.0)
+    looks = (x * (here.x - pose.x) + y * (here.y - pose.y)) / distance
+    before_it = -(x * (there.x - partner.x) + y * (there.y - partner.y)) / distance
+    return (2 * looks if before_it > 0.5 else 0.0) + 1.5 * before_it - 0.4 * abs(distance - 2.8)

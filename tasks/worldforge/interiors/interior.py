@@ -1,0 +1,127 @@
+"""The interior of a floor plan: materials, furniture, loose objects, and the account of the wishes."""
+
+from collections import Counter
+from collections.abc import Sequence
+from math import ceil
+from random import Random
+
+import numpy as np
+
+from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
+from ....schemas.worlds.world import Floorplan, Furniture, Room, Wish
+from ..floorplans.targets import choose_sets, why_unused
+from ..furniture.arrangement import COVERAGE, KITCHEN_RUN, Density, usual_types
+from ..materials.surfaces import choose_surfaces
+from .kitchen_run import line_up
+from .loose_objects import MOST_LOOSE, scatter
+from .room_furnishing import RoomFurnishing
+from .seating import arrange_seating
+
+_PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
+
+
+def furnish(
+    body: WorldTemplateBody, floorplan: Floorplan, rng: np.random.Generator
+) -> tuple[list[Furniture], list[Wish], list[Room]]:
+    """Furnishes a floor plan; the same arguments and generator state give the same interior.
+
+    Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
+
+    Args:
+      body: the wishes.
+      floorplan: the plan, which is left as it is.
+      rng: the source of chance.
+
+    Returns:
+      Furniture and loose objects; what became of each wish; the rooms with materials and goals.
+    """
+    rooms, wishes = choose_surfaces(body, floorplan.rooms, rng)
+    arrangements = body.interior.Furniture.FurnitureArrangements
+    chosen = choose_sets(arrangements, rooms)
+    names: Counter[str] = Counter()
+    # Scalar after scalar, Python's own generator is several times faster.
+    dice = Random(int(rng.integers(2**63)))  # noqa: S311 (chance, not secrecy)
+
+    def new_id(kind: str) -> str:
+        names[kind] += 1
+        return f"{kind}_{names[kind]}"
+
+    furniture: list[Furniture] = []
+    done: dict[str, RoomFurnishing] = {}
+    loose = 0
+    for room in rooms:
+        index = chosen.get(room.name)
+        arrangement = None if index is None else arrangements[index]
+        work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
+        kinds = _kinds(arrangement, room)
+        _furnish_room(work, kinds)
+        things = scatter(work, ceil((MOST_LOOSE - loose) / (len(rooms) - len(done)))) if kinds else []
+        loose += len(things)
+        furniture += [*work.items, *things]
+        done[room.name] = work
+    for index in range(len(arrangements)):
+        wishes += _wishes(arrangements, index, chosen, done)
+    return furniture, wishes, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
+
+
+def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
+    """First what belongs together as a whole, then piece by piece."""
+    if work.room.type == "Kitchen":
+        line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])
+    elif {"MediaStorage", "Sofas"} <= set(kinds):
+        arrange_seating(work)
+    work.furnish(kinds)
+
+
+def _density(arrangement: FurnitureArrangement | None) -> Density:
+    return "Moderate" if arrangement is None else arrangement.DesiredSpatialDensity
+
+
+def _kinds(arrangement: FurnitureArrangement | None, room: Room) -> Sequence[str]:
+    if arrangement is None or arrangement.SampleSet is None:
+        return usual_types(room.type, _density(arrangement))
+    return arrangement.SampleSet.ModelTypes
+
+
+def _wishes(
+    arrangements: Sequence[FurnitureArrangement], index: int, chosen: dict[str, int], done: dict[str, RoomFurnishing]
+) -> list[Wish]:
+    """One wish per listed kind: satisfied when every room of the arrangement has it."""
+    arrangement = arrangements[index]
+    if arrangement.SampleSet is None:
+        return []
+    rooms = [work for name, work in done.items() if chosen.get(name) == index]
+    wishes = _density_wishes(arrangement, index, rooms) if arrangement.SampleSet.ModelTypes else []
+    for number, kind in enumerate(arrangement.SampleSet.ModelTypes):
+        reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
+        outcome = "missed" if reason else "satisfied"
+        if not rooms:
+            outcome, reason = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
+        wishes.append(
+            Wish(
+                path=f"{_PATH}[{index}].SampleSet.ModelTypes[{number}]",
+                wish=f"{kind} in {arrangement.Name}",
+                outcome=outcome,
+                reason=reason,
+            )
+        )
+    return wishes
+
+
+def _density_wishes(arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]) -> list[Wish]:
+    """The wished density: satisfied when every room is about as full as that; nothing for a set without rooms."""
+    density = arrangement.DesiredSpatialDensity
+    wished = COVERAGE[density]
+    # A piece more or less is no different density.
+    short = [work for work in rooms if work.covered_share < 0.9 * wished]
+    found = [f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {wished:.0%}" for work in short]
+    if not rooms:
+        return []
+    return [
+        Wish(
+            path=f"{_PATH}[{index}].DesiredSpatialDensity",
+            wish=f"{density} furniture in {arrangement.Name}",
+            outcome="missed" if found else "satisfied",
+            reason="; ".join(found),
+        )
+    ]

@@ -1,0 +1,166 @@
+"""A kitchen's line: appliances and counters edge to edge along one wall, or around a corner.
+
+The order is that of the work: food comes out of the fridge at one end, is prepared on a counter beside the
+oven, and goes back to the sink, which has the dishwasher at its side.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from ..furniture.arrangement import Density, front_of
+from ..geometry.boxes import Pose, footprint
+from ..geometry.parts import Style
+from .candidates import FLUSH_M
+from .placement import WALL_GAP_M, Side
+from .room_furnishing import RoomFurnishing
+
+_COUNTERS: dict[Density, int] = {"Sparse": 0, "Moderate": 1, "Dense": 2}
+"""Counters besides the one with the sink."""
+
+_CORNER_M = 0.2
+_MOST_TRIES = 16
+
+
+class Unit(NamedTuple):
+    """One piece of the line."""
+
+    kind: str
+    style: Style
+    blind: bool = False
+    """Whether it stands in the corner, behind the other half of the line: nobody stands before it."""
+
+
+Placed = list[tuple[Unit, Pose]]
+
+
+def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
+    """Places the line: the longest that fits one wall, else around a corner, else on two walls.
+
+    Args:
+      work: the kitchen; nothing stands in it yet.
+      kinds: what belongs to the line.
+    """
+    if not kinds:
+        return
+    counters = _COUNTERS[work.density] if "Storage" in kinds else 0
+    for number in range(counters, -1, -1):
+        cooking, washing = _units(work, kinds, number)
+        if _settle(work, _along_one_wall(work, [*cooking, *washing])):
+            return
+        if number and washing and _settle(work, _around_a_corner(work, cooking, washing)):
+            return
+    cooking, washing = _units(work, kinds, 0)
+    for half in (washing, cooking):
+        if half:
+            _settle(work, _along_one_wall(work, half))
+
+
+def _units(work: RoomFurnishing, kinds: Sequence[str], counters: int) -> tuple[list[Unit], list[Unit]]:
+    """The two halves of the line, each from its outer end to where they meet."""
+    styles = {kind: work.styles(kind) for kind in kinds}
+    counter = next((style for style in styles.get("Storage", []) if style.form != "counter-sink"), None)
+    spare = [] if counter is None else [Unit("Storage", counter)] * counters
+    cooking = [Unit(kind, styles[kind][0]) for kind in ("Fridges", "Ovens") if kind in styles]
+    # The first counter is beside the oven, towards the sink; the next between fridge and oven.
+    cooking += spare[:1]
+    cooking[1:1] = spare[1:2]
+    washed = ("Storage", "DishWashers", "WashingMachinesAndDryers")
+    washing = [Unit(kind, styles[kind][0]) for kind in washed if kind in styles]
+    return cooking, [*washing, *spare[2:]]
+
+
+def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tuple[float, Placed]]:
+    """The line at both ends of every free stretch of wall, either way round."""
+    length = sum(unit.style.width_m for unit in units) + FLUSH_M * (len(units) - 1)
+    depth, front = _reach(work, units)
+    for side in work.space.sides:
+        liking = 0.4 * work.dice.random()
+        for low, high in work.space.spans(side, depth, front):
+            if high - low < length:
+                continue
+            for start in (low, high - length):
+                for order in (units, units[::-1]):
+                    placed = _in_line(side, order, start)
+                    yield liking + _score(side, order, start, length), placed
+
+
+def _reach(work: RoomFurnishing, units: Sequence[Unit]) -> tuple[float, float]:
+    """Depth of the shallowest unit, and the least that any needs before it."""
+    return min(unit.style.depth_m for unit in units), min(front_of(unit.kind, work.room.type) for unit in units)
+
+
+def _score(side: Side, order: Sequence[Unit], start: float, length: float) -> float:
+    """A line begins in a corner, best with the fridge."""
+    at_low, at_high = start - side.low < _CORNER_M, side.high - start - length < _CORNER_M
+    fridge = (at_low and order[0].kind == "Fridges") or (at_high and order[-1].kind == "Fridges")
+    return 1.0 * (at_low or at_high) + 0.6 * fridge
+
+
+def _in_line(side: Side, units: Sequence[Unit], start: float) -> Placed:
+    """Units from a point on, their backs to the wall."""
+    placed: Placed = []
+    for unit in units:
+        width, depth = unit.style.width_m, unit.style.depth_m
+        placed.append((unit, side.pose(start + width / 2, WALL_GAP_M + depth / 2)))
+        start += width + FLUSH_M
+    return placed
+
+
+def _around_a_corner(
+    work: RoomFurnishing, cooking: Sequence[Unit], washing: Sequence[Unit]
+) -> Iterator[tuple[float, Placed]]:
+    """One half on each of two walls that meet; a counter fills the corner."""
+    corner = cooking[-1]._replace(blind=True)
+    outward = [corner, *reversed(cooking[:-1])]
+    for first in work.space.sides:
+        for second in work.space.sides:
+            ends = _meet(first, second)
+            if ends is None:
+                continue
+            one = _from(first, outward, ends[0], WALL_GAP_M)
+            other = _from(second, washing, ends[1], WALL_GAP_M + corner.style.depth_m + FLUSH_M)
+            yield work.dice.random(), [*one, *other]
+
+
+def _meet(first: Side, second: Side) -> tuple[tuple[float, int], tuple[float, int]] | None:
+    """Where two walls meet in an inside corner: for each the coordinate of the other's face, and the way from it."""
+    if (first.quarter - second.quarter) % 2 == 0:
+        return None
+    found: list[tuple[float, int]] = []
+    for side, other in ((first, second), (second, first)):
+        if 0 < other.face - side.low < _CORNER_M:
+            found.append((other.face, 1))
+        elif 0 < side.high - other.face < _CORNER_M:
+            found.append((other.face, -1))
+    return (found[0], found[1]) if len(found) == 2 else None
+
+
+def _from(side: Side, units: Sequence[Unit], end: tuple[float, int], gap: float) -> Placed:
+    """Units along a wall, from one of its ends on."""
+    at, way = end
+    if way > 0:
+        return _in_line(side, units, at + gap)
+    length = sum(unit.style.width_m for unit in units) + FLUSH_M * (len(units) - 1)
+    return _in_line(side, units[::-1], at - gap - length)
+
+
+def _settle(work: RoomFurnishing, options: Iterator[tuple[float, Placed]]) -> bool:
+    """Places the best option that fits as a whole; says whether there was one."""
+    tries = 0
+    for _, placed in sorted(options, key=lambda option: -option[0]):
+        if not all(_fits(work, unit, pose) for unit, pose in placed):
+            continue
+        if work.space.stays_open(*(footprint(pose, unit.style.width_m, unit.style.depth_m) for unit, pose in placed)):
+            for unit, pose in placed:
+                work.stand(unit.kind, unit.style, pose, zone=not unit.blind)
+            return True
+        tries += 1
+        if tries == _MOST_TRIES:
+            break
+    return False
+
+
+def _fits(work: RoomFurnishing, unit: Unit, pose: Pose) -> bool:
+    if unit.blind:
+        return work.space.admits(footprint(pose, unit.style.width_m, unit.style.depth_m))
+    return work.fits(unit.kind, unit.style, pose)

@@ -1,0 +1,201 @@
+"""Small things that lie about: free bodies at rest on the floor, on tables, desks and nightstands."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import cos, hypot, pi, sin
+
+from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.world import Furniture, RoomType
+from ..furniture.arrangement import Density
+from ..furniture.catalogue import parts_of, styles_of
+from ..furniture.tops import height_at
+from ..geometry.boxes import Box, box_of, pose_of
+from ..geometry.parts import Style
+from .candidates import against_walls
+from .room_furnishing import RoomFurnishing
+
+MOST_LOOSE = 12
+"""Loose objects per world: awake bodies are what a simulation's time goes into."""
+
+_ON_TOP: dict[str, tuple[str, ...]] = {
+    "CoffeeTables": ("Cup", "Book"),
+    "Desks": ("Book", "Cup"),
+    "EndAndSideTables": ("Cup",),
+    "KitchenIslandsAndCarts": ("Plate", "Cup"),
+    "Nightstands": ("Book", "Cup"),
+}
+_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
+    "Bedroom": ("Clothes", "Shoe", "ToyBlock", "Clothes"),
+    "Bathroom": ("Clothes",),
+    "Living": ("Ball", "ToyBlock", "ToyBlock", "Book"),
+    "Dining": ("ToyBlock", "Ball"),
+    "Kitchen": ("Carton",),
+    "Hallway": ("Shoe", "Shoe", "Carton"),
+    "Closet": ("Carton", "Shoe", "Clothes"),
+}
+_ANCHORS: dict[str, tuple[str, ...]] = {
+    "Clothes": ("Beds", "Storage", "Dressers"),
+    "ToyBlock": ("CoffeeTables", "Beds"),
+    "Ball": ("CoffeeTables",),
+    "Book": ("Bookcases", "Sofas"),
+}
+"""What things on the floor lie near."""
+
+_BY_A_WALL = ("Carton", "Shoe")
+
+_ON_FLOOR_COUNTS: dict[Density, int] = {"Sparse": 0, "Moderate": 1, "Dense": 3}
+_ON_TOP_CHANCES: dict[Density, float] = {"Sparse": 0.25, "Moderate": 0.5, "Dense": 0.8}
+_PLACES_LAID: dict[Density, int] = {"Sparse": 0, "Moderate": 2, "Dense": 4}
+_TRIES = 12
+_ANCHOR_REACH_M = 0.9
+_SHOE_GAP_M = 0.02
+_APART_M = 0.02
+"""Between things on one table."""
+
+
+def scatter(furnished: RoomFurnishing, room_for: int) -> list[Furniture]:
+    """Adds loose objects to a furnished room.
+
+    Args:
+      furnished: the room with its furniture; the objects' places are taken in its space.
+      room_for: how many objects the room may get.
+
+    Returns:
+      The objects, all at rest: nothing leans, nothing overhangs.
+    """
+    objects: list[Furniture] = []
+    for table in furnished.placed("DiningTables"):
+        objects += _lay_table(table, furnished)[: room_for - len(objects)]
+    chance = _ON_TOP_CHANCES[furnished.density]
+    for host in [item for item in furnished.items if item.model_type in _ON_TOP]:
+        if len(objects) < room_for and furnished.dice.random() < chance:
+            kind = furnished.dice.choice(_ON_TOP[host.model_type])
+            objects += _on_top(host, kind, furnished)
+    for _ in range(_ON_FLOOR_COUNTS[furnished.density]):
+        if len(objects) < room_for:
+            objects += _on_floor(furnished)
+    return objects[:room_for]
+
+
+def _style(kind: str, furnished: RoomFurnishing) -> Style:
+    return furnished.dice.choice(styles_of(kind))
+
+
+def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
+    """A plate and a cup before the first chairs."""
+    laid: list[Furniture] = []
+    plate, cup = _style("Plate", furnished), _style("Cup", furnished)
+    chairs = [chair for chair in furnished.placed("DiningChairs") if _sits_at(chair, table)]
+    parts = parts_of(table)
+    for chair in chairs[: _PLACES_LAID[furnished.density]]:
+        seat = pose_of(chair)
+        # The chair's front edge is under the table; the plate lies a little behind the table's edge.
+        for kind, style, forward, left in (("Plate", plate, 0.13, 0.0), ("Cup", cup, 0.2, -0.2)):
+            spot = seat.moved(chair.depth_m / 2 + forward, left)
+            local = _in_frame(table, spot.x, spot.y)
+            half = style.width_m / 2
+            base = height_at(parts, (local[0] - half, local[1] - half, local[0] + half, local[1] + half))
+            if base is not None and not any(
+                hypot(spot.x - other.x, spot.y - other.y) < half + other.width_m / 2 + _APART_M for other in laid
+            ):
+                laid.append(_thing(kind, style, furnished, (spot.x, spot.y, chair.yaw), table.base_m + base))
+    return laid
+
+
+def _sits_at(chair: Furniture, table: Furniture) -> bool:
+    return hypot(chair.x - table.x, chair.y - table.y) < (table.width_m + chair.depth_m) / 2 + 0.1
+
+
+def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:
+    """A point in a piece's own frame: forward, left."""
+    c, s = cos(host.yaw), sin(host.yaw)
+    return (x - host.x) * c + (y - host.y) * s, (y - host.y) * c - (x - host.x) * s
+
+
+def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing) -> list[Furniture]:
+    """One object somewhere on a piece, beside what is drawn on it already."""
+    dice, style, parts = furnished.dice, _style(kind, furnished), parts_of(host)
+    for _ in range(_TRIES):
+        turn = dice.uniform(-0.3, 0.3)
+        reach_x, reach_y = _half_extents(style, turn)
+        slack_x, slack_y = host.depth_m / 2 - reach_x - 0.02, host.width_m / 2 - reach_y - 0.02
+        if slack_x <= 0 or slack_y <= 0:
+            return []
+        forward, left = dice.uniform(-slack_x, slack_x), dice.uniform(-slack_y, slack_y)
+        base = height_at(parts, (forward - reach_x, left - reach_y, forward + reach_x, left + reach_y))
+        # Not on a shelf under the top, which would be no place for eyes or hands.
+        if base is not None and base > 0.8 * host.height_m:
+            spot = pose_of(host).moved(forward, left)
+            return [_thing(kind, style, furnished, (spot.x, spot.y, host.yaw + turn), host.base_m + base)]
+    return []
+
+
+def _half_extents(style: Style, turn: float) -> tuple[float, float]:
+    c, s = abs(cos(turn)), abs(sin(turn))
+    return (style.depth_m * c + style.width_m * s) / 2, (style.depth_m * s + style.width_m * c) / 2
+
+
+def _on_floor(furnished: RoomFurnishing) -> list[Furniture]:
+    """An object, or a pair of shoes, at a free spot that leaves the ways open; nothing when no random spot does."""
+    dice, space = furnished.dice, furnished.space
+    kind = dice.choice(_ON_FLOOR[furnished.room.type])
+    style = _style(kind, furnished)
+    across = 2 * style.width_m + _SHOE_GAP_M if kind == "Shoe" else style.width_m
+    half = hypot(across, style.depth_m) / 2 + 0.03
+    owners = [item.id for item in furnished.items] if kind in _ANCHORS else []
+    for x, y, yaw in _floor_spots(kind, replace(style, width_m=across), furnished):
+        box = (x - half, y - half, x + half, y + half)
+        if contains(furnished.room.polygon, x, y) and space.admits(box, partners=owners) and space.stays_open(box):
+            things = [
+                _thing(kind, style, furnished, (x - side * sin(yaw), y + side * cos(yaw), yaw), 0.0)
+                for side in ((across - style.width_m) / 2, (style.width_m - across) / 2)[: 2 if kind == "Shoe" else 1]
+            ]
+            space.add(things[0].id, box, [box])
+            return things
+    return []
+
+
+def _floor_spots(kind: str, style: Style, furnished: RoomFurnishing) -> Iterator[tuple[float, float, float]]:
+    """Spots worth trying: what was put down stands by a wall, what was dropped lies anywhere."""
+    dice = furnished.dice
+    if kind in _BY_A_WALL:
+        reach = hypot(style.width_m, style.depth_m) / 2 + 0.05 - style.depth_m / 2
+        wide = replace(style, width_m=style.width_m + 2 * reach)
+        poses = against_walls(furnished.space, wide, 0.0, "corner", dice)
+        for pose in sorted(poses, key=lambda pose: -pose.score)[:_TRIES]:
+            spot = pose.moved(reach, 0.0)
+            yield spot.x, spot.y, spot.quarter * pi / 2 + dice.uniform(-0.25, 0.25)
+        return
+    for _ in range(_TRIES):
+        x, y = _dropped(kind, furnished)
+        yield x, y, dice.uniform(-pi, pi)
+
+
+def _dropped(kind: str, furnished: RoomFurnishing) -> tuple[float, float]:
+    dice = furnished.dice
+    anchors = [item for near in _ANCHORS.get(kind, ()) for item in furnished.placed(near)]
+    area: Box = furnished.space.bounds
+    if anchors:
+        x0, y0, x1, y1 = box_of(dice.choice(anchors))
+        area = (x0 - _ANCHOR_REACH_M, y0 - _ANCHOR_REACH_M, x1 + _ANCHOR_REACH_M, y1 + _ANCHOR_REACH_M)
+    return dice.uniform(area[0], area[2]), dice.uniform(area[1], area[3])
+
+
+def _thing(
+    kind: str, style: Style, furnished: RoomFurnishing, pose: tuple[float, float, float], base_m: float
+) -> Furniture:
+    x, y, yaw = pose
+    return Furniture(
+        id=furnished.new_id(kind),
+        model_type=kind,
+        style=style.name,
+        room=furnished.room.name,
+        x=round(x, 3) + 0.0,
+        y=round(y, 3) + 0.0,
+        yaw=round((yaw + pi) % (2 * pi) - pi, 3),
+        width_m=style.width_m,
+        depth_m=style.depth_m,
+        height_m=style.height_m,
+        base_m=round(base_m, 4),
+        movable=True,
+    )

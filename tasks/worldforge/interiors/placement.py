@@ -1,0 +1,243 @@
+"""Where a piece of furniture may stand: rectangles, keep-clear zones and the ways that must stay open."""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall
+from ..doors.leaves import open_box, swept_box
+from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over
+from ..geometry.occupancy import wall_corners
+from .ways import Ways
+
+Rects = NDArray[np.float64]
+"""Shape (n, 4): west, south, east, north, metres."""
+
+TALL_M = 1.1
+"""Anything higher would stand before a window's glass."""
+
+WALL_GAP_M = 0.015
+"""Between a piece and the wall beside or behind it."""
+
+_HALF_WAY_M = 0.3
+"""Half the width of the ways kept open: the robot's 0.2 m, a cell of the map, and some ease."""
+
+_HALF_HALLWAY_M = 0.4
+"""The same in hallways. Cells stand for squares of 5 cm, so that at least 0.85 m stay clear there."""
+
+_ORIGIN_HALF_M = 0.56
+_DOOR_DEPTH_M = 0.8
+_OPENING_DEPTH_M = 0.5
+_WINDOW_DEPTH_M = 0.4
+_GATE_M = 0.45
+
+
+class Side(NamedTuple):
+    """One side of a room that has a wall, seen from inside."""
+
+    low: float
+    """Where it begins, along its axis, on the corners' centre lines."""
+    high: float
+    face: float
+    """Where the wall's face is, across the axis."""
+    quarter: int
+    """Direction into the room."""
+
+    @property
+    def axis(self) -> int:
+        """0 for a side along x, 1 for one along y."""
+        return 1 - self.quarter % 2
+
+    def pose(self, along: float, inward: float, score: float = 0.0) -> Pose:
+        """A pose with its back to the wall, its middle `inward` from the face."""
+        at = self.face + inward * sum(FRONTS[self.quarter])
+        return Pose(along, at, self.quarter, score) if self.axis == 0 else Pose(at, along, self.quarter, score)
+
+    def strip(self, near: float, far: float) -> Box:
+        """What lies between two distances from the wall's face."""
+        sign = sum(FRONTS[self.quarter])
+        one, other = sorted((self.face + sign * near, self.face + sign * far))
+        return (self.low, one, self.high, other) if self.axis == 0 else (one, self.low, other, self.high)
+
+
+class RoomSpace:
+    """One room while it is being furnished.
+
+    Attributes:
+      room: the room.
+      bounds: its extent.
+      sides: its sides that have walls.
+    """
+
+    def __init__(self, room: Room, floorplan: Floorplan) -> None:
+        self.room = room
+        xs, ys = zip(*room.polygon, strict=True)
+        self.bounds = (min(xs), min(ys), max(xs), max(ys))
+        self.sides = _sides_of(room, floorplan)
+        outside = _complement(room)
+        walls = _walls_near(self.bounds, floorplan)
+        self._solids = [*walls, *outside]
+        passages = [passage for passage in floorplan.passages if room.name in passage.rooms]
+        self._keep = [(-_ORIGIN_HALF_M, -_ORIGIN_HALF_M, _ORIGIN_HALF_M, _ORIGIN_HALF_M)]
+        for passage in passages:
+            self._keep += _clear_at(passage, room)
+        self._glass = [_around(w.start, w.end, _WINDOW_DEPTH_M) for w in floorplan.windows if w.room == room.name]
+        self._zones: dict[str, list[Box]] = {}
+        half = _HALF_HALLWAY_M if room.type == "Hallway" else _HALF_WAY_M
+        leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
+        self._ways = Ways(self.bounds, half, [*walls, *leaves], outside)
+        gates = [_gate(room, passage.start, passage.end) for passage in passages]
+        self._ways.join([*gates, *([(0.0, 0.0)] if contains(room.polygon, 0.0, 0.0) else [])])
+
+    def admits(self, box: Box, *, tall: bool = False, partners: Sequence[str] = (), tucked: Box | None = None) -> bool:
+        """Whether a piece may cover a rectangle, its own clearances and the ways aside.
+
+        Args:
+          box: what it would cover.
+          tall: whether it would hide a window.
+          partners: ids of the pieces it belongs to, whose zones it may enter.
+          tucked: footprint of the piece it may be pushed under.
+        """
+        x0, y0, x1, y1 = self.bounds
+        if box[0] < x0 or box[1] < y0 or box[2] > x1 or box[3] > y1:
+            return False
+        if hits(box, self._keep) or not self.is_clear(box, tucked) or (tall and hits(box, self._glass)):
+            return False
+        if not partners:
+            return not hits(box, itertools.chain.from_iterable(self._zones.values()))
+        return not any(hits(box, zone) for owner, zone in self._zones.items() if owner not in partners)
+
+    def is_clear(self, box: Box, tucked: Box | None = None) -> bool:
+        """Whether neither walls nor furniture, `tucked` aside, reach into a rectangle."""
+        return not hits(box, self._solids if tucked is None else [solid for solid in self._solids if solid != tucked])
+
+    def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:
+        """Free stretches of a wall for pieces of a depth that need some room before them."""
+        axis = side.axis
+        body = side.strip(0.0, depth_m + WALL_GAP_M)
+        before = side.strip(depth_m + WALL_GAP_M, depth_m + WALL_GAP_M + front_m)
+        kept = [*self._keep, *itertools.chain.from_iterable(self._zones.values()), *(self._glass if tall else ())]
+        taken = _shadows(axis, body, [*self._solids, *kept])
+        if front_m:
+            taken += _shadows(axis, before, self._solids)
+        gap = WALL_GAP_M
+        ends = (side.low, side.high)
+        return [
+            (low + (gap if low > ends[0] else 0.0), high - (gap if high < ends[1] else 0.0))
+            for low, high in left_over(side.low, side.high, taken)
+            if high - low > 0.2
+        ]
+
+    def stays_open(self, *boxes: Box) -> bool:
+        """Whether a robot still gets from every way into the room to every other with these pieces in place."""
+        return self._ways.stays_open(*boxes)
+
+    def keep_clear(self, owner: str, box: Box) -> None:
+        """Keeps a further rectangle free of everything that does not belong to its owner."""
+        self._zones[owner].append(box)
+
+    def add(self, owner: str, box: Box, zones: Sequence[Box]) -> None:
+        """Puts a piece where `fits` and `stays_open` have been asked."""
+        self._solids.append(box)
+        self._zones[owner] = list(zones)
+        self._ways.block(box)
+
+    def goal(self) -> Point:
+        """The spot nearest to the room's middle that a robot can reach."""
+        return self._ways.nearest(self.room.goal)
+
+
+def _shadows(axis: int, strip: Box, boxes: Iterable[Box]) -> list[tuple[float, float]]:
+    """The stretches along an axis that boxes take from a strip along it."""
+    across = 1 - axis
+    near, far = strip[across] + 1e-6, strip[across + 2] - 1e-6
+    return [(box[axis], box[axis + 2]) for box in boxes if box[across] < far and near < box[across + 2]]
+
+
+def _sides_of(room: Room, floorplan: Floorplan) -> list[Side]:
+    """All sides of a room that have a wall; the inside of a counter-clockwise polygon lies to their left."""
+    walls = [wall for wall in floorplan.walls if not wall.lintel and room.name in wall.rooms]
+    sides: list[Side] = []
+    for start, end in _edges(room):
+        upright = start[0] == end[0]
+        quarter = (2 if end[1] > start[1] else 0) if upright else (1 if end[0] > start[0] else 3)
+        across, along = (0, 1) if upright else (1, 0)
+        half = max((wall.thickness_m / 2 for wall in walls if _lies_on(wall, across, start[across])), default=0.0)
+        if half > 0:
+            low, high = sorted((start[along], end[along]))
+            sides.append(Side(low, high, start[across] + half * sum(FRONTS[quarter]), quarter))
+    return sides
+
+
+def _lies_on(wall: Wall, across: int, at: float) -> bool:
+    return abs(wall.start[across] - at) < 1e-6 and abs(wall.end[across] - at) < 1e-6
+
+
+def _edges(room: Room) -> list[tuple[Point, Point]]:
+    return list(zip(room.polygon, [*room.polygon[1:], room.polygon[0]], strict=True))
+
+
+def _clear_at(passage: Passage, room: Room) -> list[Box]:
+    """What stays free at a way in: the approach, and where a door swings."""
+    found = [_around(passage.start, passage.end, _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M)]
+    if passage.door is not None and passage.door.room == room.name:
+        found.append(swept_box(passage.door))
+    return found
+
+
+def _gate(room: Room, start: Point, end: Point) -> Point:
+    """A point inside the room, before the middle of a way in."""
+    x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+    along_x = abs(end[0] - start[0]) > abs(end[1] - start[1])
+    sides = [(x, y + _GATE_M), (x, y - _GATE_M)] if along_x else [(x + _GATE_M, y), (x - _GATE_M, y)]
+    return next((side for side in sides if contains(room.polygon, *side)), sides[0])
+
+
+def _complement(room: Room) -> list[Box]:
+    """What lies inside a room's bounding box but not in the room."""
+    xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
+    return [
+        (x0, y0, x1, y1)
+        for x0, x1 in itertools.pairwise(xs)
+        for y0, y1 in itertools.pairwise(ys)
+        if not contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
+    ]
+
+
+def room_rects(room: Room) -> Rects:
+    """A room's floor as rectangles that do not overlap: rows of the grid its corners span."""
+    xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
+    rows: list[Box] = []
+    for y0, y1 in itertools.pairwise(ys):
+        start: float | None = None
+        for x0, x1 in itertools.pairwise(xs):
+            inside = contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
+            if inside and start is None:
+                start = x0
+            if start is not None and (not inside or x1 == xs[-1]):
+                rows.append((start, y0, x1 if inside else x0, y1))
+                start = None
+    return np.array(rows)
+
+
+def _walls_near(bounds: Box, floorplan: Floorplan) -> list[Box]:
+    near = (bounds[0] - 0.3, bounds[1] - 0.3, bounds[2] + 0.3, bounds[3] + 0.3)
+    found: list[Box] = []
+    for wall in floorplan.walls:
+        if not wall.lintel:
+            xs, ys = zip(*wall_corners(wall), strict=True)
+            found.append((min(xs), min(ys), max(xs), max(ys)))
+    return [box for box in found if hits(near, (box,))]
+
+
+def _around(start: Point, end: Point, depth: float) -> Box:
+    """The strip on both sides of a line along an axis."""
+    x0, x1 = sorted((start[0], end[0]))
+    y0, y1 = sorted((start[1], end[1]))
+    if x1 - x0 > y1 - y0:
+        return x0, y0 - depth, x1, y1 + depth
+    return x0 - depth, y0, x1 + depth, y1

@@ -1,0 +1,334 @@
+"""Furnishes one room: what must be there first, then more until the room is as full as wished."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from math import hypot, pi, sqrt
+from random import Random
+from typing import NamedTuple
+
+from ....schemas.worlds.world import Floorplan, Furniture, Room
+from ..furniture.arrangement import (
+    COVERAGE,
+    COVERAGE_CAP,
+    KITCHEN_RUN,
+    MOST_PIECES,
+    RULES,
+    Density,
+    Rule,
+    first_count,
+    forms_for,
+    front_of,
+)
+from ..furniture.catalogue import styles_of
+from ..geometry.boxes import Box, Pose, box_of, footprint
+from ..geometry.parts import Style
+from . import candidates
+from .placement import TALL_M, RoomSpace
+
+NewId = Callable[[str], str]
+"""Gives a kind's next free id."""
+
+_SMALL_ROOM_M2 = 15.0
+_WIDE_BED_M = 1.2
+_TRIES = 6
+_HALF_SEAT_M = 0.3
+_COMPANIONS = ("beside", "before", "gathered", "around", "desk")
+"""Relations without which a second piece makes no sense: one chair may stand alone, not four."""
+
+_ATTENDANTS = {"Desks": "DeskChairs"}
+"""What every further piece of a kind is useless without."""
+
+_TUCKED = ("around", "desk")
+_YAWS = (0.0, pi / 2, pi, -pi / 2)
+
+
+class Group(NamedTuple):
+    """Poses that are tried together."""
+
+    poses: list[Pose]
+    partners: tuple[str, ...] = ()
+    """Ids of the pieces whose clear zones may be entered."""
+    tucked: Box | None = None
+    """Footprint of the piece that it is pushed under."""
+
+
+_NO_GROUP = Group([])
+
+
+@cache
+def _schemes() -> tuple[str, ...]:
+    """All colour schemes of the catalogue."""
+    return tuple(sorted({style.colors for kind in RULES for style in styles_of(kind)}))
+
+
+@dataclass
+class RoomFurnishing:
+    """A room on its way to being furnished.
+
+    Attributes:
+      room: the room.
+      space: what is still free in it.
+      density: how full it should get.
+      dice: the source of chance.
+      new_id: names pieces.
+      items: pieces placed so far.
+      missed: kinds that found no place, with the reason.
+    """
+
+    room: Room
+    space: RoomSpace
+    density: Density
+    dice: Random
+    new_id: NewId
+    items: list[Furniture] = field(default_factory=list)
+    missed: dict[str, str] = field(default_factory=dict)
+    _taste: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def begin(cls, room: Room, floorplan: Floorplan, density: Density, dice: Random, new_id: NewId) -> "RoomFurnishing":
+        """An empty room, with a taste in colours."""
+        schemes = list(_schemes())
+        dice.shuffle(schemes)
+        taste = {scheme: rank for rank, scheme in enumerate(schemes)}
+        return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste)
+
+    def furnish(self, kinds: Sequence[str]) -> None:
+        """Places each kind at least once where it fits, then repeats kinds up to the wished density.
+
+        What stands there already counts.
+        """
+        listed = [kind for kind in RULES if kind in set(kinds)]
+        for kind in listed:
+            self._place_first(kind)
+            if kind in _ATTENDANTS and _ATTENDANTS[kind] in listed and self.placed(kind):
+                self._place_first(_ATTENDANTS[kind])
+        self._fill([kind for kind in listed if kind not in self.missed])
+
+    def placed(self, kind: str) -> list[Furniture]:
+        """The pieces of a kind that are there."""
+        return [item for item in self.items if item.model_type == kind]
+
+    def _place_first(self, kind: str) -> None:
+        for number in range(len(self.placed(kind)), first_count(kind, self.density)):
+            if number > 0 and self._full(COVERAGE_CAP):
+                return
+            reason = self._place(kind)
+            if reason:
+                if number == 0:
+                    self.missed[kind] = reason
+                return
+
+    def _fill(self, kinds: list[str]) -> None:
+        scale = max(1.0, self.room.area_m2 / 30.0)
+        most = MOST_PIECES[self.density] * max(1.0, sqrt(self.room.area_m2 / 40.0))
+        left = [kind for kind in kinds if kind not in _ATTENDANTS.values()]
+        while left and not self._full(COVERAGE) and len(self.items) < most:
+            kind = self.dice.choice(left)
+            if len(self.placed(kind)) >= RULES[kind].limit * scale or self._place(kind):
+                left.remove(kind)
+            elif kind in _ATTENDANTS and _ATTENDANTS[kind] in kinds:
+                self._place(_ATTENDANTS[kind])
+
+    @property
+    def covered_share(self) -> float:
+        """Share of the floor under furniture."""
+        return sum(item.width_m * item.depth_m for item in self.items) / self.room.area_m2
+
+    def _full(self, shares: dict[Density, float]) -> bool:
+        return self.covered_share >= shares[self.density]
+
+    def _place(self, kind: str) -> str:
+        """Places one piece; returns why not, or an empty string."""
+        lost = [near for near in RULES[kind].near if near in self.missed]
+        if RULES[kind].bound and lost and not any(self.placed(near) for near in RULES[kind].near):
+            return f"{' and '.join(lost)} found no place in {self.room.name}"
+        reason = ""
+        for style in self.styles(kind):
+            reason = self._place_style(kind, style)
+            if not reason:
+                return ""
+        return reason
+
+    def styles(self, kind: str) -> list[Style]:
+        """Styles to try: those that suit the room's size first, in the room's colours."""
+        by_form: dict[str, Style] = {}
+        for style in sorted(styles_of(kind), key=lambda style: self._taste[style.colors]):
+            by_form.setdefault(style.form, style)
+        forms = forms_for(kind, self.room.type, list(by_form))
+        weight = 1.0 if self.room.area_m2 < _SMALL_ROOM_M2 else -1.0
+        noise = {form: self.dice.random() for form in forms}
+        sink = any(item.style.startswith("counter-sink") for item in self.items)
+
+        def rank(form: str) -> float:
+            style = by_form[form]
+            # A kitchen needs one sink, and then counters.
+            repeated = (5.0 if sink else -5.0) * (form == "counter-sink")
+            return weight * 0.4 * style.width_m * style.depth_m + noise[form] + repeated
+
+        return [by_form[form] for form in sorted(forms, key=rank)]
+
+    def _place_style(self, kind: str, style: Style) -> str:
+        reason = f"no wall of {self.room.name} has {style.width_m:.2f} m free"
+        front = front_of(kind, self.room.type)
+        if front:
+            reason += f" with {front:g} m before it"
+        for group in self._groups(kind, style):
+            if not group.poses:
+                continue
+            tries = 0
+            for pose in sorted(group.poses, key=lambda pose: -pose.score):
+                if not self.fits(kind, style, pose, group):
+                    continue
+                if self.space.stays_open(*self._takes(kind, style, pose)):
+                    self.stand(kind, style, pose)
+                    return ""
+                reason = f"a {style.form} of {style.width_m:.2f} m would block the ways through {self.room.name}"
+                tries += 1
+                if tries == _TRIES:
+                    break
+            if not tries and RULES[kind].spot != "wall":
+                size = f"{style.width_m:.2f} m x {style.depth_m:.2f} m"
+                reason = f"no free place of {size} with room around it in {self.room.name}"
+        if RULES[kind].bound and RULES[kind].relation != "before":
+            partners = " or ".join(near for near in RULES[kind].near if self.placed(near))
+            reason = f"no free place left at the {partners} of {self.room.name}" if partners else reason
+        return reason
+
+    def fits(self, kind: str, style: Style, pose: Pose, group: Group = _NO_GROUP) -> bool:
+        """Whether a piece may stand at a pose with all its clearances; ways aside."""
+        box = footprint(pose, style.width_m, style.depth_m)
+        tall = style.height_m > TALL_M or RULES[kind].hides_window
+        space = self.space
+        if not space.admits(box, tall=tall, partners=group.partners, tucked=group.tucked):
+            return False
+        if RULES[kind].seat_m and not space.admits(self._takes(kind, style, pose)[1]):
+            return False
+        for zones in self._zones(kind, style, pose):
+            if all(space.is_clear(zone, group.tucked) for zone in zones):
+                return True
+        return False
+
+    def _takes(self, kind: str, style: Style, pose: Pose) -> list[Box]:
+        """What a piece covers, together with the chair that it is for."""
+        box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
+        if not seat:
+            return [box]
+        return [box, pose.box(style.depth_m / 2, style.depth_m / 2 + seat, -_HALF_SEAT_M, _HALF_SEAT_M)]
+
+    def _zones(self, kind: str, style: Style, pose: Pose) -> Iterator[list[Box]]:
+        """What has to stay free around a piece; several when there is a choice."""
+        rule, half_depth, half_width = RULES[kind], style.depth_m / 2, style.width_m / 2
+        if rule.around_m:
+            reach = rule.around_m
+            yield [pose.box(-half_depth - reach, half_depth + reach, -half_width - reach, half_width + reach)]
+            return
+        front = front_of(kind, self.room.type)
+        zones = [pose.box(half_depth, half_depth + front, -half_width, half_width)] if front else []
+        if not rule.beside_m:
+            yield zones
+            return
+        reach = rule.beside_m
+        left = pose.box(-half_depth, half_depth, half_width, half_width + reach)
+        right = pose.box(-half_depth, half_depth, -half_width - reach, -half_width)
+        if kind == "Beds" and style.width_m < _WIDE_BED_M:
+            yield [*zones, left]
+            yield [*zones, right]
+        else:
+            yield [*zones, left, right]
+
+    def stand(self, kind: str, style: Style, pose: Pose, *, zone: bool = True) -> Furniture:
+        """Writes the piece down, on whole millimetres.
+
+        Args:
+          kind: its type.
+          style: its look.
+          pose: where; asked for before.
+          zone: whether its clearances are kept; a counter in the corner of a kitchen has none.
+        """
+        item = Furniture(
+            id=self.new_id(kind),
+            model_type=kind,
+            style=style.name,
+            room=self.room.name,
+            x=round(pose.x, 3) + 0.0,
+            y=round(pose.y, 3) + 0.0,
+            yaw=_YAWS[pose.quarter],
+            width_m=style.width_m,
+            depth_m=style.depth_m,
+            height_m=style.height_m,
+        )
+        self.items.append(item)
+        box = box_of(item)
+        zones: list[Box] = []
+        if zone:
+            choices = list(self._zones(kind, style, pose))
+            zones = next((one for one in choices if all(map(self.space.is_clear, one))), choices[0])
+        self.space.add(item.id, box, zones)
+        return item
+
+    def _groups(self, kind: str, style: Style) -> Iterator[Group]:
+        """Groups of poses, the most fitting first."""
+        rule = RULES[kind]
+        partners = [item for near in rule.near for item in self.items if item.model_type == near]
+        if rule.relation == "run" and self.room.type in ("Kitchen", "Bathroom"):
+            yield from self._run(kind, rule, style, partners)
+            return
+        if kind == "Sofas" and self.placed(kind):
+            # A second one stands at the end of the coffee table, at a right angle to the first.
+            partners, rule = self.placed("CoffeeTables"), replace(rule, relation="gathered", bound=True)
+        elif rule.relation == "facing" and partners:
+            walls = self._alone(kind, rule, style)
+            yield Group(
+                [pose._replace(score=pose.score + candidates.facing_bonus(pose, partners[0])) for pose in walls]
+            )
+            return
+        if rule.relation not in ("run", "facing"):
+            for partner in self._free_partners(kind, rule, partners):
+                at_table = self.placed("Sofas") if rule.relation in ("before", "gathered") else []
+                owners = (partner.id, *(item.id for item in at_table))
+                tucked = box_of(partner) if rule.relation in _TUCKED else None
+                yield Group(self._relate(rule, partner, style), owners, tucked)
+        companion = rule.relation in _COMPANIONS and (rule.relation != "gathered" or self.density != "Dense")
+        repeated = bool(self.placed(kind)) and (rule.bound or companion)
+        if not repeated and not (rule.bound and partners):
+            yield Group(self._alone(kind, rule, style))
+
+    def _free_partners(self, kind: str, rule: Rule, partners: list[Furniture]) -> list[Furniture]:
+        """Those that lack such a companion still: two lamps are not put at one sofa while another has none."""
+        if rule.relation != "beside" or kind == "Nightstands":
+            return partners
+        there = self.placed(kind)
+        return [
+            partner
+            for partner in partners
+            if not any(hypot(one.x - partner.x, one.y - partner.y) < partner.width_m / 2 + 0.7 for one in there)
+        ]
+
+    def _relate(self, rule: Rule, partner: Furniture, style: Style) -> list[Pose]:
+        if rule.relation == "beside":
+            return candidates.beside(partner, style, self.dice)
+        if rule.relation == "before":
+            return candidates.before(partner, style, rule.gap_m, self.dice)
+        if rule.relation == "gathered":
+            return candidates.gathered(partner, style, rule.gap_m, self.dice)
+        if rule.relation == "around":
+            return candidates.around(partner, style)
+        return candidates.at_desk(partner, style)
+
+    def _alone(self, kind: str, rule: Rule, style: Style) -> list[Pose]:
+        if rule.spot == "corner":
+            return candidates.in_corners(self.space, style, self.dice)
+        if rule.spot == "open":
+            run = [item for item in self.items if item.model_type in KITCHEN_RUN]
+            return candidates.in_the_open(self.space, self.dice, run if self.room.type == "Kitchen" else [])
+        front, tall = front_of(kind, self.room.type), style.height_m > TALL_M or rule.hides_window
+        return candidates.against_walls(self.space, style, front, rule.prefer, self.dice, tall=tall)
+
+    def _run(self, kind: str, rule: Rule, style: Style, run: list[Furniture]) -> Iterator[Group]:
+        """Edge to edge with what is there, else along a wall; never one more counter on its own."""
+        run = [item for item in run if self.room.type == "Kitchen" or item.model_type == kind]
+        if run:
+            yield Group([pose for item in run for pose in candidates.next_to(item, style)])
+        if not (self.room.type == "Kitchen" and kind == "Storage" and run):
+            yield Group(self._alone(kind, rule, style))

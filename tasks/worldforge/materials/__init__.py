@@ -1,0 +1,6 @@
+"""Materials of floors and walls, and their textures.
+
+May import: `schemas`, `tasks.worldforge.floorplans`, `tasks.worldforge.geometry`.
+"""
+
+__all__ = ["materials", "surfaces", "textures"]

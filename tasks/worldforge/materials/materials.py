@@ -1,0 +1,225 @@
+"""Materials of floors and walls: what they look like, how they grip, and which rooms usually have them.
+
+Every material comes in several finishes: another wood, another tile, another wallpaper. `world.json`
+names both, so that whoever reads it can draw the surface again.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ....schemas.worlds.world import FLOOR_MATERIALS, WALL_MATERIALS, Room, RoomType
+from ..geometry.parts import Color, rgb
+
+Surface = Literal["floor", "wall"]
+Pattern = Literal[
+    "plain", "pile", "mottled", "boards", "marbled", "checkered", "parquet", "herringbone", "tiles", "metro",
+    "bricks", "stones", "formwork", "panels", "stripes", "trellis", "sprigs",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """One look of a material."""
+
+    name: str
+    """Unique among the finishes of its material."""
+    pattern: Pattern
+    """How the colours are laid out."""
+    color: Color
+    """Of most of it."""
+    second: Color
+    """Of the other boards, stripes, stones."""
+    line: Color
+    """Of joints, grooves and specks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """One material of a floor or a wall."""
+
+    finishes: tuple[Finish, ...]
+    """Its looks; the first one stands for it where a plan names none."""
+    friction: float = 0.8
+    """Sliding friction of dry rubber on it; walls do not use it."""
+
+
+def _finish(name: str, pattern: Pattern, color: str, second: str, line: str) -> Finish:
+    return Finish(name, pattern, rgb(color), rgb(second), rgb(line))
+
+
+# Sliding friction of clean, dry, soft rubber, as wheels and shoe soles have it. Engineering tables give
+# 0.6 to 0.85 on dry concrete and up to 1.0 where it is rough, 0.7 to 0.75 on lacquered wood, 0.6 to 0.7 on
+# glazed tiles, 0.8 to 0.9 on linoleum; carpet also holds by its pile, hence more than 1. The order is what
+# matters: tiles are the slipperiest, then parquetry, floorboards, linoleum, concrete, carpet.
+FLOORS: dict[str, Material] = {
+    "Carpet": Material(
+        (
+            _finish("sand", "pile", "b9ad9c", "a89c8a", "c9beae"),
+            _finish("slate", "pile", "7f8891", "717a84", "939ca5"),
+            _finish("moss", "pile", "8f9780", "808871", "a2aa93"),
+            _finish("rose", "pile", "b39a94", "a38a84", "c4aca6"),
+        ),
+        1.1,
+    ),
+    "Concrete": Material(
+        (
+            _finish("pale", "mottled", "bfc0be", "b2b4b2", "9b9d9b"),
+            _finish("grey", "mottled", "a3a5a5", "969899", "808283"),
+            _finish("warm", "mottled", "b7b0a6", "aaa298", "938b82"),
+        ),
+        0.9,
+    ),
+    "Floorboards": Material(
+        (
+            _finish("oak", "boards", "c9a377", "b98f62", "8a6843"),
+            _finish("walnut", "boards", "8a6144", "774f35", "513422"),
+            _finish("grey", "boards", "b5ada2", "a59c91", "7d756c"),
+            _finish("pine", "boards", "dcbb8a", "cfa973", "a58353"),
+        ),
+        0.75,
+    ),
+    "Linoleum": Material(
+        (
+            _finish("sage", "marbled", "b3bfae", "9eac9b", "c9d2c3"),
+            _finish("checkered", "checkered", "dcd9d0", "6f7f83", "b9b6ae"),
+            _finish("ochre", "marbled", "c9ae7f", "b8996a", "dcc69e"),
+            _finish("blue", "marbled", "93a7b5", "8196a6", "adbecb"),
+        ),
+        0.85,
+    ),
+    "Parquetry": Material(
+        (
+            _finish("oak", "parquet", "bd8d59", "a97a48", "7c5630"),
+            _finish("herringbone", "herringbone", "c39a68", "ae8353", "80592f"),
+            _finish("walnut", "herringbone", "855b3e", "714a31", "4b301f"),
+            _finish("cherry", "parquet", "a5643f", "935433", "673821"),
+        ),
+        0.7,
+    ),
+    "Tiles": Material(
+        (
+            _finish("white", "tiles", "e6e6e3", "dcdddb", "b4b6b5"),
+            _finish("terracotta", "tiles", "bf7f5d", "b07150", "d8c6b4"),
+            _finish("slate", "tiles", "727a80", "666e74", "9ea3a6"),
+            _finish("checkered", "checkered", "e6e4de", "4c5257", "a4a5a3"),
+        ),
+        0.65,
+    ),
+}
+"""The six floor materials."""
+
+WALLS: dict[str, Material] = {
+    "Brick": Material(
+        (
+            _finish("red", "bricks", "a5593f", "8f4a34", "cfc1b3"),
+            _finish("whitewashed", "bricks", "e3ded5", "d6d0c6", "bdb6ab"),
+            _finish("brown", "bricks", "8c6650", "785543", "c3b6a5"),
+        )
+    ),
+    "Concrete": Material(
+        (
+            _finish("grey", "formwork", "b3b4b2", "a7a8a6", "8b8c8a"),
+            _finish("warm", "formwork", "bdb5aa", "b0a89d", "938b81"),
+        )
+    ),
+    "Stone": Material(
+        (
+            _finish("limestone", "stones", "c3b8a5", "aa9f8d", "8d8374"),
+            _finish("slate", "stones", "8e9091", "787b7d", "5f6263"),
+            _finish("sandstone", "stones", "c09f77", "ab8a64", "8a6d4d"),
+        )
+    ),
+    "Tiles": Material(
+        (
+            _finish("white-metro", "metro", "eef0ef", "e4e7e6", "bcc2c2"),
+            _finish("sea", "tiles", "b5d0d2", "a4c3c6", "e2eaea"),
+            _finish("sage-metro", "metro", "a9bca9", "9bb09c", "d9e0d8"),
+            _finish("sand", "tiles", "dccfba", "d2c4ae", "b5a890"),
+        )
+    ),
+    "WoodPanels": Material(
+        (
+            _finish("oak", "panels", "c29a6c", "b38a5d", "83603b"),
+            _finish("walnut", "panels", "84593c", "744c32", "4d321f"),
+            _finish("white", "panels", "ebe7de", "e4dfd5", "bfb9ad"),
+        )
+    ),
+    "WallPaint": Material(
+        (
+            _finish("cream", "plain", "ece4d6", "ece4d6", "ddd3c3"),
+            _finish("white", "plain", "efeeea", "efeeea", "dfded9"),
+            _finish("sky", "plain", "cbd9e2", "cbd9e2", "b9c9d3"),
+            _finish("sage", "plain", "cdd6c6", "cdd6c6", "bbc5b3"),
+            _finish("blush", "plain", "e6d1c6", "e6d1c6", "d6bfb3"),
+        )
+    ),
+    "Wallpaper": Material(
+        (
+            _finish("green-stripes", "stripes", "d3ddd3", "bccbbd", "a3b8a6"),
+            _finish("blue-trellis", "trellis", "d5dee4", "bccad4", "93a8b7"),
+            _finish("garden", "sprigs", "ece6d8", "8ba585", "c98d75"),
+            _finish("rose-stripes", "stripes", "ead9d2", "dcc4bb", "c7a69b"),
+        )
+    ),
+}
+"""The seven wall materials."""
+
+OUTSIDE = Finish("outside", "plain", rgb("e6dfd3"), rgb("e6dfd3"), rgb("d2c9ba"))
+"""Outer faces of exterior walls."""
+
+USUAL_FLOORS: dict[RoomType, tuple[str, ...]] = {
+    "Bedroom": ("Carpet", "Floorboards", "Parquetry"),
+    "Bathroom": ("Tiles", "Tiles", "Linoleum"),
+    "Living": ("Floorboards", "Parquetry", "Carpet"),
+    "Dining": ("Floorboards", "Parquetry"),
+    "Kitchen": ("Tiles", "Linoleum", "Floorboards"),
+    "Hallway": ("Floorboards", "Tiles", "Concrete"),
+    "Closet": ("Carpet", "Linoleum", "Concrete"),
+}
+USUAL_WALLS: dict[RoomType, tuple[str, ...]] = {
+    "Bedroom": ("WallPaint", "Wallpaper", "WoodPanels"),
+    "Bathroom": ("Tiles", "Tiles", "WallPaint"),
+    "Living": ("WallPaint", "Wallpaper", "Brick", "Stone"),
+    "Dining": ("WallPaint", "Wallpaper", "WoodPanels"),
+    "Kitchen": ("WallPaint", "Tiles", "Brick"),
+    "Hallway": ("WallPaint", "Concrete"),
+    "Closet": ("WallPaint", "WoodPanels"),
+}
+
+assert set(FLOORS) == set(FLOOR_MATERIALS)
+assert set(WALLS) == set(WALL_MATERIALS)
+
+
+def finish_named(surface: Surface, material: str, name: str) -> Finish:
+    """A finish by the names that `world.json` has; an empty name is that of the first one.
+
+    Raises:
+      ValueError: there is none of this name, which means that the world was written by another version
+        of the generator.
+    """
+    known = (FLOORS if surface == "floor" else WALLS)[material].finishes
+    for finish in known:
+        if name in ("", finish.name):
+            return finish
+    names = ", ".join(finish.name for finish in known)
+    raise ValueError(f"{surface}_finish {name!r} of {material}: not known; one of {names} would be right")
+
+
+def surface_name(surface: Surface, room: Room) -> str:
+    """Name of a room's floor or wall in the MJCF: `floor_Carpet_sand`."""
+    material, finish = (
+        (room.floor_material, room.floor_finish) if surface == "floor" else (room.wall_material, room.wall_finish)
+    )
+    return f"{surface}_{material}_{finish_named(surface, material, finish).name}"
+
+
+def surface_finish(name: str) -> Finish:
+    """The finish that a name from `surface_name`, or `wall_outside`, stands for.
+
+    Raises:
+      ValueError: there is no such finish.
+    """
+    if name == "wall_outside":
+        return OUTSIDE
+    surface, material, finish = name.split("_")
+    return finish_named("floor" if surface == "floor" else "wall", material, finish)

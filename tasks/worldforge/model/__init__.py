@@ -1,0 +1,7 @@
+"""The world as MJCF, and its description for other programs.
+
+May import: `schemas`, `tasks.worldforge.doors`, `tasks.worldforge.furniture`, `tasks.worldforge.geometry`,
+`tasks.worldforge.interiors`, `tasks.worldforge.materials`, `tasks.worldforge.proofs`.
+"""
+
+__all__ = ["description", "mjcf"]

@@ -1,0 +1,115 @@
+"""Where room labels go on a drawn plan: inside the room, readable, off the furniture if there is room."""
+
+from collections.abc import Iterable
+from itertools import pairwise, product
+from math import cos, sin
+from typing import NamedTuple
+
+from ....schemas.worlds.world import Furniture, Point, Room
+
+NAME_PX = 15
+AREA_PX = 12
+_HEIGHT_PX = 40
+_PADDING_PX = 8
+_GLYPH_WIDTH = 0.58
+"""Mean width of a letter over the font's size: enough to fit labels without measuring fonts."""
+
+_STEPS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
+"""Places tried along each side of the room, the middle first."""
+
+_ORIGIN_MARK = (-0.3, -0.3, 0.3, 0.3)
+
+Box = tuple[float, float, float, float]
+"""West, south, east, north, in metres."""
+
+
+class Label(NamedTuple):
+    """A room's label: its text as far as it fits, its middle in metres, and whether it runs upwards."""
+
+    name: str
+    area: str
+    x: float
+    y: float
+    upwards: bool
+
+
+def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Label:
+    """Places a room's label.
+
+    Args:
+      room: the room.
+      furniture: what to keep clear of where possible.
+      scale: pixels per metre, because letters have their size in pixels.
+    """
+    room_box = widest_box(room)
+    across, up = (room_box[2] - room_box[0]) * scale, (room_box[3] - room_box[1]) * scale
+    area = f"{room.area_m2:.1f} m²"
+    wanted = max(len(room.name) * NAME_PX, len(area) * AREA_PX) * _GLYPH_WIDTH + 2 * _PADDING_PX
+    upwards = wanted > across and up > across
+    length = min(wanted, up if upwards else across)
+    letters = max(4, round((length - 2 * _PADDING_PX) / (NAME_PX * _GLYPH_WIDTH)))
+    name = room.name if len(room.name) <= letters else room.name[: letters - 1].rstrip() + "…"
+    width, height = (_HEIGHT_PX, length) if upwards else (length, _HEIGHT_PX)
+    obstacles = [_ORIGIN_MARK, *(_bounds(item) for item in furniture)]
+    x, y = _clearest(room_box, width / scale, height / scale, obstacles)
+    return Label(name, area, x, y, upwards)
+
+
+def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> Point:
+    """The middle of the place for a box of this size that covers least, nearest to the room's middle."""
+    free_x, free_y = max(0.0, room[2] - room[0] - width), max(0.0, room[3] - room[1] - height)
+    near = [
+        box
+        for box in obstacles
+        if _common(box[0], box[2], room[0], room[2]) * _common(box[1], box[3], room[1], room[3])
+    ]
+    columns = {x: room[0] + (room[2] - room[0] - free_x) / 2 + free_x * x for x in _STEPS}
+    rows = {y: room[1] + (room[3] - room[1] - free_y) / 2 + free_y * y for y in _STEPS}
+    across = {x: [_common(at - width / 2, at + width / 2, box[0], box[2]) for box in near] for x, at in columns.items()}
+    up = {y: [_common(at - height / 2, at + height / 2, box[1], box[3]) for box in near] for y, at in rows.items()}
+
+    def covered(step: tuple[float, float]) -> float:
+        return round(sum(u * v for u, v in zip(across[step[0]], up[step[1]], strict=True)), 3)
+
+    steps = sorted(product(_STEPS, _STEPS), key=lambda step: abs(step[0] - 0.5) + abs(step[1] - 0.5))
+    x, y = min(steps, key=covered)
+    return columns[x], rows[y]
+
+
+def _common(low: float, high: float, other_low: float, other_high: float) -> float:
+    """Length that two spans have in common."""
+    return max(0.0, min(high, other_high) - max(low, other_low))
+
+
+def _bounds(item: Furniture) -> Box:
+    """The box around a piece of furniture."""
+    c, s = abs(cos(item.yaw)), abs(sin(item.yaw))
+    half_x = (item.depth_m * c + item.width_m * s) / 2
+    half_y = (item.depth_m * s + item.width_m * c) / 2
+    return item.x - half_x, item.y - half_y, item.x + half_x, item.y + half_y
+
+
+def widest_box(room: Room) -> Box:
+    """The largest rectangle inside a rectilinear room whose sides lie on lines through its corners."""
+    xs, ys = sorted({x for x, _ in room.polygon}), sorted({y for _, y in room.polygon})
+    gaps = [
+        ((x0 + x1) / 2, (y0 + y1) / 2)
+        for (x0, x1), (y0, y1) in product(pairwise(xs), pairwise(ys))
+        if not _inside(room.polygon, ((x0 + x1) / 2, (y0 + y1) / 2))
+    ]
+    boxes = [
+        (x0, y0, x1, y1)
+        for x0, x1 in product(xs, xs)
+        for y0, y1 in product(ys, ys)
+        if x0 < x1 and y0 < y1 and not any(x0 < x < x1 and y0 < y < y1 for x, y in gaps)
+    ]
+    return max(boxes, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
+
+
+def _inside(polygon: list[Point], point: Point) -> bool:
+    """Whether an eastward ray from the point crosses the polygon's border an odd number of times."""
+    x, y = point
+    crossings = 0
+    for (x0, y0), (_, y1) in pairwise([*polygon, polygon[0]]):
+        crossings += x < x0 and min(y0, y1) <= y < max(y0, y1)
+    return crossings % 2 == 1

@@ -1,0 +1,267 @@
+"""A picture of a furnished world from above, drawn without any graphics driver.
+
+The walls are cut at about a metre, like a dolls' house whose upper half has been lifted off. The
+pixels depend on the world alone: not on the machine, its display or its number of processors.
+"""
+
+import io
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PilImage
+
+from ....schemas.worlds.world import Wall, Window, World
+from ..doors.model import cut_door_solids
+from ..furniture.solids import Solid, solids_of, turn
+from ..geometry.parts import Color, Vector, rgb
+from ..interiors.placement import room_rects
+from ..materials.materials import surface_name
+from ..materials.textures import sample
+from ..model.mjcf import wall_faces
+from .preview_light import Block, LightMap
+from .preview_palette import Palette
+from .preview_raster import Raster, View
+
+WIDTH, HEIGHT = 960, 720
+"""Size of the picture in pixels."""
+
+_SUPERSAMPLING = 2
+_AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0
+_CUT_M, _NEAR_CUT_M = 1.0, 0.4
+_MARGIN = 0.045
+_CUT_COLOR = rgb("fbfaf7")
+_OUTSIDE = "wall_outside"
+_GLASS = rgb("a8d0e0")
+_EDGE_M = 0.06
+_BEFORE_M = 0.08
+
+Image = NDArray[np.floating[Any]]
+Colors = NDArray[np.uint8]
+
+
+def render_preview(world: World) -> bytes:
+    """Draws a world.
+
+    Returns:
+      A PNG of 960 x 720 pixels.
+    """
+    raster = Raster(_view(world))
+    palette = Palette()
+    blocks = _draw_building(world, raster, palette)
+    for item in world.furniture:
+        for solid in solids_of(item):
+            _draw_solid(solid, raster, palette)
+            if solid.size[2] > 0.015:
+                blocks.append(_block(solid))
+    for solid in cut_door_solids(world.floorplan, _CUT_M):
+        _draw_solid(solid, raster, palette)
+    colors = np.take(palette.table(), raster.ids, axis=0)
+    _lay_patterns(raster, palette, colors)
+    _draw_outlines(raster, colors)
+    reduced = np.asarray(PilImage.fromarray(colors).reduce(_SUPERSAMPLING))
+    light = _light(raster, palette, LightMap.of(blocks, _extent(world)))
+    picture = PilImage.fromarray((reduced * light[..., None]).astype(np.uint8))
+    buffer = io.BytesIO()
+    picture.save(buffer, format="PNG", compress_level=2)
+    return buffer.getvalue()
+
+
+def _extent(world: World) -> tuple[float, float, float, float]:
+    xs, ys = zip(*world.floorplan.footprint, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def _view(world: World) -> View:
+    """The whole building, as large as it fits."""
+    x0, y0, x1, y1 = _extent(world)
+    unit = View(_AZIMUTH_DEG, _ELEVATION_DEG, 1.0, (0.0, 0.0), (1, 1))
+    wall = 0.15
+    corners = [
+        unit.point((x, y, z)) for x in (x0 - wall, x1 + wall) for y in (y0 - wall, y1 + wall) for z in (0.0, 1.2)
+    ]
+    left, right = min(c[0] for c in corners), max(c[0] for c in corners)
+    top, bottom = min(c[1] for c in corners), max(c[1] for c in corners)
+    width, height = WIDTH * _SUPERSAMPLING, HEIGHT * _SUPERSAMPLING
+    scale = (1 - 2 * _MARGIN) * min(width / (right - left), height / (bottom - top))
+    offset = (width / 2 - scale * (left + right) / 2, height / 2 - scale * (top + bottom) / 2)
+    return View(_AZIMUTH_DEG, _ELEVATION_DEG, scale, offset, (width, height))
+
+
+def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block]:
+    """Draws floors, walls and windows; returns what of it casts shadows."""
+    blocks: list[Block] = []
+    for room in world.floorplan.rooms:
+        floor_color = palette.add_floor(surface_name("floor", room))
+        for x0, y0, x1, y1 in room_rects(room):
+            raster.parallelogram((x0, y0, 0.0), (x1 - x0, 0, 0), (0, y1 - y0, 0), floor_color)
+    x0, y0, _, _ = _extent(world)
+    for wall in world.floorplan.walls:
+        if wall.bottom_m < _CUT_M:
+            # The two outer walls before the camera would hide what stands behind them.
+            near = max(wall.start[0], wall.end[0]) <= x0 or max(wall.start[1], wall.end[1]) <= y0
+            blocks += [_draw_wall(wall, _NEAR_CUT_M if near else _CUT_M, world, raster, palette)]
+    for window in world.floorplan.windows:
+        _draw_window(window, world, raster, palette)
+    return blocks
+
+
+def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: Palette) -> Block:
+    right, left = wall_faces(wall, world)
+    (x0, y0), (x1, y1) = wall.start, wall.end
+    half = wall.thickness_m / 2
+    if abs(x1 - x0) >= abs(y1 - y0):
+        low, high = (min(x0, x1), y0 - half), (max(x0, x1), y0 + half)
+        south, north = (right, left) if x1 > x0 else (left, right)
+        sides = {"south": south, "north": north, "east": _OUTSIDE, "west": _OUTSIDE}
+    else:
+        low, high = (x0 - half, min(y0, y1)), (x0 + half, max(y0, y1))
+        east, west = (right, left) if y1 > y0 else (left, right)
+        sides = {"south": _OUTSIDE, "north": _OUTSIDE, "east": east, "west": west}
+    _draw_box(raster, palette, (*low, 0.0), (*high, top_m), _CUT_COLOR, sides)
+    return (*low, *high, top_m)
+
+
+def _draw_window(window: Window, world: World, raster: Raster, palette: Palette) -> None:
+    half = max(wall.thickness_m for wall in world.floorplan.walls if wall.exterior) / 2 + 0.012
+    x0, x1 = sorted((window.start[0], window.end[0]))
+    y0, y1 = sorted((window.start[1], window.end[1]))
+    x_near, y_near, _, _ = _extent(world)
+    along_x = x1 - x0 > y1 - y0
+    low = (x0, y0 - half) if along_x else (x0 - half, y0)
+    high = (x1, y1 + half) if along_x else (x1 + half, y1)
+    near = x1 <= x_near or y1 <= y_near
+    top = (_NEAR_CUT_M if near else _CUT_M) + 0.012
+    _draw_box(raster, palette, (*low, top - 0.35), (*high, top), _GLASS, {})
+
+
+def _draw_solid(solid: Solid, raster: Raster, palette: Palette) -> None:
+    (x, y, z), (sx, sy, sz) = solid.center, solid.size
+    if solid.shape == "ellipsoid":
+        raster.ball(solid.center, (sx / 2, sy / 2, sz / 2), palette.add_curved(solid.color))
+    elif solid.shape == "cylinder" and solid.axis == "z":
+        raster.post((x, y, z - sz / 2), sx / 2, sz, palette.add_curved(solid.color))
+        raster.disc((x, y, z + sz / 2), (sx / 2, 0, 0), (0, sy / 2, 0), palette.add(solid.color))
+    elif solid.shape == "cylinder" and sz > 0.1:
+        _draw_round_front(solid, raster, palette)
+    elif solid.color[3] < 1:
+        _draw_glass(solid, raster, palette)
+    elif solid.yaw == 0.0:
+        low, high = (x - sx / 2, y - sy / 2, z - sz / 2), (x + sx / 2, y + sy / 2, z + sz / 2)
+        _draw_box(raster, palette, low, high, solid.color, {})
+    else:
+        _draw_turned_box(solid, raster, palette)
+
+
+def _draw_box(raster: Raster, palette: Palette, low: Vector, high: Vector, color: Color, sides: dict[str, str]) -> None:
+    """Draws the top and the two sides that the camera sees; `sides` names the surfaces of walls."""
+
+    def side(name: str, normal: tuple[float, float]) -> int:
+        return palette.add_wall(sides[name], normal) if name in sides else palette.add_side(color, normal)
+
+    dx, dy, dz = high[0] - low[0], high[1] - low[1], high[2] - low[2]
+    raster.parallelogram((low[0], low[1], high[2]), (dx, 0, 0), (0, dy, 0), palette.add(color))
+    raster.parallelogram(low, (dx, 0, 0), (0, 0, dz), side("south", (0, -1)))
+    if _AZIMUTH_DEG > 0:
+        raster.parallelogram((high[0], low[1], low[2]), (0, dy, 0), (0, 0, dz), side("east", (1, 0)))
+    else:
+        raster.parallelogram(low, (0, dy, 0), (0, 0, dz), side("west", (-1, 0)))
+
+
+def _draw_turned_box(solid: Solid, raster: Raster, palette: Palette) -> None:
+    """Draws all upright sides of a box that does not stand square; the depth buffer sorts them."""
+    c, s = (round(value, 9) for value in turn(solid.yaw))
+    (x, y, z), (sx, sy, sz) = solid.center, solid.size
+    along, across, up = (sx * c, sx * s, 0.0), (-sy * s, sy * c, 0.0), (0.0, 0.0, sz)
+    corner = (x - (along[0] + across[0]) / 2, y - (along[1] + across[1]) / 2, z - sz / 2)
+    top = (corner[0], corner[1], z + sz / 2)
+    raster.parallelogram(top, along, across, palette.add(solid.color))
+    for start, edge, normal in (
+        (corner, along, (s, -c)),
+        (corner, across, (-c, -s)),
+        ((corner[0] + across[0], corner[1] + across[1], corner[2]), along, (-s, c)),
+        ((corner[0] + along[0], corner[1] + along[1], corner[2]), across, (c, s)),
+    ):
+        raster.parallelogram(start, edge, up, palette.add_side(solid.color, normal))
+
+
+def _draw_round_front(solid: Solid, raster: Raster, palette: Palette) -> None:
+    """Draws the end of a lying cylinder that looks at the camera: the door of a washing machine."""
+    (x, y, z), (sx, sy, sz) = solid.center, solid.size
+    if solid.axis == "y":
+        raster.disc((x, y - sy / 2, z), (sx / 2, 0, 0), (0, 0, sz / 2), palette.add_side(solid.color, (0, -1)))
+    else:
+        side = 1 if _AZIMUTH_DEG > 0 else -1
+        end = (x + side * sx / 2, y, z)
+        raster.disc(end, (0, sy / 2, 0), (0, 0, sz / 2), palette.add_side(solid.color, (side, 0)))
+
+
+def _draw_glass(solid: Solid, raster: Raster, palette: Palette) -> None:
+    """Draws a pane as its rim: one sees through the rest."""
+    (x, y, z), (sx, sy, sz) = solid.center, solid.size
+    low, high, rim = (x - sx / 2, y - sy / 2, z - sz / 2), (x + sx / 2, y + sy / 2, z + sz / 2), 0.03
+    color = (*solid.color[:3], 1.0)
+    _draw_box(raster, palette, (low[0], low[1], high[2] - rim), high, color, {})
+    if sx > sy:
+        _draw_box(raster, palette, low, (low[0] + rim, high[1], high[2]), color, {})
+        _draw_box(raster, palette, (high[0] - rim, low[1], low[2]), high, color, {})
+    else:
+        _draw_box(raster, palette, low, (high[0], low[1] + rim, high[2]), color, {})
+        _draw_box(raster, palette, (low[0], high[1] - rim, low[2]), high, color, {})
+
+
+def _block(solid: Solid) -> Block:
+    (x, y, z), (sx, sy, sz) = solid.center, solid.size
+    return x - sx / 2, y - sy / 2, x + sx / 2, y + sy / 2, z + sz / 2
+
+
+def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
+    """Puts the floors' and walls' patterns where these are seen."""
+    view = raster.view
+    right, away, up, flat = view.axes
+    kinds = np.take(palette.patterns(), raster.ids).ravel()
+    depth, flat_colors, width = raster.depth.ravel(), colors.reshape(-1, 3), raster.ids.shape[1]
+    scale = np.float32(view.scale)
+    for number, (name, axis, share) in enumerate(palette.patterned, 1):
+        cells = np.flatnonzero(kinds == number)
+        row = cells // width
+        u = ((cells - row * width).astype(np.float32) + np.float32(0.5 - view.offset[0])) / scale
+        v = (np.float32(view.offset[1] - 0.5) - row.astype(np.float32)) / scale
+        if axis == "z":
+            w = v / np.float32(up)
+            flat_colors[cells] = sample(name, u * right[0] + w * away[0], u * right[1] + w * away[1])
+            continue
+        near = depth[cells] / scale
+        w, z = v * up - near * flat, v * flat + near * up
+        along = u * right[0] + w * away[0] if axis == "x" else u * right[1] + w * away[1]
+        flat_colors[cells] = (sample(name, along, z) * np.float32(share)).astype(np.uint8)
+
+
+def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
+    """Brightness of every pixel of the finished picture."""
+    view = raster.view
+    right, away, up, flat = view.axes
+    step = _SUPERSAMPLING
+    depth = raster.depth[::step, ::step] / np.float32(view.scale)
+    height, width = depth.shape
+    u = ((np.arange(width, dtype=np.float32) * step + 0.5) - view.offset[0]) / np.float32(view.scale)
+    v = (view.offset[1] - (np.arange(height, dtype=np.float32)[:, None] * step + 0.5)) / np.float32(view.scale)
+    # Where nothing was drawn one sees the ground.
+    depth = np.where(np.isinf(depth), -v * np.float32(flat / up), depth)
+    w, z = v * up - depth * flat, v * flat + depth * up
+    # Looked up a little before the place itself: an upright face lies on the edge of its own shadow.
+    w -= _BEFORE_M
+    sunny = np.take(palette.sunny(), raster.ids[::step, ::step])
+    return light.brightness(u * right[0] + w * away[0], u * right[1] + w * away[1], z, sunny)
+
+
+def _draw_outlines(raster: Raster, colors: Colors) -> None:
+    """Darkens edges where something nearer begins."""
+    depth = np.maximum(raster.depth, np.float32(-1e6))
+    limit = np.float32(_EDGE_M * raster.view.scale)
+    lines = np.zeros(depth.shape, np.bool_)
+    step = depth[:, 1:] - depth[:, :-1]
+    lines[:, 1:] |= step > limit
+    lines[:, :-1] |= step < -limit
+    lines[1:] |= depth[1:] - depth[:-1] > limit
+    colors[lines] = (colors[lines] * np.float32(0.84)).astype(np.uint8)

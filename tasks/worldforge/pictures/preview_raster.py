@@ -1,0 +1,212 @@
+"""A depth-buffered rasteriser for an oblique parallel view from above, in plain NumPy.
+
+Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on
+every processor, so that equal scenes give equal pictures everywhere.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, cos, floor, radians, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.parts import Vector
+
+LEVELS = 16
+"""Shades of a curved surface: it takes that many colour numbers, darkest first."""
+
+_STRIP_ROWS = 48
+_LARGE = 12_000
+_SMALLEST = 1.5
+"""Faces of fewer square pixels are left out."""
+
+Image = NDArray[np.floating[Any]]
+
+
+@lru_cache(maxsize=8)
+def _axes(azimuth_deg: float, elevation_deg: float) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+    turn, tilt = radians(azimuth_deg), radians(elevation_deg)
+    # Nine digits: the last bits of cos and sin differ between C libraries.
+    c, s, up, flat = (round(value, 9) for value in (cos(turn), sin(turn), sin(tilt), cos(tilt)))
+    return (c, s), (-s, c), up, flat
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the camera stands and which pixels it fills."""
+
+    azimuth_deg: float
+    """Turn of the camera about the vertical, from looking north."""
+    elevation_deg: float
+    """Height of the camera above the horizon."""
+    scale: float
+    """Pixels per metre."""
+    offset: tuple[float, float]
+    """Pixel of the world's origin."""
+    size: tuple[int, int]
+    """Width and height in pixels."""
+
+    @property
+    def axes(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+        """Right and away on the ground, sine and cosine of the elevation."""
+        return _axes(self.azimuth_deg, self.elevation_deg)
+
+    def vector(self, direction: Vector) -> Vector:
+        """A direction in pixels to the right, pixels down, and pixels towards the camera."""
+        right, away, up, flat = self.axes
+        x, y, z = direction
+        u, w = x * right[0] + y * right[1], x * away[0] + y * away[1]
+        return u * self.scale, -(w * up + z * flat) * self.scale, (z * up - w * flat) * self.scale
+
+    def point(self, place: Vector) -> Vector:
+        """A place in pixels from the left, pixels from the top, and pixels towards the camera."""
+        u, v, depth = self.vector(place)
+        return u + self.offset[0], v + self.offset[1], depth
+
+
+class Raster:
+    """Colour numbers and depths of a picture while it is drawn.
+
+    Attributes:
+      depth: pixels towards the camera, minus infinity where nothing is.
+      ids: the colour number of what is seen, 0 where nothing is.
+    """
+
+    def __init__(self, view: View) -> None:
+        width, height = view.size
+        self.view = view
+        self.depth = np.full((height, width), -np.inf, np.float32)
+        self.ids = np.zeros((height, width), np.int32)
+        self._xs = (np.arange(width) + 0.5).astype(np.float32)
+        self._ys = (np.arange(height) + 0.5).astype(np.float32)[:, None]
+
+    def parallelogram(self, corner: Vector, along: Vector, across: Vector, color: int) -> None:
+        """Draws a flat face from one of its corners and its two edges, in the world's frame."""
+        self._face(self.view.point(corner), self.view.vector(along), self.view.vector(across), color, False)
+
+    def disc(self, center: Vector, along: Vector, across: Vector, color: int) -> None:
+        """Draws an ellipse from its middle and two of its half axes."""
+        x, y, z = self.view.point(center)
+        a, b = self.view.vector(along), self.view.vector(across)
+        corner = (x - a[0] - b[0], y - a[1] - b[1], z - a[2] - b[2])
+        self._face(corner, _twice(a), _twice(b), color, True)
+
+    def _face(self, corner: Vector, along: Vector, across: Vector, color: int, is_round: bool) -> None:
+        x0, y0, z0 = corner
+        (ax, ay, az), (bx, by, bz) = along, across
+        determinant = ax * by - ay * bx
+        if abs(determinant) < _SMALLEST:
+            return
+        # Shares along both edges, from -0.5 to 0.5, and depth, are linear in the pixel's place.
+        sx, sy = by / determinant, -bx / determinant
+        tx, ty = -ay / determinant, ax / determinant
+        s0, t0 = -(x0 * sx + y0 * sy) - 0.5, -(x0 * tx + y0 * ty) - 0.5
+        dx, dy = sx * az + tx * bz, sy * az + ty * bz
+        d0 = z0 + (s0 + 0.5) * az + (t0 + 0.5) * bz
+        corners = [(x0, y0), (x0 + ax, y0 + ay), (x0 + bx, y0 + by), (x0 + ax + bx, y0 + ay + by)]
+        for rows, columns in self._windows(corners):
+            xs, ys = self._xs[columns], self._ys[rows]
+            s = (xs * sx + s0) + ys * sy
+            t = (xs * tx + t0) + ys * ty
+            seen = s * s + t * t <= 0.25 if is_round else np.maximum(np.abs(s, out=s), np.abs(t, out=t)) <= 0.5
+            self._draw(rows, columns, seen, (xs * dx + d0) + ys * dy, color)
+
+    def post(self, center: Vector, radius: float, height: float, colors: int) -> None:
+        """Draws the side of a standing cylinder; `center` is the middle of its foot."""
+        right, away, up, flat = self.view.axes
+        x, y, z = self.view.point(center)
+        scale = self.view.scale
+        reach, rise = radius * scale, height * scale
+        corners = [(x - reach, y - rise * flat - reach), (x + reach, y + reach)]
+        for rows, columns in self._windows(corners):
+            across = self._xs[columns] - np.float32(x)
+            front = np.sqrt(np.maximum(reach * reach - across * across, 0)).astype(np.float32)
+            above = ((np.float32(y) - self._ys[rows]) + front * up) / flat
+            seen = (np.abs(across) < reach) & (above >= 0) & (above <= rise)
+            level = _levels(
+                across / reach * right[0] + front / reach * -away[0],
+                across / reach * right[1] - front / reach * away[1],
+                0,
+            )
+            self._draw(
+                rows, columns, seen, z + front * flat + above * up, colors + level + np.zeros_like(above, np.int32)
+            )
+
+    def ball(self, center: Vector, radii: Vector, colors: int) -> None:
+        """Draws an ellipsoid whose axes are those of the world."""
+        right, away, up, flat = self.view.axes
+        x, y, z = self.view.point(center)
+        rx, ry, rz = (radius * self.view.scale for radius in radii)
+        # Rows of the matrix that takes pixels (right, down, near) to the unit sphere.
+        rows3 = (
+            (right[0] / rx, -away[0] * up / rx, -away[0] * flat / rx),
+            (right[1] / ry, -away[1] * up / ry, -away[1] * flat / ry),
+            (0.0, -flat / rz, up / rz),
+        )
+        q = [[sum(row[i] * row[j] for row in rows3) for j in range(3)] for i in range(3)]
+        reach = max(rx, ry, rz)
+        for rows, columns in self._windows([(x - reach, y - reach), (x + reach, y + reach)]):
+            u, v = self._xs[columns] - np.float32(x), self._ys[rows] - np.float32(y)
+            half = u * q[0][2] + v * q[1][2]
+            rest = half * half - q[2][2] * (u * u * q[0][0] + 2 * u * v * q[0][1] + v * v * q[1][1] - 1)
+            near = (np.sqrt(np.maximum(rest, 0)) - half) / q[2][2]
+            unit = [row[0] * u + row[1] * v + row[2] * near for row in rows3]
+            level = _levels(unit[0], unit[1], unit[2])
+            self._draw(rows, columns, rest > 0, z + near, colors + level)
+
+    def _windows(self, corners: list[tuple[float, float]]) -> list[tuple[slice, slice]]:
+        """Blocks of pixels that cover a convex face; a large face is cut into strips that hug it."""
+        width, height = self.view.size
+        x_low, x_high = min(x for x, _ in corners), max(x for x, _ in corners)
+        y_low, y_high = min(y for _, y in corners), max(y for _, y in corners)
+        top, bottom = max(0, floor(y_low)), min(height, ceil(y_high))
+        left, right = max(0, floor(x_low)), min(width, ceil(x_high))
+        if top >= bottom or left >= right:
+            return []
+        if len(corners) < 4 or (bottom - top) * (right - left) < _LARGE:
+            return [(slice(top, bottom), slice(left, right))]
+        first, second, third, fourth = corners
+        edges = [(first, second), (second, fourth), (fourth, third), (third, first)]
+        strips: list[tuple[slice, slice]] = []
+        for start in range(top, bottom, _STRIP_ROWS):
+            end = min(start + _STRIP_ROWS, bottom)
+            spans = [x for edge in edges for x in _crossing(edge, start, end)]
+            if spans:
+                columns = slice(max(0, floor(min(spans)) - 1), min(width, ceil(max(spans)) + 1))
+                strips.append((slice(start, end), columns))
+        return strips
+
+    def _draw(
+        self, rows: slice, columns: slice, seen: NDArray[np.bool_], depth: Image, color: int | NDArray[np.int32]
+    ) -> None:
+        old = self.depth[rows, columns]
+        seen = seen & (depth > old)
+        np.copyto(old, depth, where=seen)
+        np.copyto(self.ids[rows, columns], color, where=seen)
+
+
+def _twice(vector: Vector) -> Vector:
+    return 2 * vector[0], 2 * vector[1], 2 * vector[2]
+
+
+def _crossing(edge: tuple[tuple[float, float], tuple[float, float]], top: float, bottom: float) -> list[float]:
+    """Where an edge enters and leaves a strip of rows."""
+    (x0, y0), (x1, y1) = edge if edge[0][1] <= edge[1][1] else (edge[1], edge[0])
+    if y1 < top or y0 > bottom:
+        return []
+    if y1 - y0 < 1e-9:
+        return [x0, x1]
+    slope = (x1 - x0) / (y1 - y0)
+    return [x0 + slope * (max(y0, top) - y0), x0 + slope * (min(y1, bottom) - y0)]
+
+
+LIGHT: Vector = (-0.45, 0.35, 0.82)
+"""Towards the light."""
+
+
+def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
+    """Shade numbers for unit normals."""
+    facing = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
+    return np.clip((facing * 0.5 + 0.5) * LEVELS, 0, LEVELS - 1).astype(np.int32)

@@ -1,0 +1,6 @@
+"""What every world keeps: measurements, limits, and the words for both.
+
+May import: `schemas`, `tasks.worldforge.doors`, `tasks.worldforge.geometry`.
+"""
+
+__all__ = ["checks", "guarantees"]

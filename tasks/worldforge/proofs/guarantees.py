@@ -1,0 +1,131 @@
+"""What every world keeps: the limits, which of them a world breaks, and all of it in words for people.
+
+Needs nothing but the measurements that `world.json` holds; `checks` takes them.
+"""
+
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+from ....schemas.worlds.checks import RoomMeasures, WorldChecks
+from ....schemas.worlds.world import World
+
+MAX_PENETRATION_M = 0.005
+MIN_CELLS = 5
+MIN_PASSAGE_M = 0.8
+MAX_DRIFT_M = 0.01
+ORIGIN_RADIUS_M = 0.5
+SETTLE_S = 2.0
+
+Verdict = Literal["holds", "broken", "not measured", ""]
+
+
+class ProofLine(NamedTuple):
+    """One measurement of a world, for people."""
+
+    name: str
+    value: str
+    verdict: Verdict
+    """Whether the guarantee holds; empty where a number tells something and guarantees nothing."""
+
+
+def violations(checks: WorldChecks) -> list[str]:
+    """The broken guarantees, one sentence each; empty for a valid world."""
+    found: list[str] = []
+    for name, cells in checks.reachable_cells.items():
+        if cells < MIN_CELLS:
+            found.append(f"{name}: a robot of {checks.robot_radius_m} m radius reaches {cells} cells, not {MIN_CELLS}")
+    found += [f"{name}: its goal is out of a robot's reach" for name in checks.unreachable_goals]
+    if not checks.origin_clear:
+        found.append(f"the cylinder of {2 * ORIGIN_RADIUS_M:g} m diameter at the origin is not clear")
+    if checks.max_penetration_m > MAX_PENETRATION_M:
+        found.append(f"bodies overlap by {checks.max_penetration_m} m at the start, more than {MAX_PENETRATION_M} m")
+    if checks.narrowest_passage_m is not None and checks.narrowest_passage_m < MIN_PASSAGE_M:
+        found.append(f"a passage is {checks.narrowest_passage_m} m wide, not {MIN_PASSAGE_M} m")
+    if unjoined := rooms_apart(checks):
+        found.append(f"no way between rooms leads to {', '.join(unjoined)}")
+    if checks.settled_share is not None and checks.settled_share < 1.0:
+        found.append(f"only {checks.settled_share:.0%} of the free bodies stay within {MAX_DRIFT_M} m")
+    return found
+
+
+def rooms_apart(checks: WorldChecks) -> list[str]:
+    """Rooms that the room graph does not join to the first one; none where an older world has no graph."""
+    left = [room.name for room in checks.rooms]
+    fresh = left[:1]
+    while fresh:
+        name = fresh.pop()
+        if name in left:
+            left.remove(name)
+            fresh += [other for way in checks.room_graph if name in way.rooms for other in way.rooms]
+    return left
+
+
+def proof_lines(world: World) -> list[ProofLine]:
+    """What was measured in a world, line by line; a world that was never checked has only its origin to tell."""
+    checks = world.checks
+    measured = [] if checks is None else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks)]
+    return [*measured, *_origin_lines(world)]
+
+
+def _plan_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+    apart = rooms_apart(checks)
+    joined = f"no way to {', '.join(apart)}" if apart else f"{len(checks.rooms)} rooms, {len(checks.room_graph)} ways"
+    if checks.rooms:
+        yield ProofLine("Rooms joined", joined, _verdict(not apart))
+    for way in checks.room_graph:
+        kind = way.kind if way.door is None else f"{way.kind} with {way.door}"
+        wide = _verdict(way.clear_width_m >= MIN_PASSAGE_M)
+        yield ProofLine(" - ".join(way.rooms), f"{kind}, {way.clear_width_m:.2f} m clear", wide)
+    share = f"{checks.reachable_share:.1%} of where a disc of {checks.robot_radius_m:g} m radius fits"
+    reached = all(cells >= MIN_CELLS for cells in checks.reachable_cells.values()) and not checks.unreachable_goals
+    yield ProofLine("Reachable from the origin", share, _verdict(reached))
+    if checks.closed_off_rooms:
+        yield ProofLine("Behind doors not open enough", ", ".join(checks.closed_off_rooms), "")
+    clear = "clear" if checks.origin_clear else "not clear"
+    yield ProofLine(f"Cylinder of {2 * ORIGIN_RADIUS_M:g} m at the origin", clear, _verdict(checks.origin_clear))
+
+
+def _room_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+    measures = {room.name: room for room in checks.rooms}
+    for name, cells in checks.reachable_cells.items():
+        kept = cells >= MIN_CELLS and name not in checks.unreachable_goals
+        room = measures.get(name)
+        value = f"{cells} cells reached" + ("" if room is None else _adherence(room))
+        yield ProofLine(name, value, _verdict(kept))
+
+
+def _adherence(room: RoomMeasures) -> str:
+    aspect = f"aspect ratio {room.aspect_ratio:.2f} ({room.aspect_error:+.0%})"
+    return f" ({room.reachable_share:.1%}), area {room.area_error:+.1%}, {aspect}"
+
+
+def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+    deep = (
+        f"{checks.penetrations} deeper than {1e3 * MAX_PENETRATION_M:g} mm, the deepest {_mm(checks.max_penetration_m)}"
+    )
+    yield ProofLine("Penetrations at time 0", deep, _verdict(checks.max_penetration_m <= MAX_PENETRATION_M))
+    name = f"Free bodies that move less than {1e3 * MAX_DRIFT_M:g} mm"
+    if checks.settled_share is None:
+        yield ProofLine(name, "the settle was not run", "not measured")
+    else:
+        span = "" if checks.settle_s is None else f" of {checks.free_bodies} in {checks.settle_s:g} s"
+        furthest = "" if checks.max_drift_m is None else f", the furthest {_mm(checks.max_drift_m)}"
+        yield ProofLine(name, f"{checks.settled_share:.0%}{span}{furthest}", _verdict(checks.settled_share >= 1.0))
+    if checks.wishes is not None:
+        count = checks.wishes
+        granted = f"{count.satisfied} granted, {count.missed} missed, {count.contradictory} contradictory"
+        yield ProofLine("Wishes of the template", granted, "")
+    yield ProofLine("Geoms", str(checks.geoms), "")
+
+
+def _origin_lines(world: World) -> Iterator[ProofLine]:
+    yield ProofLine("Seeds", f"floor plan {world.floorplan_seed}, interior {world.interior_seed}", "")
+    yield ProofLine("Generator", f"{world.generator_version}, interior attempt {world.interior_attempt + 1}", "")
+
+
+def _verdict(kept: bool) -> Verdict:
+    return "holds" if kept else "broken"
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.2g} mm"

@@ -1,0 +1,178 @@
+"""The contact sheet of a generation job: all its worlds at a glance, those with problems first."""
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from PIL import Image, ImageDraw, ImageFont
+
+from ....schemas.worlds.world import World
+from ..proofs.guarantees import violations
+from .page_files import page
+
+Verdict = Literal["holds", "broken", "not checked", "gone"]
+
+_TILE = (320, 240)
+_CAPTION_PX = 92
+_GAP_PX = 20
+_HEAD_PX = 92
+_MOST_COLUMNS = 5
+_PAGE_PICTURE = (640, 480)
+_ORDER: tuple[Verdict, ...] = ("gone", "broken", "not checked", "holds")
+_WORDS = {"holds": "all guarantees hold", "broken": "broken", "not checked": "never checked", "gone": "cannot be read"}
+_PAPER, _CARD, _INK, _MUTED, _EMPTY = "#eef0f3", "#ffffff", "#171b21", "#56606d", "#d9dde3"
+_INKS = {"holds": "#00694d", "broken": "#a33f00", "not checked": "#6f5200", "gone": "#92336a"}
+
+
+@dataclass(frozen=True)
+class SheetWorld:
+    """One world on the sheet."""
+
+    name: str
+    arn: str
+    verdict: Verdict
+    rooms: tuple[str, ...] = ()
+    """Names, as the template has them."""
+    area_m2: float = 0.0
+    pieces: int = 0
+    missed_wishes: int = 0
+    problems: tuple[str, ...] = ()
+    """Broken guarantees, or why it cannot be read."""
+    preview: bytes | None = None
+    """A picture from above, PNG."""
+
+    @property
+    def verdict_text(self) -> str:
+        """The verdict in words."""
+        if self.verdict == "broken":
+            return f"{len(self.problems)} guarantee{'s' if len(self.problems) != 1 else ''} broken"
+        return _WORDS[self.verdict]
+
+
+@dataclass(frozen=True)
+class SheetFailure:
+    """Worlds that were not made, for one reason."""
+
+    count: int
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Everything on a contact sheet."""
+
+    title: str
+    lines: tuple[str, ...]
+    """What is said of the job as a whole."""
+    worlds: tuple[SheetWorld, ...]
+    """In the order in which they are shown."""
+    failures: tuple[SheetFailure, ...] = ()
+
+
+def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> SheetWorld:
+    """What the sheet says of a world that can be read."""
+    broken = tuple(violations(world.checks)) if world.checks else ()
+    plan = world.floorplan
+    return SheetWorld(
+        name=name,
+        arn=arn,
+        verdict="not checked" if world.checks is None else "broken" if broken else "holds",
+        rooms=tuple(room.original_name or room.name for room in plan.rooms),
+        area_m2=sum(room.area_m2 for room in plan.rooms),
+        pieces=len(world.furniture),
+        missed_wishes=sum(wish.outcome != "satisfied" for wish in (*plan.wishes, *world.wishes)),
+        problems=broken,
+        preview=preview,
+    )
+
+
+def problems_first(worlds: Sequence[SheetWorld]) -> tuple[SheetWorld, ...]:
+    """The worlds in the sheet's order: those that cannot be read, broken ones, then the others as they were."""
+    return tuple(sorted(worlds, key=lambda world: _ORDER.index(world.verdict)))
+
+
+def sheet_page(sheet: Sheet) -> str:
+    """The sheet as an HTML page that fetches nothing."""
+    worlds = [{"world": world, "picture": _inline(world.preview)} for world in sheet.worlds]
+    return page("contact_sheet.html.j2", "contact_sheet.css", sheet=sheet, worlds=worlds)
+
+
+def sheet_png(sheet: Sheet) -> bytes:
+    """The sheet as one picture."""
+    columns = max(1, min(_MOST_COLUMNS, len(sheet.worlds)))
+    rows = -(-len(sheet.worlds) // columns)
+    width, height = _TILE
+    card = (width + _GAP_PX, height + _CAPTION_PX + _GAP_PX)
+    head = [*sheet.lines, *(f"{each.count} failed: {each.code}: {each.reason}" for each in sheet.failures)]
+    top = _HEAD_PX + 20 * max(0, len(head) - 1)
+    size = (max(columns * card[0] + _GAP_PX, 2 * width), top + rows * card[1] + _GAP_PX)
+    picture = Image.new("RGB", size, _PAPER)
+    draw = ImageDraw.Draw(picture)
+    room = size[0] - 2 * _GAP_PX
+    _write(draw, (_GAP_PX, 18), sheet.title, 24, _INK, room)
+    for number, line in enumerate(head):
+        ink = _MUTED if number < len(sheet.lines) else _INKS["gone"]
+        _write(draw, (_GAP_PX, 54 + 20 * number), line, 14, ink, room)
+    for number, world in enumerate(sheet.worlds):
+        row, column = divmod(number, columns)
+        _tile(picture, draw, world, (_GAP_PX + column * card[0], top + row * card[1]))
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _tile(picture: Image.Image, draw: ImageDraw.ImageDraw, world: SheetWorld, place: tuple[int, int]) -> None:
+    (x, y), (width, height) = place, _TILE
+    draw.rectangle((x, y, x + width - 1, y + height + _CAPTION_PX - 1), fill=_CARD)
+    if world.preview:
+        with Image.open(io.BytesIO(world.preview)) as opened:
+            picture.paste(opened.convert("RGB").resize(_TILE, Image.Resampling.LANCZOS), place)
+    else:
+        draw.rectangle((x, y, x + width - 1, y + height - 1), fill=_EMPTY)
+        _write(draw, (x + 12, y + height // 2 - 8), "no picture", 14, _MUTED, width - 24)
+    room = width - 24
+    ink = _INKS[world.verdict]
+    draw.rectangle((x, y + height, x + width - 1, y + height + 3), fill=ink)
+    _write(draw, (x + 12, y + height + 10), world.name, 15, _INK, room)
+    _write(draw, (x + 12, y + height + 31), _rooms(world), 12, _MUTED, room)
+    _write(draw, (x + 12, y + height + 49), _measures(world), 12, _MUTED, room)
+    _write(draw, (x + 12, y + height + 67), _verdict_line(world), 13, ink, room)
+
+
+def _rooms(world: SheetWorld) -> str:
+    return f"{len(world.rooms)} rooms: {', '.join(world.rooms)}" if world.rooms else ""
+
+
+def _measures(world: SheetWorld) -> str:
+    if not world.rooms:
+        return ""
+    # Pillow's own font has no raised 2.
+    return f"{world.area_m2:.0f} sq m, {world.pieces} things, wishes missed: {world.missed_wishes}"
+
+
+def _verdict_line(world: SheetWorld) -> str:
+    return f"{world.verdict_text}: {world.problems[0]}" if world.problems else world.verdict_text
+
+
+def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, size_px: int, ink: str, room_px: int) -> None:
+    """Writes one line, cut off where there is no more room."""
+    font = ImageFont.load_default(size_px)
+    text = " ".join(text.split())
+    if draw.textlength(text, font=font) > room_px:
+        while text and draw.textlength(f"{text}…", font=font) > room_px:
+            text = text[:-1]
+        text = f"{text}…"
+    draw.text(place, text, fill=ink, font=font)
+
+
+def _inline(preview: bytes | None) -> str | None:
+    """A picture as an address that holds it: JPEG, a tenth of the PNG."""
+    if preview is None:
+        return None
+    buffer = io.BytesIO()
+    with Image.open(io.BytesIO(preview)) as opened:
+        opened.convert("RGB").resize(_PAGE_PICTURE, Image.Resampling.LANCZOS).save(buffer, "JPEG", quality=82)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -1,0 +1,7 @@
+"""World generation and export jobs: the steps around WorldForge.
+
+May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.service`, `tasks.simulations.inputs`,
+`tasks.simulations.outputs`, `tasks.storage`, `tasks.worldforge`, `tasks.worldforge.exports`.
+"""
+
+__all__ = ["bundles", "export", "generation_runs", "jobs"]

@@ -1,0 +1,75 @@
+"""Bundles of worlds in the object store: equal worlds share one, and it goes with the last of them.
+
+Whoever adds a world to the catalog, or takes one away, holds its bundle meanwhile. So a bundle is never
+removed just when another world of the same content is added, by this process or another.
+"""
+
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+
+from ...schemas.wire.errors import BucketNotFoundError, ResourceAlreadyExistsException, ResourceNotFoundException
+from ..catalog import Resource
+from ..service.service import Service
+from ..storage import unpublish
+
+BUNDLE_LABEL = "bundle"
+_KIND = "world-bundle-holder"
+_HELD_AT_MOST_S = 120.0
+"""After how long whoever holds a bundle counts as dead."""
+_WAIT_S = 0.05
+
+
+def bundle_label(bundle: Mapping[str, str]) -> str:
+    """What worlds of one stored bundle are found by.
+
+    Args:
+      bundle: its `bucket` and `prefix`.
+    """
+    return f"{bundle['bucket']}/{bundle['prefix']}"
+
+
+@contextmanager
+def bundle_held(bundle: Mapping[str, str], service: Service) -> Iterator[None]:
+    """Keeps others from adding or taking away worlds of a bundle; waits for those who do."""
+    arn = service.arn("world", f"bundle/{bundle_label(bundle)}")
+    owner = uuid.uuid4().hex
+    while not _taken(arn, owner, service):
+        time.sleep(_WAIT_S)
+    try:
+        yield
+    finally:
+        if service.catalog.renew(arn, owner, _HELD_AT_MOST_S):  # else another has taken over
+            service.catalog.delete(arn)
+
+
+def delete_world(world: Resource, service: Service) -> None:
+    """Removes a world from the catalog, and its stored bundle unless another world shares it.
+
+    A copy on a machine that runs something in the world stays: it is a cache, kept by content.
+
+    Raises:
+      ResourceNotFoundException: somebody else has just removed it.
+      StorageError: the bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
+    """
+    bundle = world.document.get("bundle")
+    if not bundle:
+        service.catalog.delete(world.arn)
+        return
+    with bundle_held(bundle, service):
+        sharing = service.catalog.list("world", filters={BUNDLE_LABEL: [bundle_label(bundle)]}, limit=2).resources
+        if all(each.arn == world.arn for each in sharing):
+            with suppress(BucketNotFoundError):  # then there is nothing to remove
+                unpublish(service.store, bundle["bucket"], bundle["prefix"])
+        service.catalog.delete(world.arn)
+
+
+def _taken(arn: str, owner: str, service: Service) -> bool:
+    holder = Resource.new(arn=arn, kind=_KIND, id=arn.rpartition(":world/")[2])
+    with suppress(ResourceAlreadyExistsException):
+        service.catalog.create(holder, token=None)
+    try:
+        return service.catalog.claim(arn, owner, _HELD_AT_MOST_S)
+    except ResourceNotFoundException:  # given back just now
+        return False

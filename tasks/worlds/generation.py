@@ -1,0 +1,102 @@
+"""Generating one world of a generation job: build it in a process of its own, store its bundle."""
+
+import tempfile
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
+from ...schemas.wire.ids import world_id
+from ...schemas.worlds.description import DESCRIPTION_FILE
+from ..catalog import Resource
+from ..service.service import Service
+from ..simulations.outputs.locations import prepare_bucket
+from ..storage import publish
+from ..worldforge.seeds import seeds_for
+from .builders import WorldBuilders
+from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
+
+WORLDS_PREFIX = "worlds"
+
+
+class Generation(Protocol):
+    """What a generation job's performer offers to the tasks that make its worlds."""
+
+    def stopped(self) -> bool:
+        """Whether no more worlds are wanted."""
+        ...
+
+    def ended(self, world_arn: str, failure: dict[str, Any] | None) -> None:
+        """Takes the end of one world: `None`, or why there is none, `{"code": …, "reason": …}`."""
+        ...
+
+
+@task(name="generate-world", task_run_name="{world_arn}", cache_policy=NO_CACHE)
+def generate_and_store(run: Generation, job: Resource, index: int, world_arn: str, builders: WorldBuilders) -> None:
+    """Generates the world of one place in a job and adds it to the catalog.
+
+    Args:
+      run: told how it ended, unless it was stopped.
+      job: the generation job.
+      index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
+      world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
+      builders: processes that build worlds.
+    """
+    if run.stopped():
+        return
+    failure = _generate(Service.current(), job, index, world_arn, builders)
+    if failure is None or not run.stopped():  # a stopped builder is no failed world
+        run.ended(world_arn, failure)
+
+
+def _generate(
+    service: Service, job: Resource, index: int, world_arn: str, builders: WorldBuilders
+) -> dict[str, Any] | None:
+    document = job.document
+    interiors = document["request"]["worldCount"]["interiorCountPerFloorplan"]
+    seeds = seeds_for(document["seed"], index // interiors, index % interiors)
+    try:
+        with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+            folder = Path(scratch, "bundle")
+            content = builders.build(document["templateBody"], *seeds, folder)
+            prefix = f"{WORLDS_PREFIX}/{content}"
+            bundle = {"bucket": service.settings.bucket, "prefix": prefix}
+            publish_bundle(service, prefix, folder, service.clock())
+            with bundle_held(bundle, service):
+                # Stores nothing, unless the last world with this content was deleted just now.
+                publish_bundle(service, prefix, folder, service.clock())
+                _add_to_catalog(service, job, index, world_arn, bundle)
+    except WorldGenerationError as error:
+        return {"code": "InternalServiceError", "reason": str(error)}
+    except (StorageError, OSError) as error:
+        return {"code": "InternalServiceError", "reason": f"the world could not be stored: {error}"}
+    return None
+
+
+def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
+    """Stores a world bundle under its content's own prefix; equal bundles are stored once."""
+    prepare_bucket(service, service.settings.bucket)
+    publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
+
+
+def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
+    world = Resource.new(
+        arn=arn,
+        kind="world",
+        id=world_id(job.id, index + 1),
+        status="Active",
+        parent=job.arn,
+        tags=job.document["request"].get("worldTags") or {},
+        labels={"generationJobId": [job.id], **job.labels, BUNDLE_LABEL: [bundle_label(bundle)]},
+        document={
+            "template": job.document["request"]["template"],
+            "bundle": bundle,
+            "descriptionKey": f"{bundle['prefix']}/{DESCRIPTION_FILE}",
+        },
+    )
+    with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over
+        service.catalog.create(world, token=None)

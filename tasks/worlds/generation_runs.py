@@ -1,0 +1,156 @@
+"""One performer's work on a world generation job: which worlds are missing, who makes them, how the job ends."""
+
+import os
+import threading
+from collections import Counter
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any
+
+from ...schemas.operations.world_generation_jobs import too_many_worlds
+from ...schemas.wire.common import shorten
+from ...schemas.wire.errors import StateConflictError
+from ...schemas.wire.ids import world_id
+from ..execution.leases import Lease
+from ..service.service import Progress, Service
+from .jobs import end_canceled, move_on
+
+NO_FAILURES: dict[str, Any] = {"totalFailureCount": 0, "failures": []}
+"""The summary of a job none of whose worlds failed."""
+
+
+def run_generation(lease: Lease, service: Service) -> None:
+    """Carries a generation job to its end; one that asks for more worlds than a job may make fails.
+
+    So it was with the service: the call took any number, and the job said that it was too many.
+    """
+    count = lease.job.document["request"]["worldCount"]
+    most = service.settings.max_worlds_per_job
+    reason = too_many_worlds(count["floorplanCount"], count["interiorCountPerFloorplan"], most)
+    if reason and lease.job.status == "Pending":
+        move_on(
+            lease,
+            "fail",
+            failures=NO_FAILURES,
+            succeededWorlds=[],
+            failureCode="AllWorldGenerationFailed",
+            failureReason=reason,
+        )
+    elif reason and lease.job.status == "Canceling":
+        worlds = service.catalog.children(lease.job.arn, kind="world")
+        end_canceled(lease, failures=NO_FAILURES, succeededWorlds=in_order(world.arn for world in worlds))
+    else:
+        GenerationRun(lease, service).run()
+
+
+class GenerationRun:
+    """One performer's work on one generation job.
+
+    Args:
+      lease: the right to change the job.
+      service: where it is stored.
+    """
+
+    def __init__(self, lease: Lease, service: Service) -> None:
+        self._lease = lease
+        self._service = service
+        self._job = job = lease.job
+        count = job.document["request"]["worldCount"]
+        self._total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
+        self._lock = threading.Lock()
+        self._made: set[str] = set()
+        self._failures: list[dict[str, Any]] = []
+
+    def run(self) -> None:
+        """Generates every world that does not exist and ends the job."""
+        if self._job.status == "Pending" and not move_on(self._lease, "start"):
+            return
+        self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
+        arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
+        missing = [(index, arn) for index, arn in enumerate(arns) if arn not in self._made]
+        if missing and not self.stopped():
+            self._record_failures()  # those of a performer that died are tried again
+            self._generate(missing)
+        self._settle()
+
+    def stopped(self) -> bool:
+        """Whether no more worlds are wanted."""
+        return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
+
+    def ended(self, world_arn: str, failure: dict[str, Any] | None) -> None:
+        """Counts a world that was made, or why there is none; called from several threads."""
+        with self._lock:
+            if failure:
+                self._failures.append(failure)
+                self._record_failures()
+            else:
+                self._made.add(world_arn)
+            done, failed = len(self._made), len(self._failures)
+        pending = self._total - done - failed
+        self._service.report_progress(Progress({"succeeded": done, "failed": failed, "pending": pending}, self._total))
+
+    def _generate(self, missing: list[tuple[int, str]]) -> None:
+        from ..execution.task_pool import run_tasks
+        from .builders import WorldBuilders
+        from .generation import generate_and_store
+
+        workers = min(len(missing), os.cpu_count() or 1)
+        with WorldBuilders(workers, self._service.folder("logs") / "world-builders.log") as builders:
+
+            def look() -> bool:
+                if stopped := self.stopped():
+                    builders.stop()
+                return stopped
+
+            run_tasks(
+                generate_and_store,
+                [
+                    {"run": self, "job": self._job, "index": index, "world_arn": arn, "builders": builders}
+                    for index, arn in missing
+                ],
+                workers=workers,
+                job_arn=self._job.arn,
+                service=self._service,
+                look=look,
+            )
+
+    def _record_failures(self) -> None:
+        """Lets descriptions of the running job tell its failures."""
+        summary = _failure_summary(self._failures)
+        if summary != (self._lease.job.document.get("failures") or NO_FAILURES):
+            with suppress(StateConflictError):  # another performer has taken over
+                self._lease.update(lambda document: {**document, "failures": summary})
+
+    def _settle(self) -> None:
+        """Ends the job; what it made is recorded, and told also when worlds are deleted later."""
+        made: dict[str, Any] = {
+            "failures": _failure_summary(self._failures),
+            "succeededWorlds": in_order(self._made),
+        }
+        if len(self._made) + len(self._failures) < self._total:
+            end_canceled(self._lease, **made)
+        elif not self._failures:
+            move_on(self._lease, "complete", **made)
+        elif len(self._failures) < self._total:
+            move_on(self._lease, "partially_fail", **made)
+        else:
+            reason = shorten(self._failures[0]["reason"])
+            move_on(self._lease, "fail", **made, failureCode="AllWorldGenerationFailed", failureReason=reason)
+
+
+def _failure_summary(failures: list[dict[str, Any]]) -> dict[str, Any]:
+    """Failures of worlds, summed up by code as the service does."""
+    counts = Counter(failure["code"] for failure in failures)
+    samples = {failure["code"]: failure["reason"] for failure in reversed(failures)}
+    return {
+        "totalFailureCount": len(failures),
+        "failures": [
+            {"failureCode": code, "sampleFailureReason": shorten(samples[code]), "failureCount": count}
+            for code, count in counts.most_common()
+        ],
+    }
+
+
+def in_order(arns: Iterable[str]) -> list[str]:
+    """Worlds by number, not by who was finished first: what a specification makes of them is the same every time."""
+    return sorted(arns, key=lambda arn: int(arn.rpartition("-")[2]))

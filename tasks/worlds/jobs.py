@@ -1,0 +1,78 @@
+"""What world generation jobs and world export jobs have in common: how they are cancelled, and how they end."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from ...schemas.lifecycles import is_terminal
+from ...schemas.wire.errors import StateConflictError
+from ..catalog import Resource
+from ..execution.claims import perform_if_idle
+from ..execution.leases import Lease
+from ..service.service import Service
+from ..worldforge.exports.export_key import export_key
+
+_ONLY_OF_FAILURES = ("failureCode", "failureReason")
+
+
+def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
+    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does.
+
+    Cancelling a job that has ended, or is being cancelled, changes nothing and succeeds.
+
+    Args:
+      arn: the job.
+      kind: the resource kind it has to be.
+      service: where it is stored.
+      work: ends a job that is being cancelled, holding its lease.
+
+    Raises:
+      ResourceNotFoundException: there is no such job.
+    """
+    service.catalog.get(arn, kind=kind)
+    if is_terminal(kind, service.catalog.request_cancel(arn).status):
+        return
+    with suppress(StateConflictError):  # it has just ended, or is being cancelled already
+        service.catalog.transition(arn, "cancel")
+    perform_if_idle(arn, kind, service, work)
+
+
+def move_on(lease: Lease, event: str, **changes: Any) -> bool:
+    """Moves a job on, unless it is being cancelled meanwhile: then it ends as cancelled.
+
+    Args:
+      lease: the right to change the job.
+      event: what happened.
+      changes: members of the document that are set with it, without those of failures if it is cancelled.
+
+    Returns:
+      Whether the event happened; false: the job is `Canceled` now.
+
+    Raises:
+      StateConflictError: the event cannot happen, or the lease was lost.
+    """
+    try:
+        lease.transition(event, **changes)
+    except StateConflictError:
+        if lease.refreshed().status != "Canceling":
+            raise
+        lease.transition("canceled", **{key: changes[key] for key in changes if key not in _ONLY_OF_FAILURES})
+        return False
+    return True
+
+
+def end_canceled(lease: Lease, **changes: Any) -> None:
+    """Ends a job as cancelled, whether its status says already that it will be or not.
+
+    Raises:
+      StateConflictError: it has ended, or the lease was lost.
+    """
+    with suppress(StateConflictError):
+        lease.transition("cancel")
+    lease.transition("canceled", **changes)
+
+
+def archive_place(job: Resource) -> tuple[str, str]:
+    """Bucket and key of an export job's archive."""
+    location = job.document["request"]["outputLocation"]
+    return location["s3Bucket"], export_key(location.get("s3Prefix") or "", job.id)
