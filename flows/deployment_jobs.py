@@ -1,204 +1,50 @@
-"""Deployment jobs: an application brought to the robots of a fleet.
+"""Flows: deployment jobs: an application brought to the robots of a fleet."""
 
-Deployments do not act yet: nothing is brought to any robot. An order is checked like one that will be
-carried out and stored as `Pending`, where it stays until it is cancelled or its fleet is deleted; it is
-no job operation, since there is nothing to perform.
-"""
-
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
-from ..schemas.lifecycles import is_terminal
-from ..schemas.operations.deployment_jobs import (
-    DEFAULT_ROBOT_TIMEOUT_S,
-    CancelDeploymentJobRequest,
-    CancelDeploymentJobResponse,
-    CreateDeploymentJobRequest,
-    CreateDeploymentJobResponse,
-    DeploymentConfig,
-    DescribeDeploymentJobRequest,
-    DescribeDeploymentJobResponse,
-    ListDeploymentJobsRequest,
-    ListDeploymentJobsResponse,
-    S3Object,
-    SyncDeploymentJobRequest,
-    SyncDeploymentJobResponse,
-)
-from ..schemas.wire.arns import ResourceArn
-from ..schemas.wire.errors import (
-    ConcurrentDeploymentException,
-    InvalidParameterException,
-    ResourceNotFoundException,
-    StorageError,
-)
-from ..tasks.catalog import ClientToken, Resource
-from ..tasks.fleet.records import DEPLOYMENT, end_deployment, fleet_held, last_deployment, robots_of, settle
-from ..tasks.service.service import Service
-from ..tasks.simulations.planning.applications import find_application
-from .listing import page_of
-from .operation import flows_of, operation
-
-_PAGE = 200
-_FILTERS = {"status": "status", "fleetName": "fleetName"}
+from ..schemas.operations.deployment_jobs import DeploymentApplicationConfigs, DeploymentConfig
+from ..schemas.operations.robots import FleetMaxResults
+from ..schemas.wire.common import Arn, ClientRequestToken, Filters, PaginationToken, TagMap
+from .steps import operation_flow, read, record, validate
 
 
-@operation("CreateDeploymentJob")
-def create_deployment_job(request: CreateDeploymentJobRequest, service: Service) -> CreateDeploymentJobResponse:
-    """Stores a deployment to the robots of a fleet; it stays `Pending`, since deployments do not act yet.
-
-    Refused are fleets without robots, and applications that none of the robots can run. A robot that
-    cannot run it beside others that can is left to the deployment, which fails for that robot only.
-    """
-    token = ClientToken.of("CreateDeploymentJob", request)
-    job = service.made_before(token)
-    if job is None:
-        configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
-        order = {"deploymentApplicationConfigs": configs, "deploymentConfig": _config(request, service)}
-        with fleet_held(request.fleet, service) as fleet:
-            job = service.made_before(token) or _stored(order, fleet, service, token, request.tags)
-    return CreateDeploymentJobResponse.model_validate({**_summary(job), "tags": dict(job.tags)})
+@operation_flow
+def CreateDeploymentJob(
+    *,
+    clientRequestToken: ClientRequestToken,
+    fleet: Arn,
+    deploymentApplicationConfigs: DeploymentApplicationConfigs,
+    deploymentConfig: DeploymentConfig | None = None,
+    tags: TagMap | None = None,
+) -> dict[str, Any]:
+    """Orders an application for the robots of a fleet; the job stays Pending, since deployments do not act yet."""
+    return record("CreateDeploymentJob", validate("CreateDeploymentJob", locals()))
 
 
-@operation("SyncDeploymentJob")
-def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> SyncDeploymentJobResponse:
-    """Stores the fleet's latest deployment once more, however it ended, for the robots it has now."""
-    token = ClientToken.of("SyncDeploymentJob", request)
-    job = service.made_before(token)
-    if job is None:
-        with fleet_held(request.fleet, service) as fleet:
-            job = service.made_before(token) or _repeated(fleet, service, token)
-    return SyncDeploymentJobResponse.model_validate(_summary(job))
+@operation_flow
+def DescribeDeploymentJob(*, job: Arn) -> dict[str, Any]:
+    """Says how a deployment job stands."""
+    return read("DescribeDeploymentJob", locals())
 
 
-@operation("DescribeDeploymentJob")
-def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> DescribeDeploymentJobResponse:
-    """Tells how a deployment stands; one that waits names the robots it is meant for."""
-    job = _job(request.job, service)
-    robots: list[dict[str, Any]] = []
-    if not is_terminal(DEPLOYMENT, job.status):
-        robots = [{"arn": robot.arn, "status": robot.status} for robot in robots_of(_fleet(job), service)]
-    return DescribeDeploymentJobResponse.model_validate(
-        {**_summary(job), "robotDeploymentSummary": robots, "tags": dict(job.tags)}
-    )
-
-
-@operation("ListDeploymentJobs")
-def list_deployment_jobs(request: ListDeploymentJobsRequest, service: Service) -> ListDeploymentJobsResponse:
+@operation_flow
+def ListDeploymentJobs(
+    *,
+    filters: Filters | None = None,
+    nextToken: PaginationToken | None = None,
+    maxResults: FleetMaxResults | None = None,
+) -> dict[str, Any]:
     """Lists deployment jobs, newest first."""
-    page = page_of(
-        "ListDeploymentJobs", DEPLOYMENT, request, service, filters=_FILTERS, given=request.filters, most=_PAGE
-    )
-    return ListDeploymentJobsResponse.model_validate(
-        {"deploymentJobs": [_summary(job) for job in page.resources], "nextToken": page.next_token}
-    )
+    return read("ListDeploymentJobs", locals())
 
 
-@operation("CancelDeploymentJob")
-def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service) -> CancelDeploymentJobResponse:
-    """Ends a deployment early; one that has ended stays as it is."""
-    job = _job(request.job, service)
-    if not is_terminal(DEPLOYMENT, job.status):
-        # The fleet may be deleted meanwhile, which ends its deployment.
-        with suppress(ResourceNotFoundException), fleet_held(_fleet(job), service) as fleet:
-            end_deployment(job, "cancel", service)
-            settle(fleet, service)
-    return CancelDeploymentJobResponse()
+@operation_flow
+def CancelDeploymentJob(*, job: Arn) -> dict[str, Any]:
+    """Ends a deployment job early."""
+    return record("CancelDeploymentJob", validate("CancelDeploymentJob", locals()))
 
 
-def _stored(
-    order: Mapping[str, Any],
-    fleet: Resource,
-    service: Service,
-    token: ClientToken | None,
-    tags: Mapping[str, str] | None = None,
-) -> Resource:
-    """Stores a deployment to a fleet whose lease the caller holds, and tells the robots of it."""
-    last = last_deployment(fleet.arn, service)
-    if last is not None and not is_terminal(DEPLOYMENT, last.status):
-        raise ConcurrentDeploymentException(
-            f"fleet: {fleet.arn} has the deployment {last.arn}, which is {last.status}; cancel it, or wait for its end"
-        )
-    _check_robots(order, fleet, service)
-    labels = {"fleetName": [fleet.name]}
-    job = service.store_job(DEPLOYMENT, "deployment", order, tags=tags, token=token, parent=fleet.arn, labels=labels)
-    settle(fleet, service)
-    return job
-
-
-def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> Resource:
-    last = last_deployment(fleet.arn, service)
-    if last is None:
-        raise InvalidParameterException(
-            f"fleet: {fleet.arn} has had no deployment that could be repeated; call CreateDeploymentJob first"
-        )
-    order = {key: last.document[key] for key in ("deploymentApplicationConfigs", "deploymentConfig")}
-    return _stored(order, fleet, service, token)
-
-
-def _check_robots(order: Mapping[str, Any], fleet: Resource, service: Service) -> None:
-    """Refuses a deployment that cannot reach a single robot."""
-    (config,) = order["deploymentApplicationConfigs"]
-    ResourceArn.parse(config["application"], "robot-application")
-    application = find_application(config["application"], "robot", config["applicationVersion"], service)
-    architectures = {robot.document["architecture"] for robot in robots_of(fleet.arn, service)}
-    if not architectures:
-        raise InvalidParameterException(f"fleet: {fleet.arn} has no robots; register some first")
-    sources: Sequence[Mapping[str, Any]] = application.document.get("sources") or [{}]
-    served = {source.get("architecture") for source in sources}
-    if None not in served and not architectures & served:
-        raise InvalidParameterException(
-            f"deploymentApplicationConfigs[0]: version {config['applicationVersion']} of {application.arn} has sources "
-            f"for {_listed(served)}, the robots of {fleet.arn} are {_listed(architectures)}; add a source for them"
-        )
-
-
-def _listed(words: set[Any]) -> str:
-    return ", ".join(sorted(words))
-
-
-def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, Any]:
-    """The request's configuration with the timeout that holds and the ETag the condition file has now."""
-    config = request.deploymentConfig or DeploymentConfig()
-    wanted = {"robotDeploymentTimeoutInSeconds": DEFAULT_ROBOT_TIMEOUT_S, **config.to_wire()}
-    if config.downloadConditionFile is not None:
-        wanted["downloadConditionFile"] = _found(config.downloadConditionFile, service)
-    return wanted
-
-
-def _found(file: S3Object, service: Service) -> dict[str, Any]:
-    place = f"deploymentConfig.downloadConditionFile: s3://{file.bucket}/{file.key}"
-    try:
-        etag = service.store.head(file.bucket, file.key).etag
-    except StorageError as error:
-        raise InvalidParameterException(f"{place} cannot be read ({error}); put the program there first") from error
-    if file.etag not in (None, etag):
-        raise InvalidParameterException(f"{place} has the ETag {etag!r}, not {file.etag!r}; leave etag out for any")
-    return {**file.to_wire(), "etag": etag}
-
-
-def _job(arn: str, service: Service) -> Resource:
-    ResourceArn.parse(arn, "deployment-job")
-    return service.catalog.get(arn, kind=DEPLOYMENT)
-
-
-def _fleet(job: Resource) -> str:
-    """The ARN of a deployment's fleet."""
-    return str(job.parent)
-
-
-def _summary(job: Resource) -> dict[str, Any]:
-    return {
-        "arn": job.arn,
-        "fleet": job.parent,
-        "status": job.status,
-        "deploymentApplicationConfigs": job.document["deploymentApplicationConfigs"],
-        "deploymentConfig": job.document["deploymentConfig"],
-        "failureReason": job.document.get("failureReason"),
-        "failureCode": job.document.get("failureCode"),
-        "createdAt": job.created_at,
-    }
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def SyncDeploymentJob(*, clientRequestToken: ClientRequestToken, fleet: Arn) -> dict[str, Any]:
+    """Orders a fleet's latest deployment again; the job stays Pending, since deployments do not act yet."""
+    return record("SyncDeploymentJob", validate("SyncDeploymentJob", locals()))

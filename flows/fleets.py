@@ -1,117 +1,36 @@
-"""Fleets: groups of robots that applications are deployed to."""
+"""Flows: fleets: groups of robots that applications are deployed to."""
 
-from collections.abc import Sequence
-from contextlib import suppress
-from datetime import timedelta
 from typing import Any
 
-from ..schemas.operations.fleets import (
-    CreateFleetRequest,
-    CreateFleetResponse,
-    DeleteFleetRequest,
-    DeleteFleetResponse,
-    DescribeFleetRequest,
-    DescribeFleetResponse,
-    ListFleetsRequest,
-    ListFleetsResponse,
-)
-from ..schemas.wire.arns import ResourceArn, application_arn
-from ..schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException, ThrottlingException
-from ..tasks.catalog import Resource
-from ..tasks.fleet.records import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
-from ..tasks.service.service import Service
-from .listing import page_of
-from .operation import flows_of, operation
-from .robots import robot_summaries
-
-_PAGE = 200
-_NAMESAKES = 1000  # how many fleets of one name a millisecond may bring before callers have to wait
+from ..schemas.operations.robots import FleetMaxResults
+from ..schemas.wire.common import Arn, Filters, Name, PaginationToken, TagMap
+from .steps import operation_flow, read, record, validate
 
 
-@operation("CreateFleet")
-def create_fleet(request: CreateFleetRequest, service: Service) -> CreateFleetResponse:
-    """Stores a fleet; names may repeat, since the ARN has the moment of creation besides."""
-    fleet = _stored(request, service)
-    return CreateFleetResponse(arn=fleet.arn, name=fleet.name, createdAt=fleet.created_at, tags=dict(fleet.tags))
+@operation_flow
+def CreateFleet(*, name: Name, tags: TagMap | None = None) -> dict[str, Any]:
+    """Makes a fleet that robots can be registered with."""
+    return record("CreateFleet", validate("CreateFleet", locals()))
 
 
-@operation("DescribeFleet")
-def describe_fleet(request: DescribeFleetRequest, service: Service) -> DescribeFleetResponse:
-    """Tells which robots a fleet has, and how its last deployment stands."""
-    fleet = service.catalog.get(_checked(request.fleet), kind=FLEET)
-    (summary,) = _summaries([fleet], service)
-    robots = robot_summaries(robots_of(fleet.arn, service), service)
-    return DescribeFleetResponse.model_validate({**summary, "robots": robots, "tags": dict(fleet.tags)})
+@operation_flow
+def DescribeFleet(*, fleet: Arn) -> dict[str, Any]:
+    """Says which robots a fleet has and how its last deployment stands."""
+    return read("DescribeFleet", locals())
 
 
-@operation("ListFleets")
-def list_fleets(request: ListFleetsRequest, service: Service) -> ListFleetsResponse:
+@operation_flow
+def ListFleets(
+    *,
+    nextToken: PaginationToken | None = None,
+    maxResults: FleetMaxResults | None = None,
+    filters: Filters | None = None,
+) -> dict[str, Any]:
     """Lists fleets, newest first."""
-    page = page_of("ListFleets", FLEET, request, service, filters={"name": "name"}, given=request.filters, most=_PAGE)
-    return ListFleetsResponse.model_validate(
-        {"fleetDetails": _summaries(page.resources, service), "nextToken": page.next_token}
-    )
+    return read("ListFleets", locals())
 
 
-@operation("DeleteFleet")
-def delete_fleet(request: DeleteFleetRequest, service: Service) -> DeleteFleetResponse:
-    """Removes a fleet, deregisters its robots, and fails its deployment if one has not ended.
-
-    A fleet that is not there is gone already.
-    """
-    arn = _checked(request.fleet)
-    with suppress(ResourceNotFoundException), fleet_held(arn, service) as fleet:
-        _empty(fleet, service)
-        service.catalog.delete(arn)
-    return DeleteFleetResponse()
-
-
-def _stored(request: CreateFleetRequest, service: Service) -> Resource:
-    settings, now = service.settings, service.clock()
-    for later_ms in range(_NAMESAKES):
-        moment = now + timedelta(milliseconds=later_ms)
-        arn = application_arn(settings.region, settings.account, FLEET, request.name, moment)
-        fleet = Resource.new(arn=arn, kind=FLEET, id=ResourceArn.parse(arn).id, name=request.name, tags=request.tags)
-        try:
-            return service.catalog.create(fleet, token=None)
-        except ResourceAlreadyExistsException:
-            continue  # a namesake of the same millisecond
-    raise ThrottlingException(f"name: too many fleets named {request.name!r} are being made at once; try again")
-
-
-def _empty(fleet: Resource, service: Service) -> None:
-    if (deployment := last_deployment(fleet.arn, service)) is not None:
-        failure = {
-            "failureCode": "DeploymentFleetDoesNotExist",
-            "failureReason": f"{fleet.arn} was deleted before the deployment ended",
-        }
-        end_deployment(deployment, "fail", service, failure)
-    for robot in robots_of(fleet.arn, service):
-        with suppress(ResourceNotFoundException):  # robots may be deleted at any time
-            take_out_of_fleet(robot.arn, service)
-
-
-def _summaries(fleets: Sequence[Resource], service: Service) -> list[dict[str, Any]]:
-    """The entries of fleets in a list, in the same order."""
-    last = {fleet.arn: fleet.document.get("lastDeploymentJob", "") for fleet in fleets}
-    jobs = service.catalog.get_many(filter(None, last.values()))
-    return [_summary(fleet, jobs.get(last[fleet.arn])) for fleet in fleets]
-
-
-def _summary(fleet: Resource, deployment: Resource | None) -> dict[str, Any]:
-    return {
-        "name": fleet.name,
-        "arn": fleet.arn,
-        "createdAt": fleet.created_at,
-        "lastDeploymentStatus": deployment and deployment.status,
-        "lastDeploymentJob": deployment and deployment.arn,
-        "lastDeploymentTime": deployment and deployment.created_at,
-    }
-
-
-def _checked(arn: str) -> str:
-    return str(ResourceArn.parse(arn, "deployment-fleet"))
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def DeleteFleet(*, fleet: Arn) -> dict[str, Any]:
+    """Removes a fleet, if it is there, and deregisters its robots."""
+    return record("DeleteFleet", validate("DeleteFleet", locals()))

@@ -5,12 +5,16 @@ for a caller in this process who watches.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextvars import ContextVar
 from datetime import datetime
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from prefect import flow
+from prefect.logging import get_run_logger
+from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+from prefect.states import Completed, Failed
 
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.report import RunState
@@ -20,12 +24,10 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec, resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ..tasks.inspection.preflight import check_surroundings
+from ..tasks.operations.registry import registry
 from ..tasks.service.service import Progress, Service
-from .operation import perform_flow, registry
-from .preflight import check_surroundings
-
-if TYPE_CHECKING:
-    from prefect import Flow
+from .lookup import find_perform_flow
 
 _logger = logging.getLogger(__name__)
 
@@ -72,15 +74,13 @@ def run_spec(
     Raises:
       RunInterrupted: Ctrl-C was pressed.
     """
-    from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
-
     run = PipelineRun(checked, Service.open(settings), listener, spec_path, command)
     check_surroundings(checked, run.service)
     token = _current.set(run)
     try:
         # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
         with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
-            pipeline_flow()(spec=spec_path, return_state=True)
+            RunPipeline(spec=spec_path, return_state=True)
     except KeyboardInterrupt:
         if run.has_ended:
             raise RunInterrupted(run.record()) from None
@@ -90,26 +90,18 @@ def run_spec(
     return run.record()
 
 
-@cache
-def pipeline_flow() -> "Flow[..., Any]":
-    """The flow `RunPipeline`."""
-    from prefect import flow
-    from prefect.states import Completed, Failed
+@flow(name="RunPipeline", flow_run_name="{spec}")
+def RunPipeline(spec: str) -> Any:
+    """Runs the specification in a file.
 
-    def run(spec: str) -> Any:
-        """Runs the specification in a file.
-
-        Args:
-          spec: path of the YAML file.
-        """
-        pipeline = _current.get() or PipelineRun.of_file(Path(spec))
-        record = pipeline.run()
-        if record.exit_code == 0:
-            return Completed(message=pipeline.headline())
-        return Failed(message=pipeline.headline())
-
-    run.__module__ = __name__
-    return flow(name="RunPipeline", flow_run_name="{spec}")(run)
+    Args:
+      spec: path of the YAML file.
+    """
+    pipeline = _current.get() or PipelineRun.of_file(Path(spec))
+    record = pipeline.run()
+    if record.exit_code == 0:
+        return Completed(message=pipeline.headline())
+    return Failed(message=pipeline.headline())
 
 
 class PipelineRun:
@@ -259,11 +251,11 @@ class PipelineRun:
             self._listener(StepProgress(name, dict(progress.counts), progress.total))
 
         with self._service.watched_by(watch).activated():
-            return perform_flow(step.operation)(output["arn"])
+            return find_perform_flow(step.operation)(output["arn"])
 
     def _reused(self, operation: str, if_exists: str, request: dict[str, Any]) -> dict[str, Any] | None:
         """The answer of an application that exists already, where the step allows that."""
-        from .applications import reuse_application, update_application
+        from ..tasks.operations.applications import reuse_application, update_application
 
         role = "robot" if operation == "CreateRobotApplication" else "simulation"
         if if_exists == "update":
@@ -362,18 +354,7 @@ def _in_words(error: RobomakerError) -> str:
 
 def _log(event: ProgressEvent) -> None:
     """Watches a pipeline that a worker runs: its steps go to the flow run's log."""
-    from prefect.logging import get_run_logger
-
     if isinstance(event, StepEnded):
         get_run_logger().info("step %s: %s %s", event.step, event.status, event.detail)
     elif isinstance(event, Note):
         get_run_logger().info("%s", event.text)
-
-
-_FLOWS: dict[str, Callable[[], "Flow[..., Any]"]] = {"RunPipeline": pipeline_flow}
-
-
-def __getattr__(name: str) -> Any:
-    if name in _FLOWS:
-        return _FLOWS[name]()
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,80 +1,81 @@
-"""Robot applications: the programs that drive robots."""
+"""Flows: robot applications: the programs that drive robots."""
 
 from typing import Any
 
-from ..schemas.operations.robot_applications import (
-    CreateRobotApplicationRequest,
-    CreateRobotApplicationResponse,
-    CreateRobotApplicationVersionRequest,
-    CreateRobotApplicationVersionResponse,
-    DeleteRobotApplicationRequest,
-    DeleteRobotApplicationResponse,
-    DescribeRobotApplicationRequest,
-    DescribeRobotApplicationResponse,
-    ListRobotApplicationsRequest,
-    ListRobotApplicationsResponse,
-    UpdateRobotApplicationRequest,
-    UpdateRobotApplicationResponse,
+from ..schemas.operations.applications import (
+    Environment,
+    ImageDigest,
+    RevisionId,
+    RobotSoftwareSuite,
+    S3Etags,
+    SourceConfigs,
+    VersionQualifier,
 )
-from ..tasks.service.service import Service
-from .application_versions import create_version
-from .applications import (
-    change_application,
-    create_application,
-    delete_application,
-    describe_application,
-    list_applications,
-)
-from .operation import flows_of, operation
+from ..schemas.wire.common import ApplicationReference, Filters, MaxResults, Name, PaginationToken, TagMap, Version
+from .steps import operation_flow, read, record, validate
 
 
-@operation("CreateRobotApplication")
-def create_robot_application(
-    request: CreateRobotApplicationRequest, service: Service
-) -> CreateRobotApplicationResponse:
-    """Stores a robot application under a name of its own."""
-    return CreateRobotApplicationResponse.model_validate(create_application("robot", request.to_wire(), service))
+@operation_flow
+def CreateRobotApplication(
+    *,
+    robotSoftwareSuite: RobotSoftwareSuite,
+    name: Name,
+    sources: SourceConfigs | None = None,
+    environment: Environment | None = None,
+    tags: TagMap | None = None,
+) -> dict[str, Any]:
+    """Makes a robot application known under a name."""
+    return record("CreateRobotApplication", validate("CreateRobotApplication", locals()))
 
 
-@operation("CreateRobotApplicationVersion")
-def create_robot_application_version(
-    request: CreateRobotApplicationVersionRequest, service: Service
-) -> CreateRobotApplicationVersionResponse:
-    """Keeps a robot application as it is now under the next number."""
-    return CreateRobotApplicationVersionResponse.model_validate(create_version("robot", request.to_wire(), service))
+@operation_flow
+def CreateRobotApplicationVersion(
+    *,
+    application: ApplicationReference,
+    currentRevisionId: RevisionId | None = None,
+    s3Etags: S3Etags | None = None,
+    imageDigest: ImageDigest | None = None,
+) -> dict[str, Any]:
+    """Keeps a robot application as it is now under a number."""
+    return record("CreateRobotApplicationVersion", validate("CreateRobotApplicationVersion", locals()))
 
 
-@operation("DescribeRobotApplication")
-def describe_robot_application(
-    request: DescribeRobotApplicationRequest, service: Service
-) -> DescribeRobotApplicationResponse:
-    """Tells what a robot application, or a version of it, is."""
-    return DescribeRobotApplicationResponse.model_validate(describe_application("robot", request.to_wire(), service))
+@operation_flow
+def DescribeRobotApplication(
+    *, application: ApplicationReference, applicationVersion: Version | None = None
+) -> dict[str, Any]:
+    """Says what a robot application, or a version of it, is made of."""
+    return read("DescribeRobotApplication", locals())
 
 
-@operation("ListRobotApplications")
-def list_robot_applications(request: ListRobotApplicationsRequest, service: Service) -> ListRobotApplicationsResponse:
+@operation_flow
+def ListRobotApplications(
+    *,
+    versionQualifier: VersionQualifier | None = None,
+    nextToken: PaginationToken | None = None,
+    maxResults: MaxResults | None = None,
+    filters: Filters | None = None,
+) -> dict[str, Any]:
     """Lists robot applications, newest first."""
-    summaries, token = list_applications("ListRobotApplications", "robot", request, service)
-    return ListRobotApplicationsResponse.model_validate({"robotApplicationSummaries": summaries, "nextToken": token})
+    return read("ListRobotApplications", locals())
 
 
-@operation("UpdateRobotApplication")
-def update_robot_application(
-    request: UpdateRobotApplicationRequest, service: Service
-) -> UpdateRobotApplicationResponse:
+@operation_flow
+def UpdateRobotApplication(
+    *,
+    robotSoftwareSuite: RobotSoftwareSuite,
+    application: ApplicationReference,
+    sources: SourceConfigs | None = None,
+    environment: Environment | None = None,
+    currentRevisionId: RevisionId | None = None,
+) -> dict[str, Any]:
     """Makes a robot application something else, under the same name."""
-    return UpdateRobotApplicationResponse.model_validate(change_application("robot", request.to_wire(), service))
+    return record("UpdateRobotApplication", validate("UpdateRobotApplication", locals()))
 
 
-@operation("DeleteRobotApplication")
-def delete_robot_application(
-    request: DeleteRobotApplicationRequest, service: Service
-) -> DeleteRobotApplicationResponse:
-    """Removes a robot application with all its versions, or one version of it."""
-    delete_application("robot", request.to_wire(), service)
-    return DeleteRobotApplicationResponse()
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def DeleteRobotApplication(
+    *, application: ApplicationReference, applicationVersion: Version | None = None
+) -> dict[str, Any]:
+    """Removes a robot application, or one version of it."""
+    return record("DeleteRobotApplication", validate("DeleteRobotApplication", locals()))

@@ -1,92 +1,86 @@
-"""Simulation applications: the surroundings that robots are tried in."""
+"""Flows: simulation applications: the surroundings that robots are tried in."""
 
 from typing import Any
 
-from ..schemas.operations.simulation_applications import (
-    CreateSimulationApplicationRequest,
-    CreateSimulationApplicationResponse,
-    CreateSimulationApplicationVersionRequest,
-    CreateSimulationApplicationVersionResponse,
-    DeleteSimulationApplicationRequest,
-    DeleteSimulationApplicationResponse,
-    DescribeSimulationApplicationRequest,
-    DescribeSimulationApplicationResponse,
-    ListSimulationApplicationsRequest,
-    ListSimulationApplicationsResponse,
-    UpdateSimulationApplicationRequest,
-    UpdateSimulationApplicationResponse,
+from ..schemas.operations.applications import (
+    Environment,
+    ImageDigest,
+    RevisionId,
+    RobotSoftwareSuite,
+    S3Etags,
+    SourceConfigs,
+    VersionQualifier,
 )
-from ..tasks.service.service import Service
-from .application_versions import create_version
-from .applications import (
-    change_application,
-    create_application,
-    delete_application,
-    describe_application,
-    list_applications,
-)
-from .operation import flows_of, operation
+from ..schemas.operations.simulation_applications import RenderingEngine, SimulationSoftwareSuite
+from ..schemas.wire.common import ApplicationReference, Filters, MaxResults, Name, PaginationToken, TagMap, Version
+from .steps import operation_flow, read, record, validate
 
 
-@operation("CreateSimulationApplication")
-def create_simulation_application(
-    request: CreateSimulationApplicationRequest, service: Service
-) -> CreateSimulationApplicationResponse:
-    """Stores a simulation application under a name of its own."""
-    return CreateSimulationApplicationResponse.model_validate(
-        create_application("simulation", request.to_wire(), service)
-    )
+@operation_flow
+def CreateSimulationApplication(
+    *,
+    robotSoftwareSuite: RobotSoftwareSuite,
+    simulationSoftwareSuite: SimulationSoftwareSuite,
+    name: Name,
+    sources: SourceConfigs | None = None,
+    environment: Environment | None = None,
+    renderingEngine: RenderingEngine | None = None,
+    tags: TagMap | None = None,
+) -> dict[str, Any]:
+    """Makes a simulation application known under a name."""
+    return record("CreateSimulationApplication", validate("CreateSimulationApplication", locals()))
 
 
-@operation("CreateSimulationApplicationVersion")
-def create_simulation_application_version(
-    request: CreateSimulationApplicationVersionRequest, service: Service
-) -> CreateSimulationApplicationVersionResponse:
-    """Keeps a simulation application as it is now under the next number."""
-    return CreateSimulationApplicationVersionResponse.model_validate(
-        create_version("simulation", request.to_wire(), service)
-    )
+@operation_flow
+def CreateSimulationApplicationVersion(
+    *,
+    application: ApplicationReference,
+    currentRevisionId: RevisionId | None = None,
+    s3Etags: S3Etags | None = None,
+    imageDigest: ImageDigest | None = None,
+) -> dict[str, Any]:
+    """Keeps a simulation application as it is now under a number."""
+    return record("CreateSimulationApplicationVersion", validate("CreateSimulationApplicationVersion", locals()))
 
 
-@operation("DescribeSimulationApplication")
-def describe_simulation_application(
-    request: DescribeSimulationApplicationRequest, service: Service
-) -> DescribeSimulationApplicationResponse:
-    """Tells what a simulation application, or a version of it, is."""
-    return DescribeSimulationApplicationResponse.model_validate(
-        describe_application("simulation", request.to_wire(), service)
-    )
+@operation_flow
+def DescribeSimulationApplication(
+    *, application: ApplicationReference, applicationVersion: Version | None = None
+) -> dict[str, Any]:
+    """Says what a simulation application, or a version of it, is made of."""
+    return read("DescribeSimulationApplication", locals())
 
 
-@operation("ListSimulationApplications")
-def list_simulation_applications(
-    request: ListSimulationApplicationsRequest, service: Service
-) -> ListSimulationApplicationsResponse:
+@operation_flow
+def ListSimulationApplications(
+    *,
+    versionQualifier: VersionQualifier | None = None,
+    nextToken: PaginationToken | None = None,
+    maxResults: MaxResults | None = None,
+    filters: Filters | None = None,
+) -> dict[str, Any]:
     """Lists simulation applications, newest first."""
-    summaries, token = list_applications("ListSimulationApplications", "simulation", request, service)
-    return ListSimulationApplicationsResponse.model_validate(
-        {"simulationApplicationSummaries": summaries, "nextToken": token}
-    )
+    return read("ListSimulationApplications", locals())
 
 
-@operation("UpdateSimulationApplication")
-def update_simulation_application(
-    request: UpdateSimulationApplicationRequest, service: Service
-) -> UpdateSimulationApplicationResponse:
+@operation_flow
+def UpdateSimulationApplication(
+    *,
+    robotSoftwareSuite: RobotSoftwareSuite,
+    simulationSoftwareSuite: SimulationSoftwareSuite,
+    application: ApplicationReference,
+    sources: SourceConfigs | None = None,
+    environment: Environment | None = None,
+    renderingEngine: RenderingEngine | None = None,
+    currentRevisionId: RevisionId | None = None,
+) -> dict[str, Any]:
     """Makes a simulation application something else, under the same name."""
-    return UpdateSimulationApplicationResponse.model_validate(
-        change_application("simulation", request.to_wire(), service)
-    )
+    return record("UpdateSimulationApplication", validate("UpdateSimulationApplication", locals()))
 
 
-@operation("DeleteSimulationApplication")
-def delete_simulation_application(
-    request: DeleteSimulationApplicationRequest, service: Service
-) -> DeleteSimulationApplicationResponse:
-    """Removes a simulation application with all its versions, or one version of it."""
-    delete_application("simulation", request.to_wire(), service)
-    return DeleteSimulationApplicationResponse()
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def DeleteSimulationApplication(
+    *, application: ApplicationReference, applicationVersion: Version | None = None
+) -> dict[str, Any]:
+    """Removes a simulation application, or one version of it."""
+    return record("DeleteSimulationApplication", validate("DeleteSimulationApplication", locals()))

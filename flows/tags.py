@@ -1,49 +1,25 @@
-"""Tags: words that users put on resources; all versions of an application have the application's."""
+"""Flows: tags: words that users put on resources; all versions of an application have the application's."""
 
-from typing import Any, get_args
+from typing import Any
 
-from ..schemas.operations.tags import (
-    ListTagsForResourceRequest,
-    ListTagsForResourceResponse,
-    TagResourceRequest,
-    TagResourceResponse,
-    UntagResourceRequest,
-    UntagResourceResponse,
-)
-from ..schemas.wire.arns import Kind, ResourceArn
-from ..schemas.wire.errors import ResourceNotFoundException
-from ..tasks.catalog import Resource
-from ..tasks.service.service import Service
-from .operation import flows_of, operation
+from ..schemas.operations.tags import TagKeyList
+from ..schemas.wire.common import Arn, TagMap
+from .steps import operation_flow, read, record, validate
 
 
-@operation("ListTagsForResource")
-def list_tags_for_resource(request: ListTagsForResourceRequest, service: Service) -> ListTagsForResourceResponse:
-    """Lists a resource's tags."""
-    return ListTagsForResourceResponse(tags=dict(_tagged(request.resourceArn, service).tags))
+@operation_flow
+def ListTagsForResource(*, resourceArn: Arn) -> dict[str, Any]:
+    """Lists the tags of a resource."""
+    return read("ListTagsForResource", locals())
 
 
-@operation("TagResource")
-def tag_resource(request: TagResourceRequest, service: Service) -> TagResourceResponse:
-    """Adds tags to a resource, whatever its status, and replaces the values of keys it has."""
-    service.catalog.set_tags(_tagged(request.resourceArn, service).arn, request.tags)
-    return TagResourceResponse()
+@operation_flow
+def TagResource(*, resourceArn: Arn, tags: TagMap) -> dict[str, Any]:
+    """Adds tags to a resource."""
+    return record("TagResource", validate("TagResource", locals()))
 
 
-@operation("UntagResource")
-def untag_resource(request: UntagResourceRequest, service: Service) -> UntagResourceResponse:
-    """Removes tags from a resource; keys it does not have are ignored."""
-    service.catalog.remove_tags(_tagged(request.resourceArn, service).arn, request.tagKeys)
-    return UntagResourceResponse()
-
-
-def _tagged(arn: str, service: Service) -> Resource:
-    ResourceArn.parse(arn)
-    resource = service.catalog.get(arn)
-    if resource.kind not in get_args(Kind):  # what only the catalog tells apart, such as an application's versions
-        raise ResourceNotFoundException(f"there is no resource {arn}")
-    return resource
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def UntagResource(*, resourceArn: Arn, tagKeys: TagKeyList) -> dict[str, Any]:
+    """Removes tags from a resource."""
+    return record("UntagResource", validate("UntagResource", locals()))

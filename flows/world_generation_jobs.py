@@ -1,137 +1,48 @@
-"""World generation jobs: worlds from a template, several processes at a time."""
+"""Flows: world generation jobs: worlds from a template, several processes at a time."""
 
 from typing import Any
 
-from ..schemas.operations.registry import seed_of
-from ..schemas.operations.world_generation_jobs import (
-    CancelWorldGenerationJobRequest,
-    CancelWorldGenerationJobResponse,
-    CreateWorldGenerationJobRequest,
-    CreateWorldGenerationJobResponse,
-    DescribeWorldGenerationJobRequest,
-    DescribeWorldGenerationJobResponse,
-    ListWorldGenerationJobsRequest,
-    ListWorldGenerationJobsResponse,
-)
-from ..tasks.catalog import ClientToken, Resource
-from ..tasks.execution.claims import perform_once
-from ..tasks.service.service import Service
-from ..tasks.worlds.generation_runs import NO_FAILURES, in_order, run_generation
-from ..tasks.worlds.jobs import cancel_world_job
-from .listing import page_of
-from .operation import flows_of, operation
-
-KIND = "world-generation-job"
-_FILTERS = {"status": "status", "templateId": "templateId"}
+from ..schemas.operations.world_generation_jobs import WorldCount
+from ..schemas.wire.common import Arn, ClientRequestToken, Filters, MaxResults, PaginationToken, Seed, TagMap
+from .steps import carry_out, operation_flow, perform_flow, read, record, validate
 
 
-def perform_world_generation_job(arn: str, service: Service) -> None:
-    """Generates the job's worlds that do not exist yet and ends the job."""
-    perform_once(arn, KIND, service, lambda lease: run_generation(lease, service))
+@operation_flow
+def CreateWorldGenerationJob(
+    *,
+    template: Arn,
+    worldCount: WorldCount,
+    clientRequestToken: ClientRequestToken | None = None,
+    tags: TagMap | None = None,
+    worldTags: TagMap | None = None,
+    seed: Seed | None = None,
+) -> dict[str, Any]:
+    """Generates worlds from a template."""
+    job = record("CreateWorldGenerationJob", validate("CreateWorldGenerationJob", locals()))
+    return carry_out("CreateWorldGenerationJob", job["arn"])
 
 
-@operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
-def create_world_generation_job(
-    request: CreateWorldGenerationJobRequest, service: Service
-) -> CreateWorldGenerationJobResponse:
-    """Stores a generation job; the template's body is kept as it is now."""
-    token = ClientToken.of("CreateWorldGenerationJob", request)
-    job = service.made_before(token) or _stored(request, token, service)
-    return CreateWorldGenerationJobResponse.model_validate(_described(job))
+@perform_flow
+def PerformWorldGenerationJob(arn: str) -> dict[str, Any]:
+    """Carries the job of an ARN, made by CreateWorldGenerationJob, to its end."""
+    return carry_out("CreateWorldGenerationJob", arn)
 
 
-def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None, service: Service) -> Resource:
-    template = service.catalog.get(request.template, kind="world-template")
-    seed = seed_of(request)
-    return service.store_job(
-        KIND,
-        "generation",
-        {
-            "request": request.to_wire(),
-            "templateBody": template.document["templateBody"],
-            "seed": service.new_seed() if seed is None else seed,
-        },
-        tags=request.tags,
-        token=token,
-        labels={"templateId": [template.id]},
-    )
+@operation_flow
+def DescribeWorldGenerationJob(*, job: Arn) -> dict[str, Any]:
+    """Says how far a world generation job is and which worlds it made."""
+    return read("DescribeWorldGenerationJob", locals())
 
 
-@operation("DescribeWorldGenerationJob")
-def describe_world_generation_job(
-    request: DescribeWorldGenerationJobRequest, service: Service
-) -> DescribeWorldGenerationJobResponse:
-    """Tells how a generation job stands, with the worlds finished so far."""
-    job = service.catalog.get(request.job, kind=KIND)
-    worlds = job.document.get("succeededWorlds")
-    if worlds is None:
-        worlds = in_order(world.arn for world in service.catalog.children(job.arn, kind="world"))
-    failures = job.document.get("failures") or NO_FAILURES
-    response = _described(job)
-    response["failureReason"] = job.document.get("failureReason")
-    response["finishedWorldsSummary"] = {
-        "finishedCount": len(worlds) + failures["totalFailureCount"],
-        "succeededWorlds": worlds,
-        "failureSummary": failures,
-    }
-    return DescribeWorldGenerationJobResponse.model_validate(response)
+@operation_flow
+def ListWorldGenerationJobs(
+    *, nextToken: PaginationToken | None = None, maxResults: MaxResults | None = None, filters: Filters | None = None
+) -> dict[str, Any]:
+    """Lists world generation jobs, newest first."""
+    return read("ListWorldGenerationJobs", locals())
 
 
-@operation("ListWorldGenerationJobs")
-def list_world_generation_jobs(
-    request: ListWorldGenerationJobsRequest, service: Service
-) -> ListWorldGenerationJobsResponse:
-    """Lists generation jobs, newest first."""
-    page = page_of("ListWorldGenerationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
-    return ListWorldGenerationJobsResponse.model_validate(
-        {
-            "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
-            "nextToken": page.next_token,
-        }
-    )
-
-
-@operation("CancelWorldGenerationJob")
-def cancel_world_generation_job(
-    request: CancelWorldGenerationJobRequest, service: Service
-) -> CancelWorldGenerationJobResponse:
-    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does; its worlds stay.
-
-    Cancelling a job that has ended changes nothing and succeeds.
-    """
-    cancel_world_job(request.job, KIND, service, lambda lease: run_generation(lease, service))
-    return CancelWorldGenerationJobResponse()
-
-
-def _summary(job: Resource, service: Service) -> dict[str, Any]:
-    worlds = job.document.get("succeededWorlds")
-    succeeded = sum(service.catalog.count_children(job.arn, "world").values()) if worlds is None else len(worlds)
-    request = job.document["request"]
-    return {
-        "arn": job.arn,
-        "template": request["template"],
-        "createdAt": job.created_at,
-        "status": job.status,
-        "worldCount": request["worldCount"],
-        "succeededWorldCount": succeeded,
-        "failedWorldCount": (job.document.get("failures") or NO_FAILURES)["totalFailureCount"],
-    }
-
-
-def _described(job: Resource) -> dict[str, Any]:
-    request = job.document["request"]
-    return {
-        "arn": job.arn,
-        "status": job.status,
-        "createdAt": job.created_at,
-        "failureCode": job.document.get("failureCode"),
-        "clientRequestToken": request.get("clientRequestToken"),
-        "template": request["template"],
-        "worldCount": request["worldCount"],
-        "tags": dict(job.tags),
-        "worldTags": request.get("worldTags") or {},
-    }
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def CancelWorldGenerationJob(*, job: Arn) -> dict[str, Any]:
+    """Cancels a world generation job; the worlds it has made stay."""
+    return record("CancelWorldGenerationJob", validate("CancelWorldGenerationJob", locals()))

@@ -1,152 +1,58 @@
-"""World templates: what worlds should be like."""
+"""Flows: world templates: what worlds should be like."""
 
 from typing import Any
 
-from ..schemas.operations.world_templates import (
-    CreateWorldTemplateRequest,
-    CreateWorldTemplateResponse,
-    DeleteWorldTemplateRequest,
-    DeleteWorldTemplateResponse,
-    DescribeWorldTemplateRequest,
-    DescribeWorldTemplateResponse,
-    GetWorldTemplateBodyRequest,
-    GetWorldTemplateBodyResponse,
-    ListWorldTemplatesRequest,
-    ListWorldTemplatesResponse,
-    TemplateLocation,
-    UpdateWorldTemplateRequest,
-    UpdateWorldTemplateResponse,
-)
-from ..schemas.templates.parsing import parse_template_body, unwrapped_text
-from ..schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
-from ..schemas.wire.ids import new_id
-from ..tasks.catalog import ClientToken, Resource
-from ..tasks.service.service import Service
-from .listing import page_of
-from .operation import flows_of, operation
-
-KIND = "world-template"
-_MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to four bytes
+from ..schemas.operations.world_templates import TemplateBody, TemplateLocation, TemplateName
+from ..schemas.wire.common import Arn, ClientRequestToken, MaxResults, PaginationToken, TagMap
+from .steps import operation_flow, read, record, validate
 
 
-@operation("CreateWorldTemplate")
-def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
-    """Checks and stores a template body."""
-    token = ClientToken.of("CreateWorldTemplate", request)
-    resource = service.made_before(token) or _stored(request, token, service)
-    return CreateWorldTemplateResponse(
-        arn=resource.arn,
-        clientRequestToken=request.clientRequestToken,
-        createdAt=resource.created_at,
-        name=request.name or None,
-        tags=dict(resource.tags),
-    )
+@operation_flow
+def CreateWorldTemplate(
+    *,
+    clientRequestToken: ClientRequestToken | None = None,
+    name: TemplateName | None = None,
+    templateBody: TemplateBody | None = None,
+    templateLocation: TemplateLocation | None = None,
+    tags: TagMap | None = None,
+) -> dict[str, Any]:
+    """Keeps a description that worlds can be generated from."""
+    return record("CreateWorldTemplate", validate("CreateWorldTemplate", locals()))
 
 
-def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, service: Service) -> Resource:
-    body = _checked_body(request.templateBody, request.templateLocation, service)
-    template_id = new_id("template", service.chance)
-    return service.catalog.create(
-        Resource.new(
-            arn=service.arn("world-template", template_id),
-            kind=KIND,
-            id=template_id,
-            name=request.name or "",
-            status="Active",
-            tags=request.tags or {},
-            document={**body, "clientRequestToken": request.clientRequestToken},
-        ),
-        token=token,
-    )
+@operation_flow
+def UpdateWorldTemplate(
+    *,
+    template: Arn,
+    name: TemplateName | None = None,
+    templateBody: TemplateBody | None = None,
+    templateLocation: TemplateLocation | None = None,
+) -> dict[str, Any]:
+    """Changes a world template; what was made from it before stays as it is."""
+    return record("UpdateWorldTemplate", validate("UpdateWorldTemplate", locals()))
 
 
-@operation("UpdateWorldTemplate")
-def update_world_template(request: UpdateWorldTemplateRequest, service: Service) -> UpdateWorldTemplateResponse:
-    """Changes a template's name, body or both; jobs that were made before keep the body they were made with."""
-    service.catalog.get(request.template, kind=KIND)
-    body: dict[str, str] = {}
-    if request.templateBody is not None or request.templateLocation is not None:
-        body = _checked_body(request.templateBody, request.templateLocation, service)
-    resource = service.catalog.update(request.template, lambda document: {**document, **body}, name=request.name)
-    return UpdateWorldTemplateResponse(
-        arn=resource.arn,
-        name=resource.name or None,
-        createdAt=resource.created_at,
-        lastUpdatedAt=resource.updated_at,
-    )
+@operation_flow
+def DescribeWorldTemplate(*, template: Arn) -> dict[str, Any]:
+    """Says what is known of a world template."""
+    return read("DescribeWorldTemplate", locals())
 
 
-@operation("DescribeWorldTemplate")
-def describe_world_template(request: DescribeWorldTemplateRequest, service: Service) -> DescribeWorldTemplateResponse:
-    """Tells everything about a template but its body."""
-    resource = service.catalog.get(request.template, kind=KIND)
-    return DescribeWorldTemplateResponse(
-        arn=resource.arn,
-        clientRequestToken=resource.document.get("clientRequestToken"),
-        name=resource.name or None,
-        createdAt=resource.created_at,
-        lastUpdatedAt=resource.updated_at,
-        tags=dict(resource.tags),
-        version=resource.document["version"],
-    )
+@operation_flow
+def GetWorldTemplateBody(*, template: Arn | None = None, generationJob: Arn | None = None) -> dict[str, Any]:
+    """Gives a world template's body, as it is or as a generation job used it."""
+    return read("GetWorldTemplateBody", locals())
 
 
-@operation("GetWorldTemplateBody")
-def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Service) -> GetWorldTemplateBodyResponse:
-    """Returns a template's body as it is now, or as it was when a generation job was made."""
-    if request.template is not None:
-        resource = service.catalog.get(request.template, kind=KIND)
-    else:
-        resource = service.catalog.get(str(request.generationJob), kind="world-generation-job")
-    return GetWorldTemplateBodyResponse(templateBody=resource.document["templateBody"])
+@operation_flow
+def ListWorldTemplates(
+    *, nextToken: PaginationToken | None = None, maxResults: MaxResults | None = None
+) -> dict[str, Any]:
+    """Lists world templates, newest first."""
+    return read("ListWorldTemplates", locals())
 
 
-@operation("ListWorldTemplates")
-def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> ListWorldTemplatesResponse:
-    """Lists templates, newest first."""
-    page = page_of("ListWorldTemplates", KIND, request, service, filters={})
-    summaries = [
-        {
-            "arn": template.arn,
-            "createdAt": template.created_at,
-            "lastUpdatedAt": template.updated_at,
-            "name": template.name or None,
-            "version": template.document["version"],
-        }
-        for template in page.resources
-    ]
-    return ListWorldTemplatesResponse.model_validate({"templateSummaries": summaries, "nextToken": page.next_token})
-
-
-@operation("DeleteWorldTemplate")
-def delete_world_template(request: DeleteWorldTemplateRequest, service: Service) -> DeleteWorldTemplateResponse:
-    """Deletes a template; worlds and jobs made from it stay, and say its ARN."""
-    service.catalog.get(request.template, kind=KIND)
-    service.catalog.delete(request.template)
-    return DeleteWorldTemplateResponse()
-
-
-def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> dict[str, str]:
-    """The members of a template's document that its body decides."""
-    given = text or _read_body(location, service)
-    return {"version": parse_template_body(given).Version, "templateBody": unwrapped_text(given)}
-
-
-def _read_body(location: TemplateLocation | None, service: Service) -> str:
-    if location is None:
-        raise InvalidParameterException("give templateBody or templateLocation")
-    place = f"templateLocation: s3://{location.s3Bucket}/{location.s3Key}"
-    try:
-        if service.store.head(location.s3Bucket, location.s3Key).size_bytes > _MAX_BODY_BYTES:
-            raise InvalidParameterException(f"{place} is larger than a template body may be (262144 characters)")
-        return service.store.get_bytes(location.s3Bucket, location.s3Key).decode()
-    except ObjectNotFoundError as error:
-        raise InvalidParameterException(f"{place} does not exist") from error
-    except StorageError as error:
-        raise InvalidParameterException(f"{place} cannot be read: {error}") from error
-    except UnicodeDecodeError as error:
-        raise InvalidParameterException(f"{place} is not UTF-8 text: {error}") from error
-
-
-def __getattr__(name: str) -> Any:
-    return flows_of(__name__)(name)
+@operation_flow
+def DeleteWorldTemplate(*, template: Arn) -> dict[str, Any]:
+    """Deletes a world template; its worlds and jobs stay."""
+    return record("DeleteWorldTemplate", validate("DeleteWorldTemplate", locals()))

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import ServiceError
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 BUCKET = "applications"

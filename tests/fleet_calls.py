@@ -5,7 +5,7 @@ from typing import Any
 
 from application_calls import Applications
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 LAUNCH = {"packageName": "my_robot", "launchFile": "drive.launch"}

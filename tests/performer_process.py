@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from processes import started, wait_for
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 _PERFORM = """

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 ROLE = "arn:aws:iam::000000000000:role/test"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from prefect_robomaker.flows.operation import registry
+from prefect_robomaker.tasks.operations.registry import registry
 
 ROOT = Path(__file__).parent.parent
 TOP = ("schemas", "tasks", "flows", "deployments")
@@ -17,7 +17,7 @@ def test_every_package_folder_is_declared() -> None:
         "prefect_robomaker." + ".".join(path.parent.relative_to(ROOT).parts)
         for top in TOP
         for path in (ROOT / top).rglob("__init__.py")
-        if "specs" not in path.parts
+        if ROOT / "deployments" / "specs" not in path.parents
     }
 
     assert declared == found
@@ -54,9 +54,9 @@ def test_prefect_yaml_deploys_every_flow_and_the_specifications_it_names_exist()
 
     expected = {"prefect_robomaker.flows.pipelines:RunPipeline"}
     for name, entry in registry().items():
-        expected.add(f"{entry.module}:{name}")
+        expected.add(f"prefect_robomaker.flows.{entry.resource}:{name}")
         if entry.performer:
-            expected.add(f"{entry.module}:{entry.perform_name}")
+            expected.add(f"prefect_robomaker.flows.{entry.resource}:{entry.perform_name}")
     assert entrypoints == expected
     for deployment in declared:
         if spec := deployment.get("parameters", {}).get("spec"):

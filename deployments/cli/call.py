@@ -47,7 +47,7 @@ def _input(given: str) -> tuple[str, str]:
 
 
 def _stored(operation: str, request: dict[str, Any], settings: Settings) -> dict[str, Any]:
-    from ...flows.operation import call
+    from ...tasks.operations.registry import call
     from ...tasks.service.service import Service
 
     return call(operation, request, Service.open(settings))

@@ -214,8 +214,8 @@ def check_extras() -> Finding:
 
 def check_containers(settings: Settings) -> Finding:
     """Whether runs that nobody performs any more have left containers."""
+    from ...tasks.jobs.job_folders import runs_of_nobody
     from ...tasks.service.service import Service
-    from ...tasks.simulations.job_folders import runs_of_nobody
 
     service = Service.open(settings)
     left = [str(run) for run, _ in runs_of_nobody(service)]

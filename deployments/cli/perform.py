@@ -34,13 +34,13 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     from .prefect_server import use_server
 
     use_server(settings)
-    from ...flows.operation import perform_flow
+    from ...flows.lookup import find_perform_flow
     from ...tasks.inspection.reports import simulation_jobs
     from ...tasks.service.service import Service
 
     service = Service.open(settings)
     with service.activated():
-        answer = perform_flow(operation)(arn)
+        answer = find_perform_flow(operation)(arn)
     print_answer(answer, form)
     if bad := _BAD_ENDS.get(str(answer.get("status"))):
         return bad

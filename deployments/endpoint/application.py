@@ -8,9 +8,9 @@ import uuid
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
-from ...flows.operation import registry
 from ...schemas.wire.errors import ThrottlingException
 from ...schemas.wire.operation_shape import OperationShape
+from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from .access_log import log_access
 from .authentication import Authenticator

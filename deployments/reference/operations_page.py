@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from types import ModuleType
 
-from ...flows.operation import registry
 from ...schemas.behaviour import Behaviour, Kind
 from ...schemas.behaviours import BEHAVIOURS, behaviours_of
 from ...schemas.differences import ANYTHING, DIFFERENCES, LINE_BREAKS
@@ -15,6 +14,7 @@ from ...schemas.operations.registry import OPERATIONS
 from ...schemas.wire import errors
 from ...schemas.wire.errors import RobomakerError
 from ...schemas.wire.operation_shape import OperationShape
+from ...tasks.operations.registry import registry
 from ..endpoint import messages
 from ..service_model.shapes import WIDEST
 from .examples import EXAMPLES
@@ -33,7 +33,7 @@ Each operation can be called in four ways, and does the same in all of them:
 | --- | --- |
 | the command line | `robomaker call DescribeWorld --input '{{"world": "arn:…"}}'`; `describe-world` is as good |
 | an SDK or the AWS CLI | `boto3.client("robomaker").describe_world(world="arn:…")`, see [Serving](serving.md) |
-| Python | `call("DescribeWorld", {{"world": "arn:…"}}, service)` of `prefect_robomaker.flows.operation` |
+| Python | `call("DescribeWorld", {{"world": "arn:…"}}, service)` of `prefect_robomaker.tasks.operations.registry` |
 | Prefect | `prefect_robomaker.flows.worlds.DescribeWorld(world="arn:…")`, a flow, see [Prefect](prefect.md) |
 
 Operations that start a job store it as `Pending` and answer. `robomaker serve`, `robomaker call … --wait`,
@@ -112,9 +112,9 @@ def _everywhere() -> str:
 
 def _operation(operation: OperationShape, tables: Tables) -> str:
     entry = registry()[operation.name]
-    flow = f"`{entry.module}:{entry.name}`"
+    flow = f"`prefect_robomaker.flows.{entry.resource}:{entry.name}`"
     if entry.performer is not None:
-        flow += f"; `{entry.module}:{entry.perform_name}` carries a stored job to its end"
+        flow += f"; `prefect_robomaker.flows.{entry.resource}:{entry.perform_name}` carries a stored job to its end"
     parts = [
         f"### {operation.name}\n",
         operation.description + (" *The service had given it up.*" if operation.deprecated else "") + "\n",

@@ -16,12 +16,12 @@ from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.exceptions import ObjectNotFound, PrefectException
 
-from ...flows.operation import registry
 from ...schemas.wire.errors import ConfigurationError, ServiceUnavailableException
 from ...tasks.catalog import Resource
 from ...tasks.execution.claims import perform_once
 from ...tasks.execution.leases import LEASE_S
 from ...tasks.execution.retry_limit import give_up
+from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from .pools import Lane
 from .prefect_watch import PrefectWatch

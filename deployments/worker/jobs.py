@@ -11,7 +11,7 @@ import httpx
 from prefect.exceptions import PrefectException
 from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
-from ...flows.operation import perform_flow
+from ...flows.lookup import find_perform_flow
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
@@ -106,7 +106,7 @@ class Jobs:
     def _run_flow(self, lane: Lane, arn: str) -> None:
         # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
         with self.service.activated(), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
-            perform_flow(lane.operation)(arn)
+            find_perform_flow(lane.operation)(arn)
 
     def _log_end(self, job: Resource, duration_s: float) -> None:
         try:

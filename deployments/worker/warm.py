@@ -28,7 +28,7 @@ _FIRST_NEEDED = (
     "prefect.flow_engine",
     "prefect.task_engine",
     "prefect_robomaker.tasks.execution.artifacts",
-    "prefect_robomaker.tasks.simulations.steps",
+    "prefect_robomaker.tasks.jobs.steps",
     "prefect_robomaker.tasks.execution.slots",
     "prefect_robomaker.tasks.execution.task_pool",
     "prefect_robomaker.tasks.worlds.export",
@@ -59,8 +59,8 @@ class WarmPerformer:
 
     def prepare(self) -> None:
         """Imports and starts what the first job would otherwise wait for."""
-        from ...flows.operation import perform_flow
-        from ...tasks.simulations.job_runs import launcher
+        from ...flows.lookup import find_perform_flow
+        from ...tasks.jobs.job_runs import launcher
 
         launcher().start()
         for module in _FIRST_NEEDED:
@@ -68,7 +68,7 @@ class WarmPerformer:
         # Also what Prefect's client imports and opens only when it is first used.
         with _logged("Prefect does not answer yet"), get_client(sync_client=True) as client:
             for lane in self._lanes:
-                client.create_flow(perform_flow(lane.operation))
+                client.create_flow(find_perform_flow(lane.operation))
 
     def look(self) -> None:
         """Begins what can be begun; called several times a second."""

@@ -6,11 +6,9 @@ the catalog. They end as cancelled work ends, and only then does the interruptio
 """
 
 import concurrent.futures
+import contextvars
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
-
-from prefect import Task
-from prefect.task_runners import ThreadPoolTaskRunner
 
 from ..service.service import Service
 
@@ -18,19 +16,23 @@ _LOOK_S = 0.25
 
 
 def run_tasks(
-    task: Task[..., Any],
+    name: str,
+    part: Callable[..., None],
     calls: Sequence[Mapping[str, Any]],
     *,
+    run_name: str,
     workers: int,
     job_arn: str,
     service: Service,
     look: Callable[[], bool | None] = lambda: None,
 ) -> None:
-    """Runs a task once for each call and waits for all of them.
+    """Runs a part of a job once for each call, as task runs, and waits for all of them.
 
     Args:
-      task: watches for a cancel request of the job, and ends soon after one.
+      name: what Prefect shows as the name of the task.
+      part: watches for a cancel request of the job, and ends soon after one.
       calls: its arguments.
+      run_name: name of each task run; arguments in braces stand for their values.
       workers: how many run at once.
       job_arn: the job that they are parts of.
       service: where the job is stored.
@@ -40,9 +42,15 @@ def run_tasks(
     Raises:
       BaseException: what the first task raised, once all have ended, or the interruption.
     """
+    from prefect import task
+    from prefect.cache_policies import NO_CACHE
+    from prefect.task_runners import ThreadPoolTaskRunner
+
+    parts = task(name=name, task_run_name=run_name, cache_policy=NO_CACHE)(part)
+
     with service.activated(), ThreadPoolTaskRunner(max_workers=workers) as runner:
         try:
-            futures = [runner.submit(task, dict(call)) for call in calls]
+            futures = [runner.submit(parts, dict(call)) for call in calls]
             waiting = {future.wrapped_future for future in futures}
             while waiting:
                 if look():
@@ -59,3 +67,24 @@ def run_tasks(
     for future in futures:
         if not future.wrapped_future.cancelled():
             future.result()
+
+
+def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> None:
+    """Runs a job that has one part only in a thread of its own, and waits for it; steps inside it may be tasks.
+
+    Args:
+      work: watches for a cancel request of the job, and ends soon after one.
+      job_arn: the job.
+      service: where the job is stored.
+
+    Raises:
+      BaseException: what `work` raised, or the interruption, once it has ended.
+    """
+    with service.activated(), concurrent.futures.ThreadPoolExecutor(max_workers=1) as pool:
+        future = pool.submit(contextvars.copy_context().run, work)
+        try:
+            concurrent.futures.wait([future])
+        except BaseException:  # Ctrl-C, or a worker's termination signal
+            service.catalog.request_cancel(job_arn)
+            raise
+    future.result()

@@ -7,6 +7,7 @@ from ...schemas.runs.plan import RunOutcome, RunPlan, VideoPolicy
 from ...schemas.runs.verification import ReproductionFolder, RobotRepeat, Verification
 from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
 from ..catalog import Resource
+from ..jobs.job_runs import launcher
 from ..runtime.replay.replay import (
     RunOutputs,
     read_outputs,
@@ -21,7 +22,6 @@ from ..runtime.replay.run_comparison import first_difference
 from ..runtime.states.provenance import machine_facts
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers
-from ..simulations.job_runs import launcher
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import own_domain
 from .found_runs import FoundRun, found_run, scratch_folder

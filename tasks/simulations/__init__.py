@@ -1,7 +1,6 @@
-"""Simulation jobs and batches: from a stored request to stored outputs.
+"""What runs of simulation jobs are made of: planning, inputs, containers, ROS, outputs; storing a job.
 
-May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.runtime.limits`, `tasks.runtime.supervision`,
-`tasks.service`, `.containers`, `.environment`, `.outputs`, `.planning`, `.ros`.
+May import: `schemas`, `tasks.catalog`, `tasks.service`, `.inputs`, `.outputs`, `.planning`.
 """
 
-__all__ = ["job_folders", "job_runs", "steps"]
+__all__ = ["stored_jobs"]

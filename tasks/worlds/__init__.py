@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.service`, `tas
 `tasks.simulations.outputs`, `tasks.storage`, `tasks.worldforge`, `tasks.worldforge.exports`.
 """
 
-__all__ = ["bundles", "export", "generation_runs", "jobs"]
+__all__ = ["builders", "bundles", "export", "generation"]

@@ -4,25 +4,24 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from prefect import task
-from prefect.cache_policies import NO_CACHE
-
 from ...schemas.wire.errors import TransferStoppedError
 from ..catalog import Resource
+from ..execution.steps import RunStep
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.outputs.locations import prepare_bucket
 from ..worldforge.exports.export import write_export_zip
-from .jobs import archive_place
+from .archive_places import archive_place
 
 
-@task(name="export-worlds", cache_policy=NO_CACHE)
-def export_worlds(job: Resource, stopped: Callable[[], bool]) -> str | None:
+def export_worlds(job: Resource, service: Service, stopped: Callable[[], bool], run_step: RunStep) -> str | None:
     """Stores one archive with all worlds of an export job.
 
     Args:
       job: the export job.
+      service: where job and worlds are stored.
       stopped: whether the archive is not wanted any more; asked all the time.
+      run_step: how the steps `export` and `upload` are run.
 
     Returns:
       Where the archive is; `None`: it was stopped, and there is none.
@@ -31,15 +30,14 @@ def export_worlds(job: Resource, stopped: Callable[[], bool]) -> str | None:
       ResourceNotFoundException: a world was deleted meanwhile.
       StorageError: a bundle cannot be read or the archive cannot be stored.
     """
-    service = Service.current()
     bucket, key = archive_place(job)
     prepare_bucket(service, bucket)
     worlds = [service.catalog.get(arn, kind="world") for arn in job.document["request"]["worlds"]]
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             archive = Path(scratch, "export.zip")
-            write_export_zip(_Bundles(worlds, service, stopped), archive)
-            service.store.put_file(bucket, key, archive, stopped=stopped)
+            run_step("export", lambda: write_export_zip(_Bundles(worlds, service, stopped), archive))
+            run_step("upload", lambda: service.store.put_file(bucket, key, archive, stopped=stopped))
     except TransferStoppedError:
         return None
     return service.store.uri(bucket, key)

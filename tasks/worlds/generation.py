@@ -4,15 +4,13 @@ import tempfile
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Protocol
-
-from prefect import task
-from prefect.cache_policies import NO_CACHE
+from typing import Any
 
 from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ...schemas.wire.ids import world_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
+from ..execution.steps import RunStep
 from ..service.service import Service
 from ..simulations.outputs.locations import prepare_bucket
 from ..storage import publish
@@ -23,39 +21,22 @@ from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
 WORLDS_PREFIX = "worlds"
 
 
-class Generation(Protocol):
-    """What a generation job's performer offers to the tasks that make its worlds."""
-
-    def stopped(self) -> bool:
-        """Whether no more worlds are wanted."""
-        ...
-
-    def ended(self, world_arn: str, failure: dict[str, Any] | None) -> None:
-        """Takes the end of one world: `None`, or why there is none, `{"code": …, "reason": …}`."""
-        ...
-
-
-@task(name="generate-world", task_run_name="{world_arn}", cache_policy=NO_CACHE)
-def generate_and_store(run: Generation, job: Resource, index: int, world_arn: str, builders: WorldBuilders) -> None:
-    """Generates the world of one place in a job and adds it to the catalog.
+def generate_world(
+    service: Service, job: Resource, index: int, world_arn: str, builders: WorldBuilders, run_step: RunStep
+) -> dict[str, Any] | None:
+    """Generates the world of one place in a job, stores its bundle and adds it to the catalog.
 
     Args:
-      run: told how it ended, unless it was stopped.
+      service: where it is stored.
       job: the generation job.
       index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
       world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
       builders: processes that build worlds.
+      run_step: how the step `upload` is run.
+
+    Returns:
+      `None`, or why there is no world, `{"code": …, "reason": …}`.
     """
-    if run.stopped():
-        return
-    failure = _generate(Service.current(), job, index, world_arn, builders)
-    if failure is None or not run.stopped():  # a stopped builder is no failed world
-        run.ended(world_arn, failure)
-
-
-def _generate(
-    service: Service, job: Resource, index: int, world_arn: str, builders: WorldBuilders
-) -> dict[str, Any] | None:
     document = job.document
     interiors = document["request"]["worldCount"]["interiorCountPerFloorplan"]
     seeds = seeds_for(document["seed"], index // interiors, index % interiors)
@@ -63,18 +44,22 @@ def _generate(
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             folder = Path(scratch, "bundle")
             content = builders.build(document["templateBody"], *seeds, folder)
-            prefix = f"{WORLDS_PREFIX}/{content}"
-            bundle = {"bucket": service.settings.bucket, "prefix": prefix}
-            publish_bundle(service, prefix, folder, service.clock())
-            with bundle_held(bundle, service):
-                # Stores nothing, unless the last world with this content was deleted just now.
-                publish_bundle(service, prefix, folder, service.clock())
-                _add_to_catalog(service, job, index, world_arn, bundle)
+            run_step("upload", lambda: _store(service, job, index, world_arn, folder, content))
     except WorldGenerationError as error:
         return {"code": "InternalServiceError", "reason": str(error)}
     except (StorageError, OSError) as error:
         return {"code": "InternalServiceError", "reason": f"the world could not be stored: {error}"}
     return None
+
+
+def _store(service: Service, job: Resource, index: int, world_arn: str, folder: Path, content: str) -> None:
+    prefix = f"{WORLDS_PREFIX}/{content}"
+    bundle = {"bucket": service.settings.bucket, "prefix": prefix}
+    publish_bundle(service, prefix, folder, service.clock())
+    with bundle_held(bundle, service):
+        # Stores nothing, unless the last world with this content was deleted just now.
+        publish_bundle(service, prefix, folder, service.clock())
+        _add_to_catalog(service, job, index, world_arn, bundle)
 
 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import RobomakerError
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import open_store
 

@@ -18,9 +18,9 @@ from small_flat import BODY, ROLE
 
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.deployments.endpoint.messages import ProtocolError
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.operation_shape import OperationShape
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000"

@@ -10,10 +10,10 @@ import pytest
 from processes import wait_for, working_below
 from run_processes import processes_with
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.runs.plan import RunResult
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 
 Order = Callable[..., dict[str, Any]]
 ROBOT, SIMULATION = "RobotApplicationCrash", "SimulationApplicationCrash"

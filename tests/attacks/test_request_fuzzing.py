@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from small_flat import BODY, ROLE
 from sqlalchemy import create_engine, func, select
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.wire.errors import ServiceError
 from prefect_robomaker.tasks.catalog.tables import metadata
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000"

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.deployments.local_server import stop_server
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]

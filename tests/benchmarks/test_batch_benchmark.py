@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call, perform_flow
+from prefect_robomaker.flows.lookup import find_perform_flow
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.tasks.jobs.job_runs import launcher
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import launcher
 
 JOBS = 50
 WORKERS = 2
@@ -64,7 +65,7 @@ def test_a_batch_against_a_plain_pool(
     arn = call("StartSimulationJobBatch", batch, service)["arn"]
     started = time.perf_counter()
     with service.activated():
-        ended = perform_flow("StartSimulationJobBatch")(arn)
+        ended = find_perform_flow("StartSimulationJobBatch")(arn)
     batch_s = time.perf_counter() - started
 
     assert {outcome.status for outcome in outcomes} == {"Completed"}

@@ -14,9 +14,9 @@ from endpoint_server import endpoint, http_request, load
 from processes import started, wait_for
 from sqlalchemy import create_engine, insert
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.catalog.tables import resource_labels, resources
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(900)]

@@ -20,9 +20,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import Floorplan, World
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.runtime.robots.scout import PREFIX, build_scout
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle

@@ -15,10 +15,11 @@ from prefect_robomaker.deployments.worker.dispatcher import Dispatcher
 from prefect_robomaker.deployments.worker.jobs import Jobs
 from prefect_robomaker.deployments.worker.pools import Lane, lanes
 from prefect_robomaker.deployments.worker.prefect_watch import PrefectWatch
-from prefect_robomaker.flows.operation import call, perform_flow, registry
+from prefect_robomaker.flows.lookup import find_perform_flow
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ServiceUnavailableException
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
@@ -49,7 +50,7 @@ def deployments(prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> Iterato
     monkeypatch.setenv("PREFECT_API_URL", prefect_server)
     with get_client(sync_client=True) as client:
         for lane in lanes(1):
-            client.create_deployment(flow_id=client.create_flow(perform_flow(lane.operation)), name=name)
+            client.create_deployment(flow_id=client.create_flow(find_perform_flow(lane.operation)), name=name)
         yield client
 
 
@@ -181,7 +182,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], list[str]]:
             called.append(arn)
             raise error
 
-        monkeypatch.setattr(jobs, "perform_flow", lambda _: flow)
+        monkeypatch.setattr(jobs, "find_perform_flow", lambda _: flow)
         monkeypatch.setattr(jobs, "HELD", HeldLeases())
         monkeypatch.setattr(jobs, "_LONGEST_PAUSE_S", 0.01)
         return called
@@ -241,7 +242,7 @@ def test_the_oldest_jobs_begin_first_and_not_more_than_may(
         begun.append(arn)
         go_on.wait(10)
 
-    monkeypatch.setattr(jobs, "perform_flow", lambda _: flow)
+    monkeypatch.setattr(jobs, "find_perform_flow", lambda _: flow)
     monkeypatch.setattr(jobs, "HELD", HeldLeases())
     mine = Jobs(service, changed=lambda: None, prefect=Watch(service.settings, True))
     lane = Lane("simulation-job", "CreateSimulationJob", 2)

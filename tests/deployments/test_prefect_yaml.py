@@ -14,8 +14,8 @@ from processes import process_worker, wait_for
 from ruamel.yaml import YAML
 from small_flat import BODY, ROLE
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 ROOT = Path(__file__).parents[2]

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from application_calls import BUCKET, Applications
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 

@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 from application_calls import BUCKET, PACKAGE, Applications, at_once
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
 )
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 BUILTIN = {"Robot": ("walker", "scout"), "Simulation": ("indoor-navigation",)}

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from small_flat import BODY, ROLE
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import IdempotentParameterMismatchException, InvalidParameterException
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 COUNT = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}

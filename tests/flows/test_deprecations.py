@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 ROLE = "arn:aws:iam::000000000000:role/any"

@@ -5,8 +5,8 @@ from datetime import datetime
 import pytest
 from fleet_calls import Fleets
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 NOWHERE = "arn:aws:robomaker:us-east-1:000000000000:deployment-fleet/none/1539894765711"

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from processes import process_worker, started, wait_for, working_below
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Progress, Service
 
 pytestmark = pytest.mark.slow
@@ -23,7 +23,7 @@ ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 LONG = {"DURATION_S": "200"}
 PERFORM = """
 import os, sys
-from prefect_robomaker.flows.operation import registry
+from prefect_robomaker.tasks.operations.registry import registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks import job_leases
 from prefect_robomaker.tasks.service.service import Service
@@ -159,9 +159,9 @@ def test_cancelling_a_flow_run_ends_its_batch(
 
 def deploy(client: Any, pool: str, arn: str) -> Any:
     """Has a worker perform a batch; returns the flow run's id."""
-    from prefect_robomaker.flows.operation import perform_flow
+    from prefect_robomaker.flows.lookup import find_perform_flow
 
-    flow = client.create_flow(perform_flow("StartSimulationJobBatch"))
+    flow = client.create_flow(find_perform_flow("StartSimulationJobBatch"))
     wait_for(lambda: has_pool(client, pool), "the worker's pool")
     deployment = client.create_deployment(
         flow_id=flow,

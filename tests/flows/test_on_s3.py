@@ -11,11 +11,11 @@ import pytest
 from s3_server import S3Server
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]

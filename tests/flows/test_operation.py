@@ -1,3 +1,4 @@
+import importlib
 import inspect
 import subprocess
 import sys
@@ -5,10 +6,11 @@ from datetime import datetime
 
 import pytest
 
-from prefect_robomaker.flows import operation
-from prefect_robomaker.flows.operation import call, operation_flow, perform_flow, registry
+from prefect_robomaker.flows.lookup import find_flow, find_perform_flow
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+from prefect_robomaker.tasks.operations import registry as operation
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 
@@ -18,21 +20,22 @@ def test_every_operation_is_registered() -> None:
 
 @pytest.mark.parametrize("name", sorted(OPERATIONS))
 def test_every_operation_is_a_flow_of_its_name_with_the_members_as_parameters(name: str) -> None:
-    flow = operation_flow(name)
+    flow = find_flow(name)
 
     assert flow.name == name
     parameters = inspect.signature(flow.fn).parameters
     assert set(parameters) == set(OPERATIONS[name].request.model_fields)
     required = {member for member, field in OPERATIONS[name].request.model_fields.items() if field.is_required()}
     assert set(flow.parameters.required) == required
-    module = __import__(registry()[name].module, fromlist=[name])
-    assert getattr(module, name) is flow
+    module = importlib.import_module(f"prefect_robomaker.flows.{registry()[name].resource}")
+    assert vars(module)[name] is flow
+    assert name in dir(module)
 
 
 def test_job_operations_have_a_flow_that_performs_a_stored_job() -> None:
     jobs = {name for name, entry in registry().items() if entry.performer}
 
-    assert {perform_flow(name).name for name in jobs} == {
+    assert {find_perform_flow(name).name for name in jobs} == {
         "PerformSimulationJob",
         "PerformSimulationJobBatch",
         "PerformWorldExportJob",
@@ -49,7 +52,7 @@ def test_a_module_offers_no_flow_of_another_module() -> None:
 
 def test_a_flow_run_answers_like_a_direct_call(service: Service, prefect_server: str) -> None:
     with service.activated():
-        made = operation_flow("CreateWorldTemplate")(name="default", templateBody="{}")
+        made = find_flow("CreateWorldTemplate")(name="default", templateBody="{}")
 
     assert isinstance(made["createdAt"], datetime)
     assert call("DescribeWorldTemplate", {"template": made["arn"]}, service)["name"] == "default"
@@ -57,7 +60,7 @@ def test_a_flow_run_answers_like_a_direct_call(service: Service, prefect_server:
 
 def test_a_refused_request_fails_the_flow_run_with_the_services_error(service: Service, prefect_server: str) -> None:
     with service.activated(), pytest.raises(InvalidParameterException, match="templateBody"):
-        operation_flow("CreateWorldTemplate")(name="neither body nor location")
+        find_flow("CreateWorldTemplate")(name="neither body nor location")
 
 
 def test_an_unknown_operation_is_refused_with_the_nearest_name(service: Service) -> None:
@@ -77,7 +80,7 @@ def test_a_quick_operation_has_nothing_to_perform(service: Service) -> None:
 
 def test_importing_the_registry_does_not_import_prefect_or_mujoco() -> None:
     code = (
-        "import sys; from prefect_robomaker.flows.operation import registry; registry(); "
+        "import sys; from prefect_robomaker.tasks.operations.registry import registry; registry(); "
         "print([m for m in ('prefect', 'mujoco', 'dm_control') if m in sys.modules])"
     )
 

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from small_flat import BODY, ROLE
 
-from prefect_robomaker.flows import operation
 from prefect_robomaker.flows.pipelines import PipelineRun, RunInterrupted, run_spec
 from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
@@ -18,6 +17,7 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
 from prefect_robomaker.tasks.inspection import reports
 from prefect_robomaker.tasks.inspection.reports import rebuild_report
+from prefect_robomaker.tasks.operations import registry as operation
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.applications import update_application
-from prefect_robomaker.flows.operation import call
-from prefect_robomaker.flows.preflight import check_surroundings
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ResourceAlreadyExistsException, SpecError, StorageError
+from prefect_robomaker.tasks.inspection.preflight import check_surroundings
+from prefect_robomaker.tasks.operations.applications import update_application
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 SUITE = {"name": "General"}

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call, registry
-from prefect_robomaker.flows.preflight import check_surroundings
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError, StorageUnavailableError
+from prefect_robomaker.tasks.inspection.preflight import check_surroundings
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]

@@ -10,9 +10,9 @@ from application_calls import Applications
 from fake_engine import FakeEngine
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 CARTPOLE = Path(__file__).parents[2] / "deployments" / "specs" / "examples" / "cartpole_bundle"

@@ -6,12 +6,12 @@ import pytest
 from application_calls import at_once
 from fleet_calls import Fleets
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
     ResourceAlreadyExistsException,
     ResourceNotFoundException,
 )
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 PREFIX = "arn:aws:robomaker:us-east-1:000000000000"

@@ -15,9 +15,9 @@ from processes import wait_for, working_below
 from run_processes import processes_with
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 pytestmark = [

@@ -10,12 +10,12 @@ from performer_process import AwaitStatus, PerformElsewhere
 from processes import wait_for, working_below
 from small_flat import ROLE
 
-from prefect_robomaker.flows.batch_runs import BatchRun
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.lifecycles import is_terminal
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.claims import perform_once
+from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]

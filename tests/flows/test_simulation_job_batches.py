@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.batch_runs import BatchRun
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.lifecycles import ACTIVE
 from prefect_robomaker.schemas.wire.errors import InternalServerException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.claims import perform_once
+from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Progress, Service
 
 Order = Callable[..., dict[str, Any]]
@@ -170,7 +170,7 @@ def test_an_internal_fault_fails_the_batch_and_the_other_jobs_run(
     def break_down(*arguments: Any) -> None:
         raise InternalServerException("the data sources' server is upside down")
 
-    monkeypatch.setattr("prefect_robomaker.flows.simulation_jobs.resolve_data_sources", break_down)
+    monkeypatch.setattr("prefect_robomaker.tasks.operations.simulation_jobs.resolve_data_sources", break_down)
     batch = run_batch([order(), order()], maxConcurrency=1)
 
     assert (batch["status"], batch["failureCode"]) == ("Failed", "InternalServiceError")

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from application_calls import Applications
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 
 Order = Callable[..., dict[str, Any]]
 ROLES = pytest.mark.parametrize("role", ["Robot", "Simulation"])

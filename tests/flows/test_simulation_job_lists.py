@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+from prefect_robomaker.tasks.jobs import job_runs
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations import job_runs
 
 Order = Callable[..., dict[str, Any]]
 

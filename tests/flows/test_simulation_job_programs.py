@@ -14,9 +14,9 @@ from fake_engine import FakeEngine
 from small_flat import ROLE
 
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 
 Order = Callable[..., dict[str, Any]]
 Ending = dict[str, Any]

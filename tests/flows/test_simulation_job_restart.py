@@ -10,10 +10,10 @@ import pytest
 from performer_process import AwaitStatus, PerformElsewhere
 from processes import wait_for, working_below
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageFullError
+from prefect_robomaker.tasks.jobs import job_runs
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations import job_runs
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
 
 Order = Callable[..., dict[str, Any]]

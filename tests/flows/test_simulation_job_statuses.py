@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from processes import wait_for
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.jobs import job_runs
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations import job_runs
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 
 Order = Callable[..., dict[str, Any]]
 LONG = {"DURATION_S": "60"}

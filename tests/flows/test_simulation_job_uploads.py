@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageUnavailableError
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.simulations.outputs import rolling_uploads, run_outputs
 from prefect_robomaker.tasks.storage import read_manifest
 

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 

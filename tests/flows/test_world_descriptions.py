@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from small_flat import BODY
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import InternalServerException, InvalidParameterException
 from prefect_robomaker.schemas.worlds.description import WorldDescription
 from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 Generate = Callable[..., dict[str, Any]]

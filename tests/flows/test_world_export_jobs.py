@@ -12,9 +12,9 @@ import pytest
 from processes import wait_for
 from small_flat import ROLE
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worlds import export as world_export
 

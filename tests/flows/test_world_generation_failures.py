@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 Generate = Callable[..., dict[str, Any]]

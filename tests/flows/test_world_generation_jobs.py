@@ -11,13 +11,13 @@ import pytest
 from processes import wait_for
 from small_flat import BODY
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.wire.errors import (
     IdempotentParameterMismatchException,
     InvalidParameterException,
     ResourceNotFoundException,
     WorldGenerationError,
 )
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from small_flat import BODY
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 OTHER = {"Buildings": [{"Floors": [{"Floorplan": {"Ceiling": {"Height": 2.8}}}]}]}

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.simulations.planning import run_plans
 
 MB = 10**6

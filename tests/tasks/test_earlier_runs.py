@@ -12,10 +12,10 @@ from mcap.reader import NonSeekingReader
 from performer_process import AwaitStatus, PerformElsewhere
 from processes import wait_for, working_below
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
+from prefect_robomaker.tasks.jobs import job_runs
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations import job_runs
 from prefect_robomaker.tasks.simulations.containers.outputs import OUTPUT
 from prefect_robomaker.tasks.simulations.environment.run_environment import container_sandbox
 from prefect_robomaker.tasks.storage import read_manifest

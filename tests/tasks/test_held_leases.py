@@ -6,8 +6,6 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
-from prefect_robomaker.flows.simulation_jobs import store_job
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.wire.errors import StateConflictError
 from prefect_robomaker.tasks.execution import claims as performing
@@ -15,6 +13,8 @@ from prefect_robomaker.tasks.execution.claims import perform_once
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases, PerformerEnding, owners_of
 from prefect_robomaker.tasks.execution.leases import Lease
 from prefect_robomaker.tasks.execution.retry_limit import MOST_LOST_PERFORMERS
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.operations.simulation_jobs import store_job
 from prefect_robomaker.tasks.service.service import Service
 
 KIND = "world-generation-job"

@@ -11,10 +11,10 @@ import pytest
 from fake_engine import FakeEngine
 
 from prefect_robomaker.deployments.cli import doctor
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.jobs.job_folders import clear_containers_of_the_dead
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.containers.cleanup import ContainerNote, note_container
-from prefect_robomaker.tasks.simulations.job_folders import clear_containers_of_the_dead
 
 Order = Callable[..., dict[str, Any]]
 RUN = "2026-01-02T03-04-05-000000Z"

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.wire.errors import (
     BucketNotFoundError,
     ServiceUnavailableException,
     StorageFullError,
     StorageUnavailableError,
 )
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import publish, read_manifest

@@ -2,11 +2,11 @@ import time
 
 import pytest
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, StateConflictError
 from prefect_robomaker.tasks.execution import leases as job_leases
 from prefect_robomaker.tasks.execution.claims import perform_if_idle, perform_once
 from prefect_robomaker.tasks.execution.leases import Lease
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 KIND = "world-generation-job"

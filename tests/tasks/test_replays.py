@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from swing_fixtures import outputs_of, upload_swinger
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.inspection.found_runs import found_run
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 
 Simulate = Callable[..., dict[str, Any]]
 

@@ -12,10 +12,10 @@ import pytest
 from fake_engine import FakeEngine
 from swing_fixtures import SUITE, outputs_of
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.agents.action_log import ActionLog
 from prefect_robomaker.tasks.runtime.agents.agent_client import SOCKET_VARIABLE
 from prefect_robomaker.tasks.service.service import Service

@@ -16,15 +16,15 @@ from typing import Any
 import pytest
 from swing_fixtures import outputs_of
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.schemas.wire.errors import LaunchError, ObjectNotFoundError
 from prefect_robomaker.tasks.catalog import Catalog, Resource
 from prefect_robomaker.tasks.inspection.replays import verify_run
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointHeader, checkpoint_file
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.simulations.planning.resuming import checkpoint_every_s, plan_to_resume
 from prefect_robomaker.tasks.simulations.ros.domains import own_domain
 from prefect_robomaker.tasks.storage import read_manifest
@@ -34,7 +34,7 @@ SLOW = {"SLEEP_S": "0.01", "TIME_LIMIT_S": "6", "ROBOMAKER_CHECKPOINT_EVERY_S": 
 PERFORM = """
 import os, sys
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.service.service import Service
 perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
 """

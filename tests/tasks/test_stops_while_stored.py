@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from processes import wait_for
 
-from prefect_robomaker.flows.operation import call
 from prefect_robomaker.schemas.wire.errors import StorageUnavailableError
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.job_runs import perform_job
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 
 Order = Callable[..., dict[str, Any]]

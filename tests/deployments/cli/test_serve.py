@@ -15,7 +15,7 @@ import pytest
 from endpoint_process import Serve, Served
 from processes import alive, descendants, wait_for, working_below
 
-from prefect_robomaker.flows.operation import call
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]

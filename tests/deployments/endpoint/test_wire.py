@@ -19,9 +19,9 @@ from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, 
 from prefect_robomaker.deployments.endpoint.failures import Failures
 from prefect_robomaker.deployments.endpoint.limits import LARGE_BODIES, SMALL_BODIES
 from prefect_robomaker.deployments.endpoint.wire import MAX_BODY_BYTES
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 LISTS = [name for name, entry in registry().items() if entry.shape.result_key]

@@ -13,8 +13,8 @@ from performer_process import AwaitStatus, PerformElsewhere
 from prefect_robomaker.deployments.reference.examples import ARCHIVE, EXAMPLES, MADE_BY
 from prefect_robomaker.deployments.reference.operations_page import command
 from prefect_robomaker.deployments.reference.pages import DOCS
-from prefect_robomaker.flows.operation import call, registry
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 

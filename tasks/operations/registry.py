@@ -1,4 +1,4 @@
-"""One registry of operations: from typed handlers to direct calls and Prefect flows.
+"""One registry of operations: what checks a request, does it, and answers; without Prefect.
 
 ```
 @operation("DescribeWorld")                      handler(request, service) -> response
@@ -11,26 +11,20 @@
         ├── PerformWorldGenerationJob  a flow: carries a stored job, named by ARN, to its end
         └── CreateWorldGenerationJob   a flow: both halves, one after the other
 ```
-
-Importing Prefect costs seconds, so flows are made when they are first asked for: each module of
-this package ends with `__getattr__ = flows_of(__name__)`.
 """
 
 import importlib
-import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..schemas.operations.deprecations import deprecated_uses
-from ..schemas.operations.registry import OPERATIONS, OperationShape, parse_request
-from ..schemas.wire.base import Shape
-from ..schemas.wire.errors import InvalidParameterException, ServiceError
-from ..tasks.service.service import Service
-
-if TYPE_CHECKING:
-    from prefect import Flow
+from ...schemas.operations.deprecations import deprecated_uses
+from ...schemas.operations.registry import OPERATIONS, OperationShape, parse_request
+from ...schemas.wire.base import Shape
+from ...schemas.wire.errors import InvalidParameterException, ServiceError
+from ..service.service import Service
 
 Handler = Callable[[Any, Service], Shape]
 Performer = Callable[[str, Service], None]
@@ -68,6 +62,11 @@ class Operation:
         return self.shape.name
 
     @property
+    def resource(self) -> str:
+        """The resource it belongs to: the name of the module of its handler, its shapes and its flows."""
+        return self.module.rpartition(".")[2]
+
+    @property
     def perform_name(self) -> str:
         """Name of the flow that performs a stored job."""
         return "Perform" + self.name.removeprefix("Create").removeprefix("Start")
@@ -78,15 +77,37 @@ class Operation:
         Raises:
           ServiceError: the request is refused; nothing was stored.
         """
-        try:
+        return self.handle(self.checked(data, service), service)
+
+    def checked(self, data: Mapping[str, Any], service: Service) -> Shape:
+        """Checks the request by itself, without the catalog.
+
+        Raises:
+          ServiceError: the request is refused.
+        """
+        with self._own_errors():
             request = parse_request(self.name, data)
             if service.settings.refuse_deprecated and (uses := deprecated_uses(self.shape, request.to_wire())):
                 raise InvalidParameterException(f"no longer supported (ROBOMAKER_REFUSE_DEPRECATED): {'; '.join(uses)}")
+        return request
+
+    def handle(self, request: Shape, service: Service) -> dict[str, Any]:
+        """Does what a checked request asks for, and answers.
+
+        Raises:
+          ServiceError: the request is refused; nothing was stored.
+        """
+        with self._own_errors():
             return self.handler(request, service).to_wire()
+
+    @contextmanager
+    def _own_errors(self) -> Iterator[None]:
+        """Raises the operation's own errors only, which are those that its clients know."""
+        try:
+            yield
         except ServiceError as error:
             if error.status >= 500 or isinstance(error, self.shape.errors):
                 raise
-            # Clients know an operation's own errors only; this one says what is wrong in their terms.
             raise InvalidParameterException(str(error)) from error
 
     def perform(self, arn: str, service: Service) -> dict[str, Any]:
@@ -175,84 +196,3 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
         parse_request(name, data)  # raises, naming the nearest operations
         raise InvalidParameterException(f"operation {name!r} is not served yet")
     return operations[name].answer(data, service)
-
-
-def flows_of(module: str) -> Callable[[str], "Flow[..., Any]"]:
-    """Makes the `__getattr__` through which a module offers its operations as flows."""
-
-    def find(name: str) -> "Flow[..., Any]":
-        for entry in _registry.values():
-            if entry.module == module and name == entry.name:
-                return operation_flow(name)
-            if entry.module == module and entry.performer and name == entry.perform_name:
-                return perform_flow(entry.name)
-        raise AttributeError(f"module {module!r} has no attribute {name!r}")
-
-    return find
-
-
-@cache
-def operation_flow(name: str) -> "Flow[..., Any]":
-    """The operation as a Prefect flow whose parameters are the request's members."""
-    from prefect import flow
-
-    entry = registry()[name]
-
-    def run(**members: Any) -> dict[str, Any]:
-        service = Service.current()
-        request = {member: value for member, value in members.items() if value is not None}
-        answer = entry.answer(request, service)
-        return _perform_shown(entry, answer["arn"], service) if entry.performer else answer
-
-    _take_signature(run, name, entry.shape.request)
-    run.__module__ = entry.module
-    # The request model checks more, and says it better, than a generic validation of parameters.
-    return flow(name=name, description=entry.shape.description, validate_parameters=False)(run)
-
-
-@cache
-def perform_flow(name: str) -> "Flow[..., Any]":
-    """The perform half of a job operation as a Prefect flow of one parameter, the job's ARN."""
-    from prefect import flow
-
-    entry = registry()[name]
-
-    def run(arn: str) -> dict[str, Any]:
-        return _perform_shown(entry, arn, Service.current())
-
-    run.__module__ = entry.module
-    description = f"Carries the job of an ARN, made by {name}, to its end."
-    return flow(name=entry.perform_name, description=description, flow_run_name=_job_id)(run)
-
-
-def _job_id() -> str:
-    """The name of a flow run that performs a job: the id at the end of the job's ARN."""
-    from prefect.runtime import flow_run
-
-    return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]
-
-
-def _perform_shown(entry: Operation, arn: str, service: Service) -> dict[str, Any]:
-    """Performs a job with its progress in Prefect's UI."""
-    from ..tasks.execution.artifacts import shown_progress
-
-    with shown_progress(service, f"{entry.name}: {arn}") as watched, watched.activated():
-        return entry.perform(arn, watched)
-
-
-def _take_signature(function: Callable[..., Any], name: str, request: type[Shape]) -> None:
-    """Gives a function its name, and the request's members as keyword parameters, so that Prefect shows them."""
-    parameters = [
-        inspect.Parameter(
-            member,
-            inspect.Parameter.KEYWORD_ONLY,
-            annotation=field.rebuild_annotation(),
-            default=inspect.Parameter.empty if field.is_required() else None,
-        )
-        for member, field in request.model_fields.items()
-    ]
-    parameters.sort(key=lambda parameter: parameter.default is None)
-    # What is wrong with a call is said of the function of that name.
-    function.__name__ = function.__qualname__ = name
-    function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from ..schemas.operations.applications import ApplicationListRequest
-from ..schemas.runs.plan import ApplicationRole
-from ..schemas.wire.arns import ResourceArn, application_arn
-from ..schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
-from ..tasks.catalog import Page, Resource
-from ..tasks.service.builtin_applications import is_builtin
-from ..tasks.service.service import Service
-from ..tasks.simulations.planning.applications import (
+from ...schemas.operations.applications import ApplicationListRequest
+from ...schemas.runs.plan import ApplicationRole
+from ...schemas.wire.arns import ResourceArn, application_arn
+from ...schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
+from ..catalog import Page, Resource
+from ..service.builtin_applications import is_builtin
+from ..service.service import Service
+from ..simulations.planning.applications import (
     LATEST,
     check_environment,
     find_application,
@@ -21,7 +21,7 @@ from ..tasks.simulations.planning.applications import (
     version_kind,
     with_etag,
 )
-from .listing import page_of
+from .pages import page_of
 
 _CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
 _KEPT = ("lastNumber",)  # what of the document outlives a change: the catalog's count of versions

@@ -12,8 +12,12 @@ from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import StateConflictError
 from ...schemas.wire.ids import world_id
 from ..execution.leases import Lease
+from ..execution.steps import step_runner
+from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
-from .jobs import end_canceled, move_on
+from ..worlds.builders import WorldBuilders
+from ..worlds.generation import generate_world
+from .world_jobs import end_canceled, move_on
 
 NO_FAILURES: dict[str, Any] = {"totalFailureCount": 0, "failures": []}
 """The summary of a job none of whose worlds failed."""
@@ -68,16 +72,24 @@ class GenerationRun:
         self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
         arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
         missing = [(index, arn) for index, arn in enumerate(arns) if arn not in self._made]
-        if missing and not self.stopped():
+        if missing and not self._stopped():
             self._record_failures()  # those of a performer that died are tried again
             self._generate(missing)
         self._settle()
 
-    def stopped(self) -> bool:
+    def _make_world(self, index: int, world_arn: str, builders: WorldBuilders) -> None:
+        """Generates and stores one world; called from several threads."""
+        if self._stopped():
+            return
+        failure = generate_world(self._service, self._job, index, world_arn, builders, step_runner())
+        if failure is None or not self._stopped():  # a stopped builder is no failed world
+            self._note_end(world_arn, failure)
+
+    def _stopped(self) -> bool:
         """Whether no more worlds are wanted."""
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
-    def ended(self, world_arn: str, failure: dict[str, Any] | None) -> None:
+    def _note_end(self, world_arn: str, failure: dict[str, Any] | None) -> None:
         """Counts a world that was made, or why there is none; called from several threads."""
         with self._lock:
             if failure:
@@ -90,24 +102,19 @@ class GenerationRun:
         self._service.report_progress(Progress({"succeeded": done, "failed": failed, "pending": pending}, self._total))
 
     def _generate(self, missing: list[tuple[int, str]]) -> None:
-        from ..execution.task_pool import run_tasks
-        from .builders import WorldBuilders
-        from .generation import generate_and_store
-
         workers = min(len(missing), os.cpu_count() or 1)
         with WorldBuilders(workers, self._service.folder("logs") / "world-builders.log") as builders:
 
             def look() -> bool:
-                if stopped := self.stopped():
+                if stopped := self._stopped():
                     builders.stop()
                 return stopped
 
             run_tasks(
-                generate_and_store,
-                [
-                    {"run": self, "job": self._job, "index": index, "world_arn": arn, "builders": builders}
-                    for index, arn in missing
-                ],
+                "generate-world",
+                lambda index, world_arn: self._make_world(index, world_arn, builders),
+                [{"index": index, "world_arn": arn} for index, arn in missing],
+                run_name="{world_arn}",
                 workers=workers,
                 job_arn=self._job.arn,
                 service=self._service,

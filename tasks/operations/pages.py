@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from ..schemas.wire.common import Filter, filter_values
-from ..schemas.wire.errors import InvalidParameterException
-from ..schemas.wire.request_problems import nearest
-from ..tasks.catalog import Page
-from ..tasks.service.service import Service
+from ...schemas.wire.common import Filter, filter_values
+from ...schemas.wire.errors import InvalidParameterException
+from ...schemas.wire.request_problems import nearest
+from ..catalog import Page
+from ..service.service import Service
 
 
 class ListRequest(Protocol):

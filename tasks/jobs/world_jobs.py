@@ -6,11 +6,9 @@ from typing import Any
 
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import StateConflictError
-from ..catalog import Resource
 from ..execution.claims import perform_if_idle
 from ..execution.leases import Lease
 from ..service.service import Service
-from ..worldforge.exports.export_key import export_key
 
 _ONLY_OF_FAILURES = ("failureCode", "failureReason")
 
@@ -70,9 +68,3 @@ def end_canceled(lease: Lease, **changes: Any) -> None:
     with suppress(StateConflictError):
         lease.transition("cancel")
     lease.transition("canceled", **changes)
-
-
-def archive_place(job: Resource) -> tuple[str, str]:
-    """Bucket and key of an export job's archive."""
-    location = job.document["request"]["outputLocation"]
-    return location["s3Bucket"], export_key(location.get("s3Prefix") or "", job.id)

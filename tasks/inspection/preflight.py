@@ -3,14 +3,14 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..schemas.operations.requested_requirements import no_such_room
-from ..schemas.specs.model import CheckedSpec, CheckedStep
-from ..schemas.specs.text import plain
-from ..schemas.wire.errors import Problem, SpecError
-from ..schemas.wire.request_problems import nearest
-from ..tasks.service.service import Service
-from ..tasks.simulations.inputs.world_rooms import room_names
-from ..tasks.simulations.outputs.locations import prepare_bucket
+from ...schemas.operations.requested_requirements import no_such_room
+from ...schemas.specs.model import CheckedSpec, CheckedStep
+from ...schemas.specs.text import plain
+from ...schemas.wire.errors import Problem, SpecError
+from ...schemas.wire.request_problems import nearest
+from ..service.service import Service
+from ..simulations.inputs.world_rooms import room_names
+from ..simulations.outputs.locations import prepare_bucket
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 

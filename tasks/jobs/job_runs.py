@@ -11,17 +11,18 @@ from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import LaunchError, ServiceUnavailableException, StateConflictError, StorageError
 from ..execution.claims import perform_if_idle, perform_once
 from ..execution.leases import Lease
+from ..execution.steps import RunStep, directly
 from ..runtime.limits.run_notes import add_note
 from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
-from .containers.cleanup import remove_containers_of_job, remove_run
-from .containers.outputs import settle_containers
+from ..simulations.containers.cleanup import remove_containers_of_job, remove_run
+from ..simulations.containers.outputs import settle_containers
+from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
+from ..simulations.planning.resuming import plan_to_resume
+from ..simulations.planning.run_plans import run_plan
+from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, clear_containers_of_the_dead, kept_runs
 from .outcomes import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
-from .outputs.run_outputs import RunOutputs, failure_code_of
-from .planning.resuming import plan_to_resume
-from .planning.run_plans import run_plan
-from .ros.domains import DOMAIN_VARIABLE, own_domain
 
 Stop = Callable[[], str | None]
 """Asked while a job runs; answers the failure code it should stop with, or `None`."""
@@ -36,7 +37,7 @@ _RUNS = ("Running", "RunningFailed", "Restarting")
 _logger = logging.getLogger(__name__)
 
 
-def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
+def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step: RunStep = directly) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
     A job that a dead performer left half-way goes on from the last checkpoint, when the run's folder is on this
@@ -47,9 +48,10 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None) -> None:
       arn: the job.
       service: where it is stored.
       stop: asked several times a second; see `Stop`.
+      run_step: how its steps `prepare`, `simulate` and `upload` are run.
     """
     clear_containers_of_the_dead(service)
-    perform_once(arn, KIND, service, lambda lease: JobRun(lease, service, stop).run())
+    perform_once(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
 
 
 def stop_idle_job(arn: str, service: Service, reason: str = CANCELED) -> bool:
@@ -79,9 +81,11 @@ class JobRun:
       lease: the right to change the job.
       service: where it is stored.
       stop: see `Stop`.
+      run_step: how its steps are run.
     """
 
-    def __init__(self, lease: Lease, service: Service, stop: Stop = lambda: None) -> None:
+    def __init__(self, lease: Lease, service: Service, stop: Stop = lambda: None, run_step: RunStep = directly) -> None:
+        self._run_step = run_step
         self._lease = lease
         self._service = service
         self._stop = stop
@@ -131,7 +135,7 @@ class JobRun:
         run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
         try:
             if left is None:
-                return self._carry_out(self._prepared(run_id, ros_domain))
+                return self._carry_out(self._run_step("prepare", lambda: self._prepared(run_id, ros_domain)))
             self._lease.update(lambda document: {**document, "attempts": document.get("attempts", 1) + 1})
             variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have that of before
             return self._carry_out(left.model_copy(update={"environment": variables}))
@@ -171,12 +175,7 @@ class JobRun:
         """Carries out a planned run; returns whether the job is to be run again."""
         run_id = plan.run_id
         with self._outputs(run_id).rolling():
-            outcome = launcher().run(
-                plan,
-                lambda: "canceled" if self._why_interrupt() else None,
-                on_crash=self._note_crash,
-                on_stopped=lambda: settle_containers(self._folder(run_id), plan.output_dir),
-            )
+            outcome = self._run_step("simulate", lambda: self._simulated(plan))
         why_stop = self._why_stop()
         ending = ending_of(outcome, why_stop)
         try:
@@ -188,8 +187,17 @@ class JobRun:
                 raise
             self._keep_earlier_run(run_id, outcome)
             return True
-        self._settle(self._published(run_id, ending))
+        self._settle(self._run_step("upload", lambda: self._published(run_id, ending)))
         return False
+
+    def _simulated(self, plan: RunPlan) -> RunOutcome:
+        """Runs the plan's processes to their end."""
+        return launcher().run(
+            plan,
+            lambda: "canceled" if self._why_interrupt() else None,
+            on_crash=self._note_crash,
+            on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
+        )
 
     def _note_crash(self, code: str, reason: str) -> None:
         """Says of a job that goes on after a crash that something crashed."""

@@ -7,11 +7,11 @@ themselves; a job that uses a version whose archive has changed since fails and 
 from collections.abc import Mapping
 from typing import Any
 
-from ..schemas.runs.plan import ApplicationRole
-from ..schemas.wire.errors import InvalidParameterException, ThrottlingException
-from ..tasks.catalog import NewResource, Resource
-from ..tasks.service.service import Service
-from ..tasks.simulations.planning.applications import (
+from ...schemas.runs.plan import ApplicationRole
+from ...schemas.wire.errors import InvalidParameterException, ThrottlingException
+from ..catalog import NewResource, Resource
+from ..service.service import Service
+from ..simulations.planning.applications import (
     LATEST,
     MAX_VERSIONS,
     find_application,

@@ -15,9 +15,9 @@ from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Resource
 from ..execution.held_leases import died_here
 from ..service.service import Service
-from .containers.cleanup import has_containers, remove_containers, remove_containers_of_job, remove_run
-from .environment.folders import remove
-from .outputs.run_outputs import NOT_STORED
+from ..simulations.containers.cleanup import has_containers, remove_containers, remove_containers_of_job, remove_run
+from ..simulations.environment.folders import remove
+from ..simulations.outputs.run_outputs import NOT_STORED
 
 KIND = "simulation-job"
 

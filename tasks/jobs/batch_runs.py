@@ -3,17 +3,21 @@
 import time
 from collections.abc import Mapping
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..schemas.lifecycles import batch_outcome, is_terminal
-from ..schemas.operations.simulation_jobs import SimulationJobRequest
-from ..schemas.wire.common import shorten
-from ..schemas.wire.errors import ServiceError
-from ..tasks.catalog import ClientToken, Resource
-from ..tasks.execution.leases import Lease
-from ..tasks.service.service import Progress, Service
-from ..tasks.simulations.job_runs import stop_idle_job
-from .simulation_jobs import store_job
+from ...schemas.lifecycles import batch_outcome, is_terminal
+from ...schemas.operations.simulation_jobs import SimulationJobRequest
+from ...schemas.wire.common import shorten
+from ...schemas.wire.errors import ServiceError
+from ..catalog import ClientToken, Resource
+from ..execution.leases import Lease
+from ..execution.task_pool import run_tasks
+from ..service.service import Progress, Service
+from ..simulations.stored_jobs import store_job
+from .job_runs import perform_job, stop_idle_job
+
+if TYPE_CHECKING:
+    from ..execution.slots import Slots
 
 _WAIT_S = 0.5
 _END_EVENTS: Mapping[str, str] = {
@@ -65,7 +69,7 @@ class BatchRun:
             self._lease.transition("start")
         if unfinished := self._unfinished():
             self._run_requests(unfinished)
-        while self.why_stop() and not self._lease.lost and not self._stop_leftovers():
+        while self._why_stop() and not self._lease.lost and not self._stop_leftovers():
             time.sleep(_WAIT_S)  # somebody else performs one of its jobs, and has been told to end it
         self._settle()
 
@@ -84,7 +88,7 @@ class BatchRun:
         Returns:
           Whether all jobs have ended.
         """
-        reason = self.why_stop() or "BatchCanceled"
+        reason = self._why_stop() or "BatchCanceled"
         performed = [
             job.arn for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
         ]
@@ -100,23 +104,23 @@ class BatchRun:
     def _unfinished(self) -> list[int]:
         """The requests that still have to be seen to: once the batch has to stop, only those that are jobs."""
         active = set(self._active())
-        return sorted(active if self.why_stop() else active.union(self._waiting()))
+        return sorted(active if self._why_stop() else active.union(self._waiting()))
 
     def _waiting(self) -> list[int]:
         """The requests that are neither jobs nor refused."""
         return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
 
     def _run_requests(self, indices: list[int]) -> None:
-        from ..tasks.execution.slots import Slots
-        from ..tasks.execution.task_pool import run_tasks
-        from ..tasks.simulations.steps import simulate_request
+        from ..execution.slots import Slots
 
         limit = self._batch.document["batchPolicy"]["maxConcurrency"]
         with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
             try:
                 run_tasks(
-                    simulate_request,
-                    [{"batch": self, "index": index, "slots": slots} for index in indices],
+                    "simulate-request",
+                    lambda index: self._simulate(index, slots),
+                    [{"index": index} for index in indices],
+                    run_name="request-{index}",
                     workers=min(limit, len(indices)),
                     job_arn=self._arn,
                     service=self._service,
@@ -126,7 +130,15 @@ class BatchRun:
                 if not self._lease.lost:  # else the slots are another performer's
                     slots.remove()
 
-    def why_stop(self) -> str | None:
+    def _simulate(self, index: int, slots: "Slots") -> None:
+        """Turns one request into a job, while holding a slot of the batch, and runs it."""
+        with slots.hold(lambda: self._why_stop() is not None) as held:
+            if held and (job := self._create_job(index)) is not None:
+                self._report()
+                perform_job(job.arn, self._service, self._why_stop)
+        self._report()
+
+    def _why_stop(self) -> str | None:
         """The failure code with which the batch's jobs have to stop, if they have to; the first reason stays."""
         if self._stop is None:
             if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
@@ -135,7 +147,7 @@ class BatchRun:
                 self._stop = "BatchTimedOut"
         return self._stop
 
-    def create_job(self, index: int) -> Resource | None:
+    def _create_job(self, index: int) -> Resource | None:
         """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
         if str(index) in self._failed:
             return None
@@ -160,7 +172,7 @@ class BatchRun:
         if len(failed) > len(self._lease.job.document["failed"]):
             self._lease.update(lambda document: {**document, "failed": failed, "failedCount": len(failed)})
 
-    def report(self) -> None:
+    def _report(self) -> None:
         """Tells whoever watches how many requests are in which state."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = {status.lower(): count for status, count in statuses.items()}
@@ -180,11 +192,11 @@ class BatchRun:
         self._note_stop()
         if self._lease.job.status == "InProgress" and not self._waiting():
             self._lease.transition("drain")
-        return self.why_stop() is not None
+        return self._why_stop() is not None
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""
-        event = _STOPS.get(self.why_stop() or "")
+        event = _STOPS.get(self._why_stop() or "")
         if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)
 
@@ -212,4 +224,4 @@ class BatchRun:
             reason = "at least one request could not become a job because of an internal fault"
             changes = {"failureCode": "InternalServiceError", "failureReason": reason}
         self._lease.transition(_END_EVENTS[end], **changes)
-        self.report()
+        self._report()

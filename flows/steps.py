@@ -1,0 +1,80 @@
+"""What the flows of operations are made of: their tasks, and the decorators that make functions flows.
+
+Prefect shows the tasks of a flow run by name. A write has `validate` and `record`; a job has the steps of its
+kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a read is answered without a task.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec
+
+from prefect import Flow, flow, task
+from prefect.cache_policies import NO_CACHE
+from prefect.runtime import flow_run
+
+from ..schemas.operations.registry import OPERATIONS
+from ..schemas.wire.base import Shape
+from ..tasks.execution.artifacts import shown_progress
+from ..tasks.operations.registry import registry
+from ..tasks.service.service import Service
+
+Parameters = ParamSpec("Parameters")
+
+
+def operation_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
+    """Makes a function the flow of the operation it is named after; its parameters are the request's members."""
+    name = function.__name__
+    # The request model checks more, and says it better, than a generic validation of parameters.
+    return flow(name=name, description=OPERATIONS[name].description, validate_parameters=False)(function)
+
+
+def perform_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
+    """Makes a function a flow that carries the job of an ARN to its end; its runs are named after the job."""
+    return flow(name=function.__name__, flow_run_name=_job_id)(function)
+
+
+@task(name="validate", cache_policy=NO_CACHE)
+def validate(operation: str, members: Mapping[str, Any]) -> Shape:
+    """Checks the members of a request; those that are `None` are absent.
+
+    Raises:
+      ServiceError: the request is refused.
+    """
+    return registry()[operation].checked(_present(members), Service.current())
+
+
+@task(name="record", cache_policy=NO_CACHE)
+def record(operation: str, request: Shape) -> dict[str, Any]:
+    """Does what a checked request asks of the catalog, and answers; a job is `Pending` then.
+
+    Raises:
+      ServiceError: the request is refused; nothing was stored.
+    """
+    return registry()[operation].handle(request, Service.current())
+
+
+def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
+    """Answers a request that changes nothing.
+
+    Raises:
+      ServiceError: the request is refused.
+    """
+    return registry()[operation].answer(_present(members), Service.current())
+
+
+def carry_out(operation: str, arn: str) -> dict[str, Any]:
+    """Carries a stored job to its end, with its steps as tasks and its progress in Prefect's UI.
+
+    Returns:
+      The job's final description.
+    """
+    with shown_progress(Service.current(), f"{operation}: {arn}") as watched, watched.activated():
+        return registry()[operation].perform(arn, watched)
+
+
+def _present(members: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in members.items() if value is not None}
+
+
+def _job_id() -> str:
+    """The name of a flow run that carries out a job: the id at the end of the job's ARN."""
+    return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]

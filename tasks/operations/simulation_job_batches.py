@@ -1,0 +1,170 @@
+"""Simulation job batches: many jobs, never more than `maxConcurrency` at once."""
+
+from datetime import datetime
+from typing import Any
+
+from ...schemas.operations.requested_requirements import rooms_asked
+from ...schemas.operations.simulation_job_batches import (
+    CancelSimulationJobBatchRequest,
+    CancelSimulationJobBatchResponse,
+    DescribeSimulationJobBatchRequest,
+    DescribeSimulationJobBatchResponse,
+    ListSimulationJobBatchesRequest,
+    ListSimulationJobBatchesResponse,
+    StartSimulationJobBatchRequest,
+    StartSimulationJobBatchResponse,
+)
+from ..catalog import ClientToken, Resource
+from ..execution.claims import perform_if_idle, perform_once
+from ..jobs.batch_runs import BatchRun, jobs_by_request
+from ..service.service import Service
+from ..simulations.inputs.world_rooms import check_rooms
+from ..simulations.planning.run_plans import world_arn
+from .pages import page_of
+from .registry import operation
+from .simulation_jobs import summary
+
+KIND = "simulation-job-batch"
+MAX_TIMEOUT_S = 1_209_600
+_COUNTS = ("requestCount", "failedCount")
+
+
+def perform_simulation_job_batch(arn: str, service: Service) -> None:
+    """Turns the batch's requests into jobs, runs them, and ends the batch."""
+    perform_once(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
+
+
+@operation("StartSimulationJobBatch", perform=perform_simulation_job_batch, describe="DescribeSimulationJobBatch")
+def start_simulation_job_batch(
+    request: StartSimulationJobBatchRequest, service: Service
+) -> StartSimulationJobBatchResponse:
+    """Stores a batch; its requests become jobs when it is performed."""
+    _check_rooms(request, service)
+    policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
+    batch = service.store_job(
+        KIND,
+        "batch",
+        {
+            "request": request.to_wire(),
+            "batchPolicy": {
+                "timeoutInSeconds": policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
+                "maxConcurrency": policy.get("maxConcurrency", service.settings.max_jobs),
+            },
+            "failed": {},
+            # Lists read these two instead of the whole batch.
+            "requestCount": len(request.createSimulationJobRequests),
+            "failedCount": 0,
+        },
+        tags=request.tags,
+        token=ClientToken.of("StartSimulationJobBatch", request),
+    )
+    answer = _described(batch, service)
+    del answer["lastUpdatedAt"]
+    return StartSimulationJobBatchResponse.model_validate(answer)
+
+
+@operation("DescribeSimulationJobBatch")
+def describe_simulation_job_batch(
+    request: DescribeSimulationJobBatchRequest, service: Service
+) -> DescribeSimulationJobBatchResponse:
+    """Tells how a batch stands: which requests are jobs, which wait, which failed."""
+    batch = service.catalog.get(request.batch, kind=KIND)
+    return DescribeSimulationJobBatchResponse.model_validate(_described(batch, service))
+
+
+@operation("ListSimulationJobBatches")
+def list_simulation_job_batches(
+    request: ListSimulationJobBatchesRequest, service: Service
+) -> ListSimulationJobBatchesResponse:
+    """Lists batches; says of their requests only how many are in which state."""
+    page = page_of(
+        "ListSimulationJobBatches",
+        KIND,
+        request,
+        service,
+        filters={"status": "status"},
+        given=request.filters,
+        members=_COUNTS,
+    )
+    created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
+    return ListSimulationJobBatchesResponse.model_validate(
+        {
+            "simulationJobBatchSummaries": [
+                _summary(batch, created.get(batch.arn, 0), service) for batch in page.resources
+            ],
+            "nextToken": page.next_token,
+        }
+    )
+
+
+@operation("CancelSimulationJobBatch")
+def cancel_simulation_job_batch(
+    request: CancelSimulationJobBatchRequest, service: Service
+) -> CancelSimulationJobBatchResponse:
+    """Has a batch end as cancelled, with its jobs: soon by whoever performs it, at once if nobody does.
+
+    Cancelling a batch that has ended changes nothing and succeeds.
+    """
+    service.catalog.get(request.batch, kind=KIND)
+    service.catalog.request_cancel(request.batch)
+    perform_if_idle(request.batch, KIND, service, lambda lease: BatchRun(lease, service).end())
+    return CancelSimulationJobBatchResponse()
+
+
+def _check_rooms(request: StartSimulationJobBatchRequest, service: Service) -> None:
+    """Refuses goals in rooms that do not exist; a world that does not fails its request later, as without goals."""
+    orders = {
+        index: (order, world)
+        for index, order in enumerate(request.createSimulationJobRequests)
+        if rooms_asked(order) and (world := world_arn(order.to_wire())) is not None
+    }
+    worlds = service.catalog.get_many({world for _, world in orders.values()})
+    for index, (order, arn) in orders.items():
+        if arn in worlds:
+            check_rooms(order, worlds[arn], service, f"createSimulationJobRequests[{index}].")
+
+
+def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:
+    requests, failed = _counts(batch, service)
+    return {
+        "arn": batch.arn,
+        "lastUpdatedAt": batch.updated_at,
+        "createdAt": batch.created_at,
+        "status": batch.status,
+        "failedRequestCount": failed,
+        "pendingRequestCount": requests - failed - created,
+        "createdRequestCount": created,
+    }
+
+
+def _counts(batch: Resource, service: Service) -> tuple[int, int]:
+    """How many requests a batch has, and how many failed."""
+    if not set(_COUNTS) <= set(batch.document):  # it is from before they were counted
+        whole = service.catalog.get(batch.arn).document
+        return len(whole["request"]["createSimulationJobRequests"]), len(whole["failed"])
+    return batch.document["requestCount"], batch.document["failedCount"]
+
+
+def _described(batch: Resource, service: Service) -> dict[str, Any]:
+    requests = batch.document["request"]["createSimulationJobRequests"]
+    failed = batch.document["failed"]
+    jobs = jobs_by_request(batch, service)
+    return {
+        "arn": batch.arn,
+        "status": batch.status,
+        "lastUpdatedAt": batch.updated_at,
+        "createdAt": batch.created_at,
+        "clientRequestToken": batch.document["request"].get("clientRequestToken"),
+        "batchPolicy": batch.document["batchPolicy"],
+        "failureCode": batch.document.get("failureCode"),
+        "failureReason": batch.document.get("failureReason"),
+        "failedRequests": [
+            {"request": requests[int(index)], **failure, "failedAt": datetime.fromisoformat(failure["failedAt"])}
+            for index, failure in sorted(failed.items(), key=lambda item: int(item[0]))
+        ],
+        "pendingRequests": [
+            request for index, request in enumerate(requests) if index not in jobs and str(index) not in failed
+        ],
+        "createdRequests": [summary(job) for _, job in sorted(jobs.items())],
+        "tags": dict(batch.tags),
+    }

@@ -1,0 +1,163 @@
+"""Simulation jobs: one robot, one world, one run."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from ...schemas.lifecycles import is_terminal
+from ...schemas.operations.simulation_jobs import (
+    BatchDescribeSimulationJobRequest,
+    BatchDescribeSimulationJobResponse,
+    CancelSimulationJobRequest,
+    CancelSimulationJobResponse,
+    CreateSimulationJobRequest,
+    CreateSimulationJobResponse,
+    DescribeSimulationJobRequest,
+    DescribeSimulationJobResponse,
+    ListSimulationJobsRequest,
+    ListSimulationJobsResponse,
+    RestartSimulationJobRequest,
+    RestartSimulationJobResponse,
+    SimulationJob,
+)
+from ...schemas.wire.errors import InvalidParameterException, StateConflictError
+from ..catalog import ClientToken, Resource
+from ..execution.steps import step_runner
+from ..execution.task_pool import run_alone
+from ..jobs.job_runs import perform_job, stop_idle_job
+from ..service.service import Progress, Service
+from ..simulations.environment.compute import DEFAULT_COMPUTE
+from ..simulations.stored_jobs import store_job
+from .pages import page_of
+from .registry import operation
+
+KIND = "simulation-job"
+# What lists filter by: the job's status, and the labels that `store_job` gives it.
+_FILTERS = {
+    "status": "status",
+    "simulationApplicationName": "simulationApplicationName",
+    "robotApplicationName": "robotApplicationName",
+}
+
+
+def perform_simulation_job(arn: str, service: Service) -> None:
+    """Runs the job's simulation in a process of its own and stores its outputs."""
+    run_step = step_runner()
+    run_alone(lambda: perform_job(arn, service, run_step=run_step), job_arn=arn, service=service)
+    status = service.catalog.get(arn).status
+    service.report_progress(Progress({status.lower(): 1}, 1))
+
+
+@operation("CreateSimulationJob", perform=perform_simulation_job, describe="DescribeSimulationJob")
+def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> CreateSimulationJobResponse:
+    """Stores a simulation job whose applications, world and data exist."""
+    token = ClientToken.of("CreateSimulationJob", request)
+    job = store_job(request, service, token=token)
+    described = describe(job)
+    for member in ("name", "failureReason", "networkInterface"):
+        described.pop(member, None)
+    return CreateSimulationJobResponse.model_validate(described)
+
+
+@operation("DescribeSimulationJob")
+def describe_simulation_job(request: DescribeSimulationJobRequest, service: Service) -> DescribeSimulationJobResponse:
+    """Tells how a simulation job stands."""
+    return DescribeSimulationJobResponse.model_validate(describe(service.catalog.get(request.job, kind=KIND)))
+
+
+@operation("BatchDescribeSimulationJob")
+def batch_describe_simulation_job(
+    request: BatchDescribeSimulationJobRequest, service: Service
+) -> BatchDescribeSimulationJobResponse:
+    """Tells how several simulation jobs stand."""
+    found = {arn: job for arn, job in service.catalog.get_many(request.jobs).items() if job.kind == KIND}
+    jobs = [SimulationJob.model_validate(describe(found[arn])) for arn in request.jobs if arn in found]
+    missing = [arn for arn in request.jobs if arn not in found]
+    return BatchDescribeSimulationJobResponse(jobs=jobs, unprocessedJobs=missing)
+
+
+@operation("ListSimulationJobs")
+def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> ListSimulationJobsResponse:
+    """Lists jobs, 100 a page at most."""
+    page = page_of("ListSimulationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    return ListSimulationJobsResponse.model_validate(
+        {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
+    )
+
+
+@operation("CancelSimulationJob")
+def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> CancelSimulationJobResponse:
+    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does.
+
+    Cancelling a job that has ended changes nothing and succeeds.
+    """
+    service.catalog.get(request.job, kind=KIND)
+    service.catalog.request_cancel(request.job)
+    stop_idle_job(request.job, service)
+    return CancelSimulationJobResponse()
+
+
+@operation("RestartSimulationJob")
+def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> RestartSimulationJobResponse:
+    """Has a running job run again from the start; whoever performs it sees the new status."""
+    job = service.catalog.get(request.job, kind=KIND)
+    _, is_to_be_cancelled = service.catalog.standing(request.job)
+    if is_to_be_cancelled and not is_terminal(KIND, job.status):
+        raise InvalidParameterException(f"job: {job.arn} is being cancelled; only a running job can be restarted")
+    try:
+        service.catalog.transition(request.job, "restart")
+    except StateConflictError as error:
+        status, _ = service.catalog.standing(request.job)
+        raise InvalidParameterException(
+            f"job: {job.arn} is {status}; only a job that is Running or RunningFailed can be restarted"
+        ) from error
+    return RestartSimulationJobResponse()
+
+
+def describe(job: Resource) -> dict[str, Any]:
+    """The members of a job's description, those without a value as `None`."""
+    document = job.document
+    request = document["request"]
+    started = document.get("lastStartedAt")
+    return {
+        "arn": job.arn,
+        "name": job.id,
+        "status": job.status,
+        "lastStartedAt": datetime.fromisoformat(started) if started else None,
+        "lastUpdatedAt": job.updated_at,
+        "failureBehavior": request.get("failureBehavior", "Fail"),
+        "failureCode": document.get("failureCode"),
+        "failureReason": document.get("failureReason"),
+        "clientRequestToken": request.get("clientRequestToken"),
+        "outputLocation": request.get("outputLocation"),
+        "loggingConfig": request.get("loggingConfig"),
+        "maxJobDurationInSeconds": request["maxJobDurationInSeconds"],
+        "simulationTimeMillis": document.get("simulationTimeMillis", 0),
+        "iamRole": request.get("iamRole"),
+        "robotApplications": request.get("robotApplications"),
+        "simulationApplications": request.get("simulationApplications"),
+        "dataSources": document.get("dataSources") or None,
+        "tags": dict(job.tags),
+        "vpcConfig": request.get("vpcConfig"),
+        "networkInterface": document.get("networkInterface"),
+        "compute": _compute(request),
+    }
+
+
+def summary(job: Resource) -> dict[str, Any]:
+    """The members of a job's entry in a list."""
+    document = job.document
+    return {
+        "arn": job.arn,
+        "lastUpdatedAt": job.updated_at,
+        "name": job.id,
+        "status": job.status,
+        "simulationApplicationNames": document["simulationApplicationNames"],
+        "robotApplicationNames": document["robotApplicationNames"],
+        "dataSourceNames": [source["name"] for source in document.get("dataSources") or []],
+        "computeType": _compute(document["request"])["computeType"],
+    }
+
+
+def _compute(request: Mapping[str, Any]) -> dict[str, Any]:
+    return {**DEFAULT_COMPUTE, **request.get("compute", {})}

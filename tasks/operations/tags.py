@@ -1,0 +1,45 @@
+"""Tags: words that users put on resources; all versions of an application have the application's."""
+
+from typing import get_args
+
+from ...schemas.operations.tags import (
+    ListTagsForResourceRequest,
+    ListTagsForResourceResponse,
+    TagResourceRequest,
+    TagResourceResponse,
+    UntagResourceRequest,
+    UntagResourceResponse,
+)
+from ...schemas.wire.arns import Kind, ResourceArn
+from ...schemas.wire.errors import ResourceNotFoundException
+from ..catalog import Resource
+from ..service.service import Service
+from .registry import operation
+
+
+@operation("ListTagsForResource")
+def list_tags_for_resource(request: ListTagsForResourceRequest, service: Service) -> ListTagsForResourceResponse:
+    """Lists a resource's tags."""
+    return ListTagsForResourceResponse(tags=dict(_tagged(request.resourceArn, service).tags))
+
+
+@operation("TagResource")
+def tag_resource(request: TagResourceRequest, service: Service) -> TagResourceResponse:
+    """Adds tags to a resource, whatever its status, and replaces the values of keys it has."""
+    service.catalog.set_tags(_tagged(request.resourceArn, service).arn, request.tags)
+    return TagResourceResponse()
+
+
+@operation("UntagResource")
+def untag_resource(request: UntagResourceRequest, service: Service) -> UntagResourceResponse:
+    """Removes tags from a resource; keys it does not have are ignored."""
+    service.catalog.remove_tags(_tagged(request.resourceArn, service).arn, request.tagKeys)
+    return UntagResourceResponse()
+
+
+def _tagged(arn: str, service: Service) -> Resource:
+    ResourceArn.parse(arn)
+    resource = service.catalog.get(arn)
+    if resource.kind not in get_args(Kind):  # what only the catalog tells apart, such as an application's versions
+        raise ResourceNotFoundException(f"there is no resource {arn}")
+    return resource

@@ -1,0 +1,112 @@
+"""World export jobs: worlds packed into one archive."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ...schemas.operations.world_export_jobs import (
+    CancelWorldExportJobRequest,
+    CancelWorldExportJobResponse,
+    CreateWorldExportJobRequest,
+    CreateWorldExportJobResponse,
+    DescribeWorldExportJobRequest,
+    DescribeWorldExportJobResponse,
+    ListWorldExportJobsRequest,
+    ListWorldExportJobsResponse,
+)
+from ...schemas.wire.errors import (
+    InvalidParameterException,
+)
+from ..catalog import ClientToken, Resource
+from ..execution.claims import perform_once
+from ..jobs.export_runs import run_export
+from ..jobs.world_jobs import cancel_world_job
+from ..service.service import Service
+from ..simulations.outputs.locations import check_output_location
+from .pages import page_of
+from .registry import operation
+
+KIND = "world-export-job"
+_ORIGINS = ("generationJobId", "templateId")
+"""Labels of worlds that an export of theirs has too."""
+_FILTERS = {"status": "status", **{origin: origin for origin in _ORIGINS}}
+
+
+def perform_world_export_job(arn: str, service: Service) -> None:
+    """Packs the worlds, stores the archive and ends the job."""
+    perform_once(arn, KIND, service, lambda lease: run_export(lease, service))
+
+
+@operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")
+def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> CreateWorldExportJobResponse:
+    """Stores an export job for worlds that exist."""
+    token = ClientToken.of("CreateWorldExportJob", request)
+    answer = _described(service.made_before(token) or _stored(request, token, service))
+    del answer["worlds"], answer["failureReason"]
+    return CreateWorldExportJobResponse.model_validate(answer)
+
+
+def _stored(request: CreateWorldExportJobRequest, token: ClientToken | None, service: Service) -> Resource:
+    if request.outputLocation.s3Bucket is None:
+        raise InvalidParameterException("outputLocation.s3Bucket: has to be given; the archive is put there")
+    check_output_location(request.outputLocation.to_wire())
+    worlds = [service.catalog.get(world, kind="world") for world in request.worlds]
+    return service.store_job(
+        KIND,
+        "export",
+        {"request": request.to_wire()},
+        tags=request.tags,
+        token=token,
+        labels={origin: _labels(worlds, origin) for origin in _ORIGINS},
+    )
+
+
+def _labels(worlds: Sequence[Resource], key: str) -> list[str]:
+    return list(dict.fromkeys(value for world in worlds for value in world.labels.get(key, ())))
+
+
+@operation("ListWorldExportJobs")
+def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service) -> ListWorldExportJobsResponse:
+    """Lists export jobs, newest first."""
+    page = page_of("ListWorldExportJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    return ListWorldExportJobsResponse.model_validate(
+        {"worldExportJobSummaries": [_summary(job) for job in page.resources], "nextToken": page.next_token}
+    )
+
+
+@operation("CancelWorldExportJob")
+def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Service) -> CancelWorldExportJobResponse:
+    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does; there is no archive then.
+
+    Cancelling a job that has ended changes nothing and succeeds.
+    """
+    cancel_world_job(request.job, KIND, service, lambda lease: run_export(lease, service))
+    return CancelWorldExportJobResponse()
+
+
+@operation("DescribeWorldExportJob")
+def describe_world_export_job(
+    request: DescribeWorldExportJobRequest, service: Service
+) -> DescribeWorldExportJobResponse:
+    """Tells how an export job stands."""
+    return DescribeWorldExportJobResponse.model_validate(_described(service.catalog.get(request.job, kind=KIND)))
+
+
+def _summary(job: Resource) -> dict[str, Any]:
+    described = _described(job)
+    return {member: described[member] for member in ("arn", "status", "createdAt", "worlds", "outputLocation")}
+
+
+def _described(job: Resource) -> dict[str, Any]:
+    request = job.document["request"]
+    return {
+        "arn": job.arn,
+        "status": job.status,
+        "createdAt": job.created_at,
+        "failureCode": job.document.get("failureCode"),
+        "failureReason": job.document.get("failureReason"),
+        "clientRequestToken": request.get("clientRequestToken"),
+        "worlds": request["worlds"],
+        "outputLocation": request["outputLocation"],
+        "iamRole": request["iamRole"],
+        "tags": dict(job.tags),
+    }

@@ -1,0 +1,133 @@
+"""World generation jobs: worlds from a template, several processes at a time."""
+
+from typing import Any
+
+from ...schemas.operations.registry import seed_of
+from ...schemas.operations.world_generation_jobs import (
+    CancelWorldGenerationJobRequest,
+    CancelWorldGenerationJobResponse,
+    CreateWorldGenerationJobRequest,
+    CreateWorldGenerationJobResponse,
+    DescribeWorldGenerationJobRequest,
+    DescribeWorldGenerationJobResponse,
+    ListWorldGenerationJobsRequest,
+    ListWorldGenerationJobsResponse,
+)
+from ..catalog import ClientToken, Resource
+from ..execution.claims import perform_once
+from ..jobs.generation_runs import NO_FAILURES, in_order, run_generation
+from ..jobs.world_jobs import cancel_world_job
+from ..service.service import Service
+from .pages import page_of
+from .registry import operation
+
+KIND = "world-generation-job"
+_FILTERS = {"status": "status", "templateId": "templateId"}
+
+
+def perform_world_generation_job(arn: str, service: Service) -> None:
+    """Generates the job's worlds that do not exist yet and ends the job."""
+    perform_once(arn, KIND, service, lambda lease: run_generation(lease, service))
+
+
+@operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
+def create_world_generation_job(
+    request: CreateWorldGenerationJobRequest, service: Service
+) -> CreateWorldGenerationJobResponse:
+    """Stores a generation job; the template's body is kept as it is now."""
+    token = ClientToken.of("CreateWorldGenerationJob", request)
+    job = service.made_before(token) or _stored(request, token, service)
+    return CreateWorldGenerationJobResponse.model_validate(_described(job))
+
+
+def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None, service: Service) -> Resource:
+    template = service.catalog.get(request.template, kind="world-template")
+    seed = seed_of(request)
+    return service.store_job(
+        KIND,
+        "generation",
+        {
+            "request": request.to_wire(),
+            "templateBody": template.document["templateBody"],
+            "seed": service.new_seed() if seed is None else seed,
+        },
+        tags=request.tags,
+        token=token,
+        labels={"templateId": [template.id]},
+    )
+
+
+@operation("DescribeWorldGenerationJob")
+def describe_world_generation_job(
+    request: DescribeWorldGenerationJobRequest, service: Service
+) -> DescribeWorldGenerationJobResponse:
+    """Tells how a generation job stands, with the worlds finished so far."""
+    job = service.catalog.get(request.job, kind=KIND)
+    worlds = job.document.get("succeededWorlds")
+    if worlds is None:
+        worlds = in_order(world.arn for world in service.catalog.children(job.arn, kind="world"))
+    failures = job.document.get("failures") or NO_FAILURES
+    response = _described(job)
+    response["failureReason"] = job.document.get("failureReason")
+    response["finishedWorldsSummary"] = {
+        "finishedCount": len(worlds) + failures["totalFailureCount"],
+        "succeededWorlds": worlds,
+        "failureSummary": failures,
+    }
+    return DescribeWorldGenerationJobResponse.model_validate(response)
+
+
+@operation("ListWorldGenerationJobs")
+def list_world_generation_jobs(
+    request: ListWorldGenerationJobsRequest, service: Service
+) -> ListWorldGenerationJobsResponse:
+    """Lists generation jobs, newest first."""
+    page = page_of("ListWorldGenerationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    return ListWorldGenerationJobsResponse.model_validate(
+        {
+            "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
+            "nextToken": page.next_token,
+        }
+    )
+
+
+@operation("CancelWorldGenerationJob")
+def cancel_world_generation_job(
+    request: CancelWorldGenerationJobRequest, service: Service
+) -> CancelWorldGenerationJobResponse:
+    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does; its worlds stay.
+
+    Cancelling a job that has ended changes nothing and succeeds.
+    """
+    cancel_world_job(request.job, KIND, service, lambda lease: run_generation(lease, service))
+    return CancelWorldGenerationJobResponse()
+
+
+def _summary(job: Resource, service: Service) -> dict[str, Any]:
+    worlds = job.document.get("succeededWorlds")
+    succeeded = sum(service.catalog.count_children(job.arn, "world").values()) if worlds is None else len(worlds)
+    request = job.document["request"]
+    return {
+        "arn": job.arn,
+        "template": request["template"],
+        "createdAt": job.created_at,
+        "status": job.status,
+        "worldCount": request["worldCount"],
+        "succeededWorldCount": succeeded,
+        "failedWorldCount": (job.document.get("failures") or NO_FAILURES)["totalFailureCount"],
+    }
+
+
+def _described(job: Resource) -> dict[str, Any]:
+    request = job.document["request"]
+    return {
+        "arn": job.arn,
+        "status": job.status,
+        "createdAt": job.created_at,
+        "failureCode": job.document.get("failureCode"),
+        "clientRequestToken": request.get("clientRequestToken"),
+        "template": request["template"],
+        "worldCount": request["worldCount"],
+        "tags": dict(job.tags),
+        "worldTags": request.get("worldTags") or {},
+    }

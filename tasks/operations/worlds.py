@@ -1,0 +1,89 @@
+"""Worlds: what generation jobs leave behind."""
+
+import json
+import logging
+from typing import Any
+
+from ...schemas.operations.worlds import (
+    BatchDeleteWorldsRequest,
+    BatchDeleteWorldsResponse,
+    DescribeWorldRequest,
+    DescribeWorldResponse,
+    ListWorldsRequest,
+    ListWorldsResponse,
+)
+from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException, StorageError
+from ..catalog import Resource
+from ..service.service import Service
+from ..worlds.bundles import delete_world
+from .pages import page_of
+from .registry import operation
+
+KIND = "world"
+# The service documented `status`, though its worlds have none: here they all are `Active`.
+_FILTERS = {"status": "status", "generationJobId": "generationJobId", "templateId": "templateId"}
+
+_logger = logging.getLogger(__name__)
+
+
+@operation("DescribeWorld")
+def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeWorldResponse:
+    """Tells where a world comes from, what it holds and what was proven of it."""
+    world = service.catalog.get(request.world, kind=KIND)
+    return DescribeWorldResponse.model_validate(
+        {**_summary(world), "tags": dict(world.tags), "worldDescriptionBody": _description(world, service)}
+    )
+
+
+@operation("ListWorlds")
+def list_worlds(request: ListWorldsRequest, service: Service) -> ListWorldsResponse:
+    """Lists worlds, newest first."""
+    page = page_of("ListWorlds", KIND, request, service, filters=_FILTERS, given=request.filters)
+    return ListWorldsResponse.model_validate(
+        {"worldSummaries": [_summary(world) for world in page.resources], "nextToken": page.next_token}
+    )
+
+
+@operation("BatchDeleteWorlds")
+def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> BatchDeleteWorldsResponse:
+    """Deletes worlds and their bundles; jobs that already run in them go on."""
+    found = service.catalog.get_many(request.worlds)
+    left = [
+        arn
+        for arn in dict.fromkeys(request.worlds)
+        if arn not in found or found[arn].kind != KIND or not _deleted(found[arn], service)
+    ]
+    return BatchDeleteWorldsResponse(unprocessedWorlds=left)
+
+
+def _description(world: Resource, service: Service) -> str | None:
+    """What the world's bundle says of it, and the bundle's hash; worlds of earlier releases may have no description."""
+    key = world.document.get("descriptionKey")
+    if key is None:
+        return None
+    bucket = world.document["bundle"]["bucket"]
+    try:
+        description = json.loads(service.store.get_bytes(bucket, key))
+    except StorageError as error:
+        raise InternalServerException(f"the description of {world.arn} cannot be read: {error}") from error
+    return json.dumps({**description, "contentHash": world.document["bundle"]["prefix"].rsplit("/", 1)[-1]})
+
+
+def _deleted(world: Resource, service: Service) -> bool:
+    try:
+        delete_world(world, service)
+    except ResourceNotFoundException:  # somebody else was quicker
+        return False
+    except StorageError as error:
+        _logger.warning("%s is not deleted: %s", world.arn, error)
+        return False
+    return True
+
+
+def _summary(world: Resource) -> dict[str, Any]:
+    return {
+        "arn": world.arn,
+        "createdAt": world.created_at,
+        "generationJob": world.parent,
+        "template": world.document.get("template"),
+    }
