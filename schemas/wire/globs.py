@@ -13,10 +13,15 @@ A glob becomes a nondeterministic automaton that is followed for all its states 
 twisted, takes longer than its length times that of the path.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable
 
-_SPECIAL = frozenset("*?[{\\")
+_TOKEN = re.compile(
+    r"(?P<stars>\*\*?)|\[(?P<unwanted>!?)(?P<members>(?:\\.|[^]\\])*)]|\\(?P<quoted>.)|(?P<plain>.)", re.DOTALL
+)
+_RANGE = re.compile(r"\\?(.)(?:-\\?(.))?", re.DOTALL)
+_SPECIAL = re.compile(r"[*?[{\\]")
+_MAX_DEPTH = 20
 
 Accepts = Callable[[str], bool]
 """Whether a character leads on."""
@@ -38,9 +43,10 @@ class Glob:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self._automaton = _Automaton()
-        self._end = _Parser(text, self._automaton).parse()
-        self._start = self._automaton.closure({0})
+        self._edges: list[list[tuple[Accepts | None, int]]] = [[]]
+        """Of each state, the ways to others; those without a test take no character."""
+        self._end = self._parse()
+        self._start = self._closure({0})
 
     def matches(self, path: str) -> bool:
         """Whether a path matches, as a whole."""
@@ -50,153 +56,83 @@ class Glob:
         """Whether a path that begins with a folder's path and `/` could match."""
         return bool(self._after(f"{folder}/"))
 
+    @property
+    def fixed_folder(self) -> str:
+        """The folder that all matches are in: what is in front of the last `/` before anything special."""
+        return _SPECIAL.split(self.text, maxsplit=1)[0].rpartition("/")[0]
+
     def _after(self, text: str) -> frozenset[int]:
+        """The states that are reached by a text from the start."""
         states = self._start
         for character in text:
-            states = self._automaton.step(states, character)
+            edges = (edge for state in states for edge in self._edges[state])
+            states = self._closure({target for accepts, target in edges if accepts is not None and accepts(character)})
             if not states:
                 break
         return states
 
-    @property
-    def fixed_folder(self) -> str:
-        """The folder that all matches are in: what is in front of the last `/` before anything special."""
-        end = next((place for place, character in enumerate(self.text) if character in _SPECIAL), len(self.text))
-        return self.text[:end].rpartition("/")[0]
-
-
-@dataclass(frozen=True)
-class _Edge:
-    """A way from one state to another."""
-
-    accepts: Accepts | None
-    """`None`: without a character."""
-    target: int
-
-
-class _Automaton:
-    """States by number, from 0, and the ways between them."""
-
-    def __init__(self) -> None:
-        self._edges: list[list[_Edge]] = [[]]
-
-    def state(self) -> int:
-        """Adds a state."""
-        self._edges.append([])
-        return len(self._edges) - 1
-
-    def lead(self, source: int, target: int, accepts: Accepts | None = None) -> None:
-        """Adds a way."""
-        self._edges[source].append(_Edge(accepts, target))
-
-    def closure(self, states: set[int]) -> frozenset[int]:
-        """The states, and those that are reached from them without a character."""
-        found, open_states = set(states), list(states)
-        while open_states:
-            for edge in self._edges[open_states.pop()]:
-                if edge.accepts is None and edge.target not in found:
-                    found.add(edge.target)
-                    open_states.append(edge.target)
+    def _closure(self, states: Iterable[int]) -> frozenset[int]:
+        """States, and those that are reached from them without a character."""
+        found, waiting = set(states), list(states)
+        while waiting:
+            for accepts, target in self._edges[waiting.pop()]:
+                if accepts is None and target not in found:
+                    found.add(target)
+                    waiting.append(target)
         return frozenset(found)
 
-    def step(self, states: frozenset[int], character: str) -> frozenset[int]:
-        """The states that a character leads to."""
-        edges = (edge for state in states for edge in self._edges[state])
-        return self.closure({edge.target for edge in edges if edge.accepts is not None and edge.accepts(character)})
-
-
-class _Parser:
-    """Builds the automaton of a glob, from left to right."""
-
-    def __init__(self, text: str, automaton: _Automaton) -> None:
-        self._text = text
-        self._place = 0
-        self._automaton = automaton
-
-    def parse(self) -> int:
-        """Returns the state at the end."""
-        state = self._sequence(0, depth=0)
-        if self._place < len(self._text):
-            raise GlobError(f"{self._text!r} has a '}}' without a '{{'; write '\\}}' for the character")
+    def _parse(self) -> int:
+        """Builds the automaton from left to right; returns the state at the end."""
+        state = 0
+        groups: list[tuple[int, int]] = []  # of each open `{`: the states before and behind it
+        for token in _TOKEN.finditer(self.text):
+            character = token["plain"] or ""
+            if character in {"{", "}"} or (character == "," and groups):
+                state = self._group(state, character, groups)
+            elif token["stars"]:
+                state = self._to_new(state, None)
+                self._edges[state].append((_any if token["stars"] == "**" else _within_folder, state))
+            else:
+                state = self._to_new(state, self._one(token))
+        self._require(not groups, "has a '{' without a '}'")
         return state
 
-    def _sequence(self, state: int, depth: int) -> int:
-        while self._place < len(self._text):
-            character = self._text[self._place]
-            if character == "}" or (depth and character == ","):
-                break
-            self._place += 1
-            state = self._piece(state, character, depth)
-        return state
-
-    def _piece(self, state: int, character: str, depth: int) -> int:
-        if character == "*":
-            crosses = self._text[self._place : self._place + 1] == "*"
-            self._place += crosses
-            return self._repeat(state, _any if crosses else _within_folder)
-        if character == "?":
-            return self._one(state, _within_folder)
-        if character == "[":
-            return self._one(state, self._character_class())
+    def _group(self, state: int, character: str, groups: list[tuple[int, int]]) -> int:
+        """Begins alternatives, goes on to the next, or ends them."""
         if character == "{":
-            return self._alternatives(state, depth + 1)
-        return self._one(state, self._next("\\").__eq__ if character == "\\" else character.__eq__)
+            self._require(len(groups) < _MAX_DEPTH, f"has more than {_MAX_DEPTH} '{{' within each other")
+            self._edges.append([])
+            groups.append((state, len(self._edges) - 1))
+            return state
+        self._require(groups, "has a '}' without a '{'; write '\\}' for the character")
+        before, behind = groups[-1] if character == "," else groups.pop()
+        self._edges[state].append((None, behind))
+        return before if character == "," else behind
 
-    def _one(self, state: int, accepts: Accepts) -> int:
-        after = self._automaton.state()
-        self._automaton.lead(state, after, accepts)
-        return after
+    def _one(self, token: re.Match[str]) -> Accepts:
+        """The test of a token that stands for one character."""
+        if token["members"] is not None:
+            self._require(token["members"], "has a '[]' without characters")
+            return self._class(token["members"], unwanted=token["unwanted"] == "!")
+        self._require(token["plain"] != "[", "has a '[' without a ']'")
+        self._require(token["plain"] != "\\", "ends with a backslash")
+        return _within_folder if token["plain"] == "?" else (token["plain"] or token["quoted"]).__eq__
 
-    def _repeat(self, state: int, accepts: Accepts) -> int:
-        again = self._automaton.state()
-        self._automaton.lead(state, again)
-        self._automaton.lead(again, again, accepts)
-        return again
-
-    def _alternatives(self, state: int, depth: int) -> int:
-        if depth > 20:
-            raise GlobError(f"{self._text!r} has more than 20 '{{' within each other")
-        after = self._automaton.state()
-        while True:
-            start = self._automaton.state()
-            self._automaton.lead(state, start)
-            self._automaton.lead(self._sequence(start, depth), after)
-            if self._next("{") == "}":
-                return after
-
-    def _character_class(self) -> Accepts:
-        unwanted = self._text[self._place : self._place + 1] == "!"
-        self._place += unwanted
-        ranges = list(self._ranges())
-        if not ranges:
-            raise GlobError(f"{self._text!r} has a '[]' without characters")
+    def _class(self, members: str, *, unwanted: bool) -> Accepts:
+        ranges = [(low, high or low) for low, high in _RANGE.findall(members)]
+        for low, high in ranges:
+            self._require(low <= high, f"has the range {low}-{high}, which is the wrong way round")
         return lambda character: any(low <= character <= high for low, high in ranges) is not unwanted
 
-    def _ranges(self) -> Iterator[tuple[str, str]]:
-        while (low := self._next("[")) != "]":
-            low = self._next("\\") if low == "\\" else low
-            high = low
-            if (
-                self._text[self._place : self._place + 1] == "-"
-                and self._text[self._place + 1 : self._place + 2] != "]"
-            ):
-                self._place += 1
-                high = self._next("[")
-                high = self._next("\\") if high == "\\" else high
-            if high < low:
-                raise GlobError(f"{self._text!r} has the range {low}-{high}, which is the wrong way round")
-            yield low, high
+    def _to_new(self, state: int, accepts: Accepts | None) -> int:
+        """Leads from a state to a new one."""
+        self._edges.append([])
+        self._edges[state].append((accepts, len(self._edges) - 1))
+        return len(self._edges) - 1
 
-    def _next(self, opened: str) -> str:
-        if self._place >= len(self._text):
-            closing = {"[": "]", "{": "}"}.get(opened)
-            raise GlobError(
-                f"{self._text!r} has a {opened!r} without a {closing!r}"
-                if closing
-                else f"{self._text!r} ends with a backslash"
-            )
-        self._place += 1
-        return self._text[self._place - 1]
+    def _require(self, is_so: object, problem: str) -> None:
+        if not is_so:
+            raise GlobError(f"{self.text!r} {problem}")
 
 
 def _any(character: str) -> bool:
