@@ -9,22 +9,29 @@ r"""Globs as upload configurations have them: those of the Go library gobwas/glo
 | `{one,two*}` | one of several globs, which may hold others |
 | `\*` | the character behind the backslash as it is |
 
-A glob becomes a nondeterministic automaton that is followed for all its states at once, so that no glob, however
-twisted, takes longer than its length times that of the path.
+A glob becomes a regular expression for RE2, which never goes back in a text: no glob, however twisted, takes longer
+than its length times that of the path (docs/decisions/0005-globs-and-junit.md).
 """
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator
+
+import re2
 
 _TOKEN = re.compile(
     r"(?P<stars>\*\*?)|\[(?P<unwanted>!?)(?P<members>(?:\\.|[^]\\])*)]|\\(?P<quoted>.)|(?P<plain>.)", re.DOTALL
 )
 _RANGE = re.compile(r"\\?(.)(?:-\\?(.))?", re.DOTALL)
 _SPECIAL = re.compile(r"[*?[{\\]")
+_UNENCODABLE = re.compile("[\ud800-\udfff]")
+_STARS = {"*": "[^/]*", "**": ".*"}
 _MAX_DEPTH = 20
+_OPTIONS = re2.Options()
+_OPTIONS.log_errors = False
+_OPTIONS.dot_nl = True
 
-Accepts = Callable[[str], bool]
-"""Whether a character leads on."""
+Piece = tuple[str, str]
+"""An expression of what a part of a glob matches, and one of the beginnings of that."""
 
 
 class GlobError(ValueError):
@@ -43,102 +50,74 @@ class Glob:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self._edges: list[list[tuple[Accepts | None, int]]] = [[]]
-        """Of each state, the ways to others; those without a test take no character."""
-        self._end = self._parse()
-        self._start = self._closure({0})
+        self._whole, self._beginning = (re2.compile(each, _OPTIONS) for each in self._parse())
 
     def matches(self, path: str) -> bool:
         """Whether a path matches, as a whole."""
-        return self._end in self._after(path)
+        return self._whole.fullmatch(_encodable(path)) is not None
 
     def may_match_below(self, folder: str) -> bool:
         """Whether a path that begins with a folder's path and `/` could match."""
-        return bool(self._after(f"{folder}/"))
+        return self._beginning.fullmatch(_encodable(f"{folder}/")) is not None
 
     @property
     def fixed_folder(self) -> str:
         """The folder that all matches are in: what is in front of the last `/` before anything special."""
         return _SPECIAL.split(self.text, maxsplit=1)[0].rpartition("/")[0]
 
-    def _after(self, text: str) -> frozenset[int]:
-        """The states that are reached by a text from the start."""
-        states = self._start
-        for character in text:
-            edges = (edge for state in states for edge in self._edges[state])
-            states = self._closure({target for accepts, target in edges if accepts is not None and accepts(character)})
-            if not states:
-                break
-        return states
-
-    def _closure(self, states: Iterable[int]) -> frozenset[int]:
-        """States, and those that are reached from them without a character."""
-        found, waiting = set(states), list(states)
-        while waiting:
-            for accepts, target in self._edges[waiting.pop()]:
-                if accepts is None and target not in found:
-                    found.add(target)
-                    waiting.append(target)
-        return frozenset(found)
-
-    def _parse(self) -> int:
-        """Builds the automaton from left to right; returns the state at the end."""
-        state = 0
-        groups: list[tuple[int, int]] = []  # of each open `{`: the states before and behind it
-        for token in _TOKEN.finditer(self.text):
-            character = token["plain"] or ""
-            if character in {"{", "}"} or (character == "," and groups):
-                state = self._group(state, character, groups)
+    def _parse(self) -> Piece:
+        """Translates the glob from left to right."""
+        groups: list[list[list[Piece]]] = [[[]]]  # of the glob and each open `{`, the alternatives
+        for token in _TOKEN.finditer(_encodable(self.text)):
+            character = token["plain"]
+            if character == "{":
+                self._require(len(groups) <= _MAX_DEPTH, f"has more than {_MAX_DEPTH} '{{' within each other")
+                groups.append([[]])
+            elif character == "}":
+                self._require(len(groups) > 1, "has a '}' without a '{'; write '\\}' for the character")
+                alternatives = _either(groups.pop())
+                groups[-1][-1].append(alternatives)
+            elif character == "," and len(groups) > 1:
+                groups[-1].append([])
             elif token["stars"]:
-                state = self._to_new(state, None)
-                self._edges[state].append((_any if token["stars"] == "**" else _within_folder, state))
+                stars = _STARS[token["stars"]]
+                groups[-1][-1].append((stars, stars))
             else:
-                state = self._to_new(state, self._one(token))
-        self._require(not groups, "has a '{' without a '}'")
-        return state
+                groups[-1][-1].append((self._one(token), ""))
+        self._require(len(groups) == 1, "has a '{' without a '}'")
+        return _either(groups[0])
 
-    def _group(self, state: int, character: str, groups: list[tuple[int, int]]) -> int:
-        """Begins alternatives, goes on to the next, or ends them."""
-        if character == "{":
-            self._require(len(groups) < _MAX_DEPTH, f"has more than {_MAX_DEPTH} '{{' within each other")
-            self._edges.append([])
-            groups.append((state, len(self._edges) - 1))
-            return state
-        self._require(groups, "has a '}' without a '{'; write '\\}' for the character")
-        before, behind = groups[-1] if character == "," else groups.pop()
-        self._edges[state].append((None, behind))
-        return before if character == "," else behind
-
-    def _one(self, token: re.Match[str]) -> Accepts:
-        """The test of a token that stands for one character."""
+    def _one(self, token: re.Match[str]) -> str:
+        """The expression of a token that stands for one character."""
         if token["members"] is not None:
             self._require(token["members"], "has a '[]' without characters")
-            return self._class(token["members"], unwanted=token["unwanted"] == "!")
+            return f"[{'^' if token['unwanted'] else ''}{''.join(self._ranges(token['members']))}]"
         self._require(token["plain"] != "[", "has a '[' without a ']'")
         self._require(token["plain"] != "\\", "ends with a backslash")
-        return _within_folder if token["plain"] == "?" else (token["plain"] or token["quoted"]).__eq__
+        return "[^/]" if token["plain"] == "?" else re.escape(token["plain"] or token["quoted"])
 
-    def _class(self, members: str, *, unwanted: bool) -> Accepts:
-        ranges = [(low, high or low) for low, high in _RANGE.findall(members)]
-        for low, high in ranges:
-            self._require(low <= high, f"has the range {low}-{high}, which is the wrong way round")
-        return lambda character: any(low <= character <= high for low, high in ranges) is not unwanted
-
-    def _to_new(self, state: int, accepts: Accepts | None) -> int:
-        """Leads from a state to a new one."""
-        self._edges.append([])
-        self._edges[state].append((accepts, len(self._edges) - 1))
-        return len(self._edges) - 1
+    def _ranges(self, members: str) -> Iterator[str]:
+        for low, high in _RANGE.findall(members):
+            self._require(not high or low <= high, f"has the range {low}-{high}, which is the wrong way round")
+            yield f"{re.escape(low)}-{re.escape(high or low)}"
 
     def _require(self, is_so: object, problem: str) -> None:
         if not is_so:
             raise GlobError(f"{self.text!r} {problem}")
 
 
-def _any(character: str) -> bool:
-    del character
-    return True
+def _either(alternatives: list[list[Piece]]) -> Piece:
+    whole, beginning = zip(*map(_joined, alternatives), strict=True)
+    return f"(?:{'|'.join(whole)})", f"(?:{'|'.join(beginning)})"
 
 
-def _within_folder(character: str) -> bool:
-    return character != "/"
+def _joined(pieces: list[Piece]) -> Piece:
+    beginnings = ""
+    for whole, beginning in reversed(pieces):
+        beginnings = f"(?:{beginning}|{whole}{beginnings})"
+    return "".join(whole for whole, _ in pieces), beginnings
+
+
+def _encodable(text: str) -> str:
+    """A text that UTF-8 can have: bytes of a name that are none become unknown characters."""
+    return _UNENCODABLE.sub("\ufffd", text)
