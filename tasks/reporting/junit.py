@@ -21,38 +21,32 @@ _SKIPPED = ("canceled", "unfinished", "no verdict")
 def junit_xml(summary: ReportSummary) -> bytes:
     """Writes a report as JUnit XML, in UTF-8."""
     suites = [_suite(step, summary) for step in summary.steps]
-    root = ElementTree.Element("testsuites", {"name": _clean(summary.name), "time": _seconds(summary.time_s)})
-    for name in ("tests", "failures", "errors"):
-        root.set(name, str(sum(int(suite.get(name, "0")) for suite in suites)))
-    root.extend(suites)
+    counts = {name: sum(int(suite.get(name, "0")) for suite in suites) for name in ("tests", "failures", "errors")}
+    root = _element("testsuites", *suites, name=summary.name, time=_seconds(summary.time_s), **counts)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 
 
 def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
-    outcomes = [job.outcome for job in step.jobs]
-    counts = {
-        "tests": len(step.jobs) + bool(step.error),
-        "failures": outcomes.count("failed"),
-        "errors": outcomes.count("broken") + bool(step.error),
-        "skipped": sum(outcome in _SKIPPED for outcome in outcomes),
-    }
-    suite = ElementTree.Element(
-        "testsuite",
-        {
-            "name": _clean(f"{summary.name}.{step.name}"),
-            **{name: str(count) for name, count in counts.items()},
-            "time": _seconds(step.time_s),
-            "timestamp": f"{summary.started_at:%Y-%m-%dT%H:%M:%S}",
-        },
-    )
-    properties = ElementTree.SubElement(suite, "properties")
-    for name, value in _properties(step, summary):
-        ElementTree.SubElement(properties, "property", {"name": _clean(name), "value": _clean(value)})
+    name = f"{summary.name}.{step.name}"
+    cases = [_case(job, name) for job in step.jobs]
     if step.error:
-        suite.append(_failed_step(step, summary))
-    suite.extend(_case(job, f"{summary.name}.{step.name}") for job in step.jobs)
-    return suite
+        failed = _told("error", step.status, step.error)
+        cases.insert(0, _element("testcase", failed, name=step.operation, classname=name, time=_seconds(0.0)))
+    properties = [_element("property", name=key, value=value) for key, value in _properties(step, summary)]
+    outcomes = [job.outcome for job in step.jobs]
+    return _element(
+        "testsuite",
+        _element("properties", *properties),
+        *cases,
+        name=name,
+        tests=len(cases),
+        failures=outcomes.count("failed"),
+        errors=outcomes.count("broken") + bool(step.error),
+        skipped=sum(outcome in _SKIPPED for outcome in outcomes),
+        time=_seconds(step.time_s),
+        timestamp=f"{summary.started_at:%Y-%m-%dT%H:%M:%S}",
+    )
 
 
 def _properties(step: StepSuite, summary: ReportSummary) -> Iterator[tuple[str, str]]:
@@ -67,22 +61,17 @@ def _facts(job: JobCase) -> Iterator[tuple[str, str]]:
     yield from ((name, str(value)) for name, value in facts.items() if value is not None)
 
 
-def _failed_step(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
-    case = _element("testcase", name=step.operation, classname=f"{summary.name}.{step.name}", time=_seconds(0.0))
-    case.append(_told("error", step.status, step.error))
-    return case
-
-
-def _case(job: JobCase, owner: str) -> ElementTree.Element:
-    case = _element("testcase", name=job.test, classname=owner, time=_seconds(job.time_s))
+def _case(job: JobCase, suite: str) -> ElementTree.Element:
+    case = _element("testcase", name=job.test, classname=suite, time=_seconds(job.time_s))
     if job.outcome == "failed":
         case.append(_told("failure", "FAIL", job.reason))
     elif job.outcome == "broken":
         case.append(_told("error", job.failure_code or "ERROR", job.reason))
     elif job.outcome in _SKIPPED:
         case.append(_element("skipped", message=job.outcome))
-    output = ElementTree.SubElement(case, "system-out")
+    output = _element("system-out")
     output.text = _clean("\n".join(_lines(job)))
+    case.append(output)
     return case
 
 
@@ -99,13 +88,16 @@ def _lines(job: JobCase) -> Iterator[str]:
 def _told(tag: str, kind: str, reason: str) -> ElementTree.Element:
     """An element whose message is the first line of a reason, and whose text is all of it."""
     first = (reason.splitlines() or [""])[0]
-    element = _element(tag, type=kind, message=first if len(first) <= _MAX_MESSAGE else f"{first[: _MAX_MESSAGE - 1]}…")
+    message = first if len(first) <= _MAX_MESSAGE else f"{first[: _MAX_MESSAGE - 1]}…"
+    element = _element(tag, type=kind, message=message)
     element.text = _clean(reason)
     return element
 
 
-def _element(tag: str, **attributes: str) -> ElementTree.Element:
-    return ElementTree.Element(tag, {name: _clean(value) for name, value in attributes.items()})
+def _element(tag: str, *inner: ElementTree.Element, **attributes: str | int) -> ElementTree.Element:
+    element = ElementTree.Element(tag, {name: _clean(str(value)) for name, value in attributes.items()})
+    element.extend(inner)
+    return element
 
 
 def _clean(text: str) -> str:
