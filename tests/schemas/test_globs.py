@@ -112,3 +112,18 @@ def test_a_twisted_glob_takes_no_longer_than_its_length_times_the_paths() -> Non
 
     assert not glob.matches("/" + "a" * 299 + "b" * 100)
     assert time.monotonic() - began < 5
+
+
+def test_names_that_are_not_in_utf_8_match() -> None:
+    """Python shows bytes that it cannot decode as lone surrogates."""
+    path = b"/var/log/\xff.log".decode(errors="surrogateescape")
+    assert all(Glob(glob).matches(path) for glob in ("/var/log/*", "/var/**", "/var/log/?.log", "/var/log/[!a].log"))
+    assert not Glob("/var/log/a.log").matches(path)
+    assert Glob("/**").may_match_below(path)
+
+
+@pytest.mark.parametrize(("inner", "length"), [("[!é]" * 240, 240), ("**?" * 320, 320), ("?" * 980, 980)])
+def test_the_longest_globs_are_compiled(inner: str, length: int) -> None:
+    glob = Glob("/" + "{" * 20 + inner + "}" * 20)
+    assert glob.matches("/" + "x" * length)
+    assert not glob.matches("/" + "x" * (length - 1))
