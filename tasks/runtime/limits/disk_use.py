@@ -6,7 +6,7 @@ the slices are longer.
 """
 
 import heapq
-import os
+import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -35,10 +35,9 @@ _WORTH_NAMING = 0.01
 def free_bytes(folder: Path) -> int:
     """What is free for this user on a folder's disk; 0 if the folder is not there."""
     try:
-        disk = os.statvfs(folder)
+        return shutil.disk_usage(folder).free
     except OSError:  # the application may have removed it
         return 0
-    return disk.f_bavail * disk.f_frsize
 
 
 class DiskMeter:
