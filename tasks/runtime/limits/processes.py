@@ -1,7 +1,8 @@
 """Processes as the kernel shows them: who descends from whom, what they use, how none of them is left.
 
 A supervisor adopts processes whose parents died (it is a *child subreaper*), so everything that a run
-started hangs below it, whatever forked twice or made a session of its own.
+started hangs below it, whatever forked twice or made a session of its own. What is read here and not through psutil,
+and why: docs/decisions/0004-processes-and-disk.md.
 """
 
 import ctypes
