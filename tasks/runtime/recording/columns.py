@@ -135,21 +135,16 @@ class RowEncoder:
         self._starts: dict[int, int] = {}
         self._template = b""
         self._rows = bytearray()
-        self._times: list[slice] = []
-        self._stamps: list[slice] = []
-        self._numbers: list[list[tuple[slice, str]]] = []
+        self._times: list[int] = []
+        self._stamps: list[int] = []
+        self._numbers: list[list[tuple[int, int, str]]] = []
         for channel, item in columns:
             start = self._starts[channel] = len(self._template)
             data = start + RECORD_HEAD_BYTES
             self._template += message_record(channel, 0, item.template)
-            for first in (start + TIMES_OFFSET, start + TIMES_OFFSET + _DOUBLE):
-                self._times.append(slice(first, first + _DOUBLE))
-            self._stamps += [slice(data + stamp, data + stamp + _DOUBLE) for stamp in item.stamps]
-            places = []
-            for place, count, kind in item.numbers.values():
-                width = count * np.dtype(kind).itemsize
-                places.append((slice(data + place, data + place + width), kind))
-            self._numbers.append(places)
+            self._times += (start + TIMES_OFFSET, start + TIMES_OFFSET + _DOUBLE)
+            self._stamps += (data + stamp for stamp in item.stamps)
+            self._numbers.append([(data + place, width, kind) for place, width, kind in item.numbers.values()])
 
     def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
         """Returns rows, the same bytes as encoding message by message; they hold until the next call.
@@ -166,17 +161,10 @@ class RowEncoder:
             self._rows = bytearray(self._template * count)
         # What does not change is there from the last time.
         raw = memoryview(self._rows)[: count * size]
-        rows = np.frombuffer(raw, np.uint8).reshape(count, size)
-        for values_of_all, places in ((times_ns, self._times), (stamps, self._stamps)):
-            parts = _bytes_of(values_of_all.astype("<i8"))
+        for integers, places in ((times_ns, self._times), (stamps, self._stamps)):
             for place in places:
-                rows[:, place] = parts
+                np.ndarray(count, "<i8", raw, place, size)[:] = integers
         for places, columns in zip(self._numbers, values, strict=True):
-            for (place, kind), column in zip(places, columns, strict=True):
-                rows[:, place] = _bytes_of(column.astype(kind, copy=False))
+            for (place, width, kind), column in zip(places, columns, strict=True):
+                np.ndarray((count, width), kind, raw, place, (size, np.dtype(kind).itemsize))[:] = column
         return Rows(times_ns, raw, self._starts)
-
-
-def _bytes_of(values: NDArray[Any]) -> NDArray[np.uint8]:
-    """Numbers as bytes, a row per time."""
-    return np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
