@@ -6,7 +6,7 @@ Messages, of which there are thousands, are packed here, or come as rows of read
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
+    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -24,17 +25,15 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from numpy.typing import NDArray
 
 from .mcap_messages import Rows, in_order, message_record
 
 _MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE_INDEX = struct.Struct("<BQHI")
+_PLACE_BYTES = 8
 _FOOTER_START = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
-_COMPRESSION = b"zstd"
-_CHUNK = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
-_CHUNK_FIELDS_BYTES = _CHUNK.size - struct.calcsize("<BQ")
+_COMPRESSION = "zstd"
 _COMPRESSION_LEVEL = -2
 """A third of the time of the default; files become a tenth larger."""
 
@@ -75,7 +74,6 @@ class McapFile:
         self._take_rows = take_rows
         self._chunk_bytes = chunk_bytes
         self._compressor = zstandard.ZstdCompressor(_COMPRESSION_LEVEL)
-        self._buffer = bytearray()
         self._introductions = bytearray()
         """Schemas and channels that the next chunk begins with."""
         self._schemas: dict[str, Schema] = {}
@@ -133,11 +131,11 @@ class McapFile:
         rows = [item for item in self._take_rows() if len(item.times_ns)]
         if not messages and not rows:
             return
-        pieces, size, entries = in_order(bytes(self._introductions), rows, messages)
+        raw, entries = in_order(bytes(self._introductions), rows, messages)
         self._introductions.clear()
-        self._write_chunk(self._joined(pieces, size), entries)
+        self._write_chunk(raw, entries)
         for channel, column in entries.items():
-            self._counts[channel] = self._counts.get(channel, 0) + len(column)
+            self._counts[channel] = self._counts.get(channel, 0) + len(column) // 2
 
     def state(self) -> dict[str, Any]:
         """Writes what is pending; returns what `restore` needs to go on after it."""
@@ -195,36 +193,23 @@ class McapFile:
         footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(checked))
         self._stream.write(summary + _bytes_of(footer) + _MAGIC)
 
-    def _joined(self, pieces: Iterable[bytes | memoryview], size: int) -> memoryview:
-        """Puts a chunk's content together, always in the same memory: that of a new one would have to be fetched."""
-        if len(self._buffer) < size:
-            self._buffer = bytearray(size)
-        raw, end = memoryview(self._buffer)[:size], 0
-        for piece in pieces:
-            start, end = end, end + len(piece)
-            raw[start:end] = piece
-        return raw
-
-    def _write_chunk(self, raw: memoryview, messages: dict[int, NDArray[np.uint64]]) -> None:
+    def _write_chunk(self, raw: bytes, messages: Mapping[int, Sequence[int]]) -> None:
+        first_ns = min(entries[0] for entries in messages.values())
+        last_ns = max(entries[-2] for entries in messages.values())
         data = self._compressor.compress(raw)
-        times = [column[:, 0] for column in messages.values()]
-        first_ns, last_ns = min(int(column.min()) for column in times), max(int(column.max()) for column in times)
-        head = _CHUNK.pack(
-            Opcode.CHUNK, _CHUNK_FIELDS_BYTES + len(data), first_ns, last_ns, len(raw), zlib.crc32(raw),
-            len(_COMPRESSION), _COMPRESSION, len(data),
-        )  # fmt: skip
-        start, length = self._stream.tell(), len(head) + len(data)
-        indexes, places = b"", {}
+        chunk = _bytes_of(Chunk(_COMPRESSION, data, last_ns, first_ns, zlib.crc32(raw), len(raw)))
+        start, indexes, places = self._stream.tell(), b"", {}
         for channel, entries in messages.items():
-            places[channel] = start + length + len(indexes)
-            size = entries.nbytes
-            indexes += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size) + entries.tobytes()
-        self._stream.write(b"".join((head, data, indexes)))
+            places[channel] = start + len(chunk) + len(indexes)
+            size = _PLACE_BYTES * len(entries)
+            indexes += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
+            indexes += np.array(entries, "<u8").tobytes()
+        self._stream.write(chunk + indexes)
         self._chunk_indexes.append(
             ChunkIndex(
-                chunk_length=length,
+                chunk_length=len(chunk),
                 chunk_start_offset=start,
-                compression=_COMPRESSION.decode(),
+                compression=_COMPRESSION,
                 compressed_size=len(data),
                 message_end_time=last_ns,
                 message_index_length=len(indexes),

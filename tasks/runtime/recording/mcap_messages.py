@@ -1,8 +1,9 @@
 """Messages as records of an MCAP file, alone and in rows, and their order in a chunk."""
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -44,65 +45,30 @@ def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
 
 def in_order(
     introductions: bytes, rows: Sequence[Rows], messages: Sequence[tuple[int, int, bytes]]
-) -> tuple[Iterator[bytes | memoryview], int, dict[int, NDArray[np.uint64]]]:
-    """Puts messages and rows in the order of their times.
-
-    Returns:
-        The content of a chunk in pieces, its size, and by channel the times of its messages
-        and their places in the chunk.
-    """
-    sizes = [np.full(len(item.times_ns), len(item.records) // len(item.times_ns)) for item in rows]
-    lengths = np.concatenate([*sizes, np.fromiter((len(record) for _, _, record in messages), np.int64, len(messages))])
-    time_ns = np.concatenate(
-        [*(item.times_ns for item in rows), np.array([time_ns for time_ns, _, _ in messages], np.int64)]
-    )
-    order = np.argsort(time_ns, kind="stable")
-    places = np.empty(len(order), np.int64)
-    places[order] = len(introductions) + np.cumsum(lengths[order]) - lengths[order]
-    pieces = chain((introductions,), _pieces(order, rows, [record for _, _, record in messages]))
-    channels: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
-    first = 0
-    for item in rows:
-        stop = first + len(item.times_ns)
-        channels += [(channel, time_ns[first:stop], places[first:stop] + at) for channel, at in item.starts.items()]
-        first = stop
-    of_messages = np.fromiter((channel for _, channel, _ in messages), np.int64, len(messages))
-    for channel in np.unique(of_messages).tolist():
-        chosen = first + np.flatnonzero(of_messages == channel)
-        channels.append((channel, time_ns[chosen], places[chosen]))
-    return pieces, len(introductions) + int(lengths.sum()), _by_channel(channels)
-
-
-def _pieces(order: NDArray[np.intp], rows: Sequence[Rows], records: Sequence[bytes]) -> Iterator[bytes | memoryview]:
-    """Cuts rows where something else comes in between.
+) -> tuple[bytes, dict[int, list[int]]]:
+    """Puts messages and rows in the order of their times; at the same time rows come first.
 
     Args:
-        order: Numbers of the rows, one item after the other, and then of the other records.
-        rows: The rows.
-        records: What else there is.
+        introductions: What the chunk begins with.
+        rows: Messages in rows.
+        messages: Time, channel and record of the others.
+
+    Returns:
+        The content of a chunk, and by channel the time and the place in the chunk of each message, one after the other.
     """
-    sources: list[bytes | memoryview] = [memoryview(item.records) for item in rows]
-    counts = np.array([*(len(item.times_ns) for item in rows), *(1 for _ in records)])
-    sources += records
-    firsts = np.cumsum(counts) - counts
-    source_of = np.repeat(np.arange(len(sources)), counts)[order]
-    # A piece goes on while the next number is the next row of the same source.
-    begins = np.flatnonzero(np.concatenate(([True], (np.diff(order) != 1) | (np.diff(source_of) != 0))))
-    ends = np.append(begins[1:], len(order)) - 1
-    chosen = source_of[begins]
-    first_rows, last_rows = order[begins] - firsts[chosen], order[ends] - firsts[chosen]
-    for number, first, last in zip(chosen.tolist(), first_rows.tolist(), last_rows.tolist(), strict=True):
-        source = sources[number]
-        size = len(source) // int(counts[number])
-        yield source[first * size : (last + 1) * size]
-
-
-def _by_channel(
-    parts: Sequence[tuple[int, NDArray[np.int64], NDArray[np.int64]]],
-) -> dict[int, NDArray[np.uint64]]:
-    """Times and places side by side; the messages of a channel may come in several parts."""
-    entries: dict[int, NDArray[np.uint64]] = {}
-    for channel, times, places in parts:
-        columns = np.stack((times, places), axis=1).astype("<u8")
-        entries[channel] = np.concatenate((entries[channel], columns)) if channel in entries else columns
-    return entries
+    pieces: list[tuple[int, bytes | memoryview, Mapping[int, int]]] = []
+    for item in rows:
+        raw, size = memoryview(item.records), len(item.records) // len(item.times_ns)
+        pieces += [
+            (time_ns, raw[row * size : (row + 1) * size], item.starts)
+            for row, time_ns in enumerate(item.times_ns.tolist())
+        ]
+    pieces += [(time_ns, record, {channel: 0}) for time_ns, channel, record in messages]
+    pieces.sort(key=itemgetter(0))
+    entries: defaultdict[int, list[int]] = defaultdict(list)
+    place = len(introductions)
+    for time_ns, piece, starts in pieces:
+        for channel, start in starts.items():
+            entries[channel] += (time_ns, place + start)
+        place += len(piece)
+    return b"".join((introductions, *(piece for _, piece, _ in pieces))), entries
