@@ -2,10 +2,14 @@
 
 from collections.abc import Sequence
 from enum import IntEnum
+from types import SimpleNamespace
 from typing import NamedTuple
 
-from .message_texts import definition
+import numpy as np
+
 from .messages import Header, Pose, Time, Vector3
+
+_NO_BYTES = np.zeros(0, np.uint8)
 
 
 class PoseStamped(NamedTuple):
@@ -15,15 +19,6 @@ class PoseStamped(NamedTuple):
     pose: Pose
 
     ROS_TYPE = "geometry_msgs/msg/PoseStamped"
-    TYPE_HASH = "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"
-    DEFINITION = definition(
-        "std_msgs/Header header\ngeometry_msgs/Pose pose",
-        "std_msgs/Header",
-        "builtin_interfaces/Time",
-        "geometry_msgs/Pose",
-        "geometry_msgs/Point",
-        "geometry_msgs/Quaternion",
-    )
 
 
 class Path(NamedTuple):
@@ -33,16 +28,6 @@ class Path(NamedTuple):
     poses: Sequence[PoseStamped]
 
     ROS_TYPE = "nav_msgs/msg/Path"
-    TYPE_HASH = "RIHS01_1957a5bb3cee5da65c4e52e52b65a93df227efce4c20f8458b36e73066ca334b"
-    DEFINITION = definition(
-        "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses",
-        "std_msgs/Header",
-        "builtin_interfaces/Time",
-        "geometry_msgs/PoseStamped",
-        "geometry_msgs/Pose",
-        "geometry_msgs/Point",
-        "geometry_msgs/Quaternion",
-    )
 
 
 class CompressedImage(NamedTuple):
@@ -55,10 +40,6 @@ class CompressedImage(NamedTuple):
     data: bytes
 
     ROS_TYPE = "sensor_msgs/msg/CompressedImage"
-    TYPE_HASH = "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"
-    DEFINITION = definition(
-        "std_msgs/Header header\nstring format\nuint8[] data", "std_msgs/Header", "builtin_interfaces/Time"
-    )
 
 
 class CameraInfo(NamedTuple):
@@ -82,23 +63,6 @@ class CameraInfo(NamedTuple):
     cy: float
 
     ROS_TYPE = "sensor_msgs/msg/CameraInfo"
-    TYPE_HASH = "RIHS01_b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275"
-    DEFINITION = definition(
-        "std_msgs/Header header\n"
-        "uint32 height\n"
-        "uint32 width\n"
-        "string distortion_model\n"
-        "float64[] d\n"
-        "float64[9] k\n"
-        "float64[9] r\n"
-        "float64[12] p\n"
-        "uint32 binning_x\n"
-        "uint32 binning_y\n"
-        "sensor_msgs/RegionOfInterest roi",
-        "std_msgs/Header",
-        "builtin_interfaces/Time",
-        "sensor_msgs/RegionOfInterest",
-    )
 
 
 class OccupancyGrid(NamedTuple):
@@ -117,16 +81,6 @@ class OccupancyGrid(NamedTuple):
     """A cell each, int8: 0 is free, 100 occupied, -1 unknown."""
 
     ROS_TYPE = "nav_msgs/msg/OccupancyGrid"
-    TYPE_HASH = "RIHS01_8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7"
-    DEFINITION = definition(
-        "std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data",
-        "std_msgs/Header",
-        "builtin_interfaces/Time",
-        "nav_msgs/MapMetaData",
-        "geometry_msgs/Pose",
-        "geometry_msgs/Point",
-        "geometry_msgs/Quaternion",
-    )
 
 
 class ColorRGBA(NamedTuple):
@@ -168,6 +122,14 @@ class Marker(NamedTuple):
     frame_locked: bool = False
     """Whether it moves with its frame; else it stays where that was at the stamp."""
 
+    # What all markers have in common: they are added or modified, and have nothing of the rest.
+    action = 0
+    colors = uv_coordinates = ()
+    texture_resource = mesh_resource = ""
+    texture = SimpleNamespace(header=Header(Time(0, 0), ""), format="", data=_NO_BYTES)
+    mesh_file = SimpleNamespace(filename="", data=_NO_BYTES)
+    mesh_use_embedded_materials = False
+
 
 class MarkerArray(NamedTuple):
     """`visualization_msgs/MarkerArray`."""
@@ -175,22 +137,6 @@ class MarkerArray(NamedTuple):
     markers: Sequence[Marker]
 
     ROS_TYPE = "visualization_msgs/msg/MarkerArray"
-    TYPE_HASH = "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf"
-    DEFINITION = definition(
-        "visualization_msgs/Marker[] markers",
-        "visualization_msgs/Marker",
-        "std_msgs/Header",
-        "builtin_interfaces/Time",
-        "geometry_msgs/Pose",
-        "geometry_msgs/Point",
-        "geometry_msgs/Quaternion",
-        "geometry_msgs/Vector3",
-        "std_msgs/ColorRGBA",
-        "builtin_interfaces/Duration",
-        "sensor_msgs/CompressedImage",
-        "visualization_msgs/UVCoordinate",
-        "visualization_msgs/MeshFile",
-    )
 
 
 DisplayMessage = PoseStamped | Path | CompressedImage | CameraInfo | OccupancyGrid | MarkerArray

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from .cdr import Message, encode
+from .cdr import Message, definition, encode, type_hash
 from .columns import RowEncoder, Series
 from .foxglove import LAYOUT_FILE, layout
 from .mcap_file import McapFile
@@ -239,14 +239,14 @@ class McapRecorder:
     def _add_channel(self, topic: str, kind: type[Message]) -> tuple[int, type]:
         if not hasattr(kind, "ROS_TYPE"):
             raise TypeError(f"{kind.__name__} is not a message that can be recorded on a topic ({topic})")
-        metadata = channel_metadata(topic, kind.TYPE_HASH)
-        return self._file.add_channel(topic, kind.ROS_TYPE, kind.DEFINITION, metadata), kind
+        metadata = channel_metadata(topic, type_hash(kind.ROS_TYPE))
+        return self._file.add_channel(topic, kind.ROS_TYPE, definition(kind.ROS_TYPE), metadata), kind
 
     def _write_companions(self) -> None:
         """Writes what makes the folder a rosbag2, and the layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
         topics = [
-            RecordedTopic(topic, kind.ROS_TYPE, kind.TYPE_HASH, counts.get(number, 0))
+            RecordedTopic(topic, kind.ROS_TYPE, type_hash(kind.ROS_TYPE), counts.get(number, 0))
             for topic, (number, kind) in self._channels.items()
         ]
         folder = self._path.parent

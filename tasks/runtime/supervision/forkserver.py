@@ -40,7 +40,6 @@ _MODULES = (
     "mujoco",
     "dm_control.mujoco",
     "dm_control.rl.control",
-    "mcap.writer",
     "zstandard",
     "prefect_robomaker.tasks.runtime.process.child",
     "prefect_robomaker.tasks.runtime.applications.indoor_navigation",
