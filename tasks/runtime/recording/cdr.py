@@ -28,7 +28,7 @@ def encode(message: Message) -> bytes:
     """Returns a message's CDR bytes with their encapsulation header.
 
     Raises:
-        TypeError: The object is not one of the messages that can be recorded.
+        TypeError: The object is not one of the messages that can be recorded, or has parts that are not ROS's.
         ValueError: A covariance does not have the length its message asks for.
     """
     kind = type(message)
@@ -36,7 +36,10 @@ def encode(message: Message) -> bytes:
     if shaped is None:
         known = ", ".join(kind.__name__ for kind in _SHAPES)
         raise TypeError(f"cannot encode {kind.__name__}; the messages that can be recorded are {known}")
-    return bytes(_STORE.serialize_cdr(shaped(message), kind.ROS_TYPE, little_endian=True))
+    try:
+        return bytes(_STORE.serialize_cdr(shaped(message), kind.ROS_TYPE, little_endian=True))
+    except AttributeError as error:
+        raise TypeError(f"cannot encode {kind.__name__}: {error}") from error
 
 
 @lru_cache

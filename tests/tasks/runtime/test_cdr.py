@@ -169,6 +169,12 @@ def test_other_objects_are_refused_by_name() -> None:
         encode("hello")  # pyright: ignore[reportArgumentType]
 
 
+def test_parts_without_their_members_are_refused() -> None:
+    pose = ros.Pose((1.0, 2.0, 0.0))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(TypeError, match="cannot encode Odometry: 'tuple' object has no attribute 'x'"):
+        encode(ros.Odometry(ros.Header(ros.Time(0, 0), "odom"), "base_link", pose, ros.Twist()))
+
+
 def test_covariances_of_wrong_length_are_refused() -> None:
     header = ros.Header(ros.Time(0, 0), "odom")
     with pytest.raises(ValueError, match="36 numbers is needed, not 3"):
