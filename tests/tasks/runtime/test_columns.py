@@ -73,6 +73,7 @@ def test_rows_are_the_messages_one_by_one(state) -> None:
     assert rows.records == expected
 
 
+@settings(deadline=None)
 @given(states(), names)
 def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, other: str) -> None:
     times_s, parent, child, _, pose, *_ = state
@@ -92,6 +93,7 @@ def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, ot
     assert rows.records == expected
 
 
+@settings(deadline=None)
 @given(states())
 def test_rosbags_reads_the_numbers_and_writes_the_same_bytes(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state
