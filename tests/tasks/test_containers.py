@@ -15,7 +15,7 @@ from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.simulations.containers.command_lines import (
     Container,
     Mount,
-    create_argv,
+    create_arguments,
     env_file,
     remove_argv,
     start_argv,
@@ -38,7 +38,7 @@ def engine(fake: FakeEngine) -> Engine:
 
 def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) -> None:
     container = Container(
-        engine="/usr/bin/docker",
+        engine=Engine("/usr/bin/docker", {}),
         name="robomaker-sim-1-robot",
         image="my/robot:1.0",
         command=["ros2", "run"],
@@ -48,8 +48,8 @@ def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) 
     )
 
     assert env_file(container.environment) == "A=b c\nSPEED=2\n"
-    assert create_argv(container, tmp_path / "robot.env") == [
-        *("/usr/bin/docker", "create", "--name", "robomaker-sim-1-robot", "--network", "host"),
+    assert create_arguments(container, tmp_path / "robot.env") == [
+        *("create", "--name", "robomaker-sim-1-robot", "--network", "host"),
         *("--log-driver", "none", "--security-opt", "label=disable"),
         *("--cpus", "2", "--memory", str(4 << 30), "--memory-swap", str(4 << 30), "--pids-limit", "100"),
         *("--gpus", "device=0", "--env-file", f"{tmp_path}/robot.env", "-e", "LINES=1\n2"),
@@ -60,20 +60,20 @@ def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) 
 
 
 def test_podman_is_told_of_a_gpu_in_its_own_way(tmp_path: Path) -> None:
-    container = Container("podman", "one", "robot", limits=ComputeLimits(gpu=True), is_podman=True, gpu="1")
+    container = Container(Engine("podman", {}, is_podman=True), "one", "robot", limits=ComputeLimits(gpu=True), gpu="1")
 
-    argv = create_argv(container, tmp_path / "robot.env")
+    argv = create_arguments(container, tmp_path / "robot.env")
 
     assert argv[argv.index("--device") + 1] == "nvidia.com/gpu=1"
     assert "--gpus" not in argv
 
 
-def test_a_tool_waits_until_its_container_runs(fake: FakeEngine, tmp_path: Path) -> None:
+def test_a_tool_waits_until_its_container_runs(fake: FakeEngine, engine: Engine, tmp_path: Path) -> None:
     fake.add_image("sleeper", command=["sleep", "60"])
-    container = Container(str(fake.program), "here", "sleeper", environment={"SPEED": "2"})
+    container = Container(engine, "here", "sleeper", environment={"SPEED": "2"})
     written, variables = tmp_path / "written", tmp_path / "robot.env"
     variables.write_text(env_file(container.environment))
-    subprocess.run(create_argv(container, variables), check=True)
+    engine.call(*create_arguments(container, variables))
     tool = subprocess.Popen(tool_argv(container, f"echo $SPEED > {written}"))
     run = subprocess.Popen(start_argv(container))
     try:

@@ -14,7 +14,7 @@ from real_engine import RealEngine
 from prefect_robomaker.schemas.runs.programs import ComputeLimits
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.simulations.containers.cleanup import ContainerNote, note_container, remove_containers
-from prefect_robomaker.tasks.simulations.containers.command_lines import Container, create_argv, env_file
+from prefect_robomaker.tasks.simulations.containers.command_lines import Container, create_arguments, env_file
 from prefect_robomaker.tasks.simulations.containers.engines import (
     Engine,
     NameTakenError,
@@ -135,12 +135,12 @@ def test_a_gpu_that_the_engine_cannot_give_is_no_fault_of_the_application(
     """A real engine, but no driver has a GPU of this number."""
     image = real_engine.add_image()
     gpu = ComputeLimits(gpu=True)
-    container = Container(engine.program, real_engine.prefix, image, limits=gpu, is_podman=engine.is_podman, gpu="4321")
+    container = Container(engine, real_engine.prefix, image, limits=gpu, gpu="4321")
     try:
         with pytest.raises(LaunchError, match="cannot give the container GPU 4321; it needs") as caught:
-            check_gpu(engine, container)
+            check_gpu(container, f"{container.name}-gpu")
     finally:
-        engine.call("rm", "-f", f"{real_engine.prefix}-gpu")
+        engine.call("rm", "-f", f"{container.name}-gpu")
     assert caught.value.failure_code == "InvalidInput"
 
 
@@ -156,9 +156,9 @@ def test_variables_reach_a_container_as_they_are(real_engine: RealEngine, engine
     script = 'for name in EMPTY QUOTES SIGNS SPACES LINES LONG; do printf "%s\\0" "${!name-unset}"; done'
     file, name = tmp_path / "variables.env", f"{real_engine.prefix}-variables"
     file.write_text(env_file(variables))
-    container = Container(engine.program, name, real_engine.add_image(), ["bash", "-c", script], variables)
+    container = Container(engine, name, real_engine.add_image(), ["bash", "-c", script], variables)
     try:
-        engine.carry_out(create_argv(container, file), "create", 60.0)
+        engine.call(*create_arguments(container, file), timeout_s=60.0)
         said = engine.call("start", "--attach", name)
     finally:
         engine.call("rm", "-f", name)

@@ -8,7 +8,7 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ....schemas.runs.plan import ApplicationRole
@@ -16,7 +16,7 @@ from ....schemas.wire.errors import LaunchError
 from ..environment.folders import remove
 from ..environment.run_environment import container_sandbox
 from ..environment.shared_memory import remove_shared_memory
-from .command_lines import give_back_argv
+from .command_lines import give_back_arguments
 from .engines import Engine, EngineError, NameTakenError, engine_environment
 
 _NOTES = "containers.jsonl"
@@ -51,18 +51,20 @@ def note_container(folder: Path, note: ContainerNote) -> None:
 
 
 @contextmanager
-def noted_container(folder: Path, note: ContainerNote) -> Iterator[None]:
+def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
     """Notes a container that is made inside the block; not if another had its name, which is not this run's to remove.
 
     Args:
       folder: the run's own folder.
       note: the container.
+      suffix: what its name ends with; yields the whole name.
     """
+    note = replace(note, name=note.name + suffix)
     note_container(folder, note)
     try:
-        yield
-    except (EngineError, LaunchError) as error:
-        if isinstance(error, NameTakenError) or isinstance(error.__cause__, NameTakenError):
+        yield note.name
+    except LaunchError as error:
+        if isinstance(error.__cause__, NameTakenError):
             _keep_notes(folder, [each for each in _notes(folder) if each.name != note.name])
         raise
 
@@ -148,20 +150,16 @@ def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) 
     """
     if os.geteuid() == 0 or not _has_files_of_others(root):
         return
-    argv = give_back_argv(note.program, f"{note.name}-files", note.image, root)
-    Engine(note.program, environment).carry_out(argv, "run", _GIVE_BACK_TIMEOUT_S)
+    arguments = give_back_arguments(f"{note.name}-files", note.image, root)
+    Engine(note.program, environment).call(*arguments, timeout_s=_GIVE_BACK_TIMEOUT_S)
 
 
 def _has_files_of_others(root: Path) -> bool:
     user = os.geteuid()
-    for folder, folders, names in os.walk(root):
-        for name in (*folders, *names):
-            try:
-                if Path(folder, name).lstat().st_uid != user:
-                    return True
-            except OSError:  # it is in a folder of somebody else's
-                return True
-    return False
+    try:
+        return any(path.lstat().st_uid != user for path in root.rglob("*"))
+    except (OSError, RecursionError):  # it may be in a folder of somebody else's
+        return True
 
 
 def _notes(folder: Path) -> list[ContainerNote]:

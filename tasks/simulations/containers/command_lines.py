@@ -1,4 +1,4 @@
-"""Command lines of container engines, docker and podman alike where they are alike."""
+"""What container engines are called with, docker and podman alike where they are alike."""
 
 import csv
 import io
@@ -7,22 +7,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ....schemas.runs.programs import ComputeLimits
+from .engines import Engine
 
 # Not every client passes signals on, or ends as its container did; it has a group of its own (`set -m`), and what it
 # cannot tell is asked for afterwards. That a container could start no more processes only its control group tells, and
 # only while it runs.
 _START = """
 tell_of_processes() {
-  local pid=0 tries=0 pids unified events count
-  until [ "${pid:-0}" -gt 0 ]; do
-    sleep 0.5
-    (( ++tries > 120 )) && return
+  local pid=0 place count
+  while sleep 0.5 && kill -0 $$ 2>/dev/null; do
     pid=$("$1" inspect --format '{{.State.Pid}}' "$2" 2>/dev/null)
+    [ "${pid:-0}" != 0 ] && break
   done
-  pids=$(sed -n 's/^[0-9]*:pids://p' "/proc/$pid/cgroup" 2>/dev/null)
-  unified=$(sed -n 's/^0:://p' "/proc/$pid/cgroup" 2>/dev/null)
-  events="/sys/fs/cgroup${pids:+/pids}${pids:-$unified}/pids.events"
-  while read -r _ count 2>/dev/null <"$events"; do
+  place=$(sed -nE 's,^[0-9]*:pids:,/pids,p; s,^0::,,p' "/proc/$pid/cgroup" 2>/dev/null | head -n 1)
+  while read -r _ count 2>/dev/null <"/sys/fs/cgroup$place/pids.events"; do
     if [ "$count" -gt 0 ]; then
       echo "the container could start no more than the $3 processes and threads that are allowed" >&2
       return
@@ -34,14 +32,9 @@ trap '"$1" kill --signal TERM "$2" >/dev/null 2>&1' TERM
 set -m
 "$1" start --attach "$2" &
 main=$!
-if [ -n "$4" ]; then
-  tell_of_processes "$1" "$2" "$4" &
-  teller=$!
-  disown $teller
-fi
 set +m
+[ -n "$4" ] && tell_of_processes "$1" "$2" "$4" &
 while wait $main; code=$?; kill -0 $main 2>/dev/null; do :; done
-[ -n "$4" ] && kill -KILL -- -$teller 2>/dev/null
 form='{{.State.Status}} {{.State.OOMKilled}} {{.State.ExitCode}}'
 read -r status is_out_of_memory ended_with <<<"$("$1" inspect --format "$form" "$2" 2>/dev/null)"
 case "$status:$ended_with" in exited:*|created:[1-9]*) code=$ended_with ;; esac
@@ -69,7 +62,7 @@ fi
 exit $code
 """
 _REMOVE = 'exec "$1" rm -f "$2" >/dev/null'
-# Whoever owns the folder is not the same number inside and outside of rootless engines.
+# The owner of the folder has another number inside of rootless engines than outside.
 _GIVE_BACK = 'chown -hR "$(stat -c %u:%g "$0")" "$0" && chmod -R u+rwX "$0"'
 _GIVEN_BACK = "/robomaker"
 # Engines read files line by line, with 64 KiB for a line.
@@ -100,7 +93,7 @@ class Mount:
 class Container:
     """A container to be run."""
 
-    engine: str
+    engine: Engine
     name: str
     image: str
     command: Sequence[str] = ()
@@ -109,7 +102,6 @@ class Container:
     environment: Mapping[str, str] = field(default_factory=dict)
     mounts: Sequence[Mount] = ()
     limits: ComputeLimits = field(default_factory=ComputeLimits)
-    is_podman: bool = False
     gpu: str = "0"
     """Which GPU it gets, where its limits say that it gets one: number or UUID."""
 
@@ -123,49 +115,71 @@ def _fits_line(value: str) -> bool:
     return not any(character in value for character in "\n\r\0") and len(value) < _LONGEST_IN_FILE
 
 
-def create_argv(container: Container, variables: Path) -> list[str]:
+def create_arguments(container: Container, variables: Path) -> list[str]:
     """Makes a container on the machine's network, which does not run yet.
 
-    The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: they are those
-    of whoever performs the job, too.
+    The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: the user who
+    runs the job has them too.
 
     Args:
       container: the container.
       variables: where `env_file` of its environment is; only what that cannot hold is in the command line.
     """
     limits = container.limits
-    argv = [container.engine, "create", "--name", container.name, "--network", "host", "--log-driver", "none"]
-    argv += ["--security-opt", "label=disable"]
-    if limits.cpus is not None:
-        argv += ["--cpus", str(limits.cpus)]
-    if limits.memory_bytes is not None:
-        # Engines allow as much again of swap, unless that is said to be the limit too.
-        argv += ["--memory", str(limits.memory_bytes), "--memory-swap", str(limits.memory_bytes)]
-    if limits.processes is not None:
-        argv += ["--pids-limit", str(limits.processes)]
-    if limits.gpu:
-        argv += _gpu_options(container)
-    argv += ["--env-file", str(variables)]
+    options = {
+        "--name": container.name,
+        "--network": "host",
+        "--log-driver": "none",
+        "--security-opt": "label=disable",
+        "--cpus": limits.cpus,
+        "--memory": limits.memory_bytes,
+        "--memory-swap": limits.memory_bytes,  # memory and swap together; engines add as much again by default
+        "--pids-limit": limits.processes,
+        **(_gpu_option(container) if limits.gpu else {}),
+        "--env-file": variables,
+    }
+    words = _words(options)
     for name, value in sorted(container.environment.items()):
-        if not _fits_line(value):
-            argv += ["-e", f"{name}={value}"]
+        words += [] if _fits_line(value) else ["-e", f"{name}={value}"]
     for mount in container.mounts:
-        argv += ["--mount", mount.option]
-    return [*argv, container.image, *container.command]
+        words += ["--mount", mount.option]
+    return ["create", *words, container.image, *container.command]
 
 
-def _gpu_options(container: Container) -> list[str]:
-    """What gives it a GPU: docker has NVIDIA's hook called, podman reads what `nvidia-ctk cdi generate` wrote."""
-    if container.is_podman:
-        return ["--device", f"nvidia.com/gpu={container.gpu}"]
-    return ["--gpus", f"device={container.gpu}"]
-
-
-def gpu_probe_argv(container: Container) -> list[str]:
+def gpu_probe_arguments(container: Container, name: str) -> list[str]:
     """Makes a container that has the GPU of another, and nothing that it could run."""
-    name, program = f"{container.name}-gpu", NO_PROGRAM
-    argv = [container.engine, "create", "--name", name, "--network", "none", *_gpu_options(container)]
-    return [*argv, "--entrypoint", program, container.image]
+    options = {"--name": name, "--network": "none", **_gpu_option(container), "--entrypoint": NO_PROGRAM}
+    return ["create", *_words(options), container.image]
+
+
+def give_back_arguments(name: str, image: str, folder: Path) -> list[str]:
+    """Makes all that containers wrote into a folder belong to the folder's owner.
+
+    Args:
+      name: for the container that does it, and is removed.
+      image: an image that has a shell, `chown`, `chmod` and `stat`.
+      folder: the folder.
+    """
+    options = {
+        "--name": name,
+        "--network": "none",
+        "--security-opt": "label=disable",
+        "--user": 0,
+        "--mount": Mount(folder, _GIVEN_BACK).option,
+        "--entrypoint": "/bin/sh",
+    }
+    return ["run", "--rm", *_words(options), image, "-c", _GIVE_BACK, _GIVEN_BACK]
+
+
+def _gpu_option(container: Container) -> dict[str, str]:
+    """What gives it a GPU: docker has NVIDIA's hook called, podman reads what `nvidia-ctk cdi generate` wrote."""
+    if container.engine.is_podman:
+        return {"--device": f"nvidia.com/gpu={container.gpu}"}
+    return {"--gpus": f"device={container.gpu}"}
+
+
+def _words(options: Mapping[str, object]) -> list[str]:
+    return [word for option, value in options.items() if value is not None for word in (option, str(value))]
 
 
 def start_argv(container: Container) -> list[str]:
@@ -174,29 +188,18 @@ def start_argv(container: Container) -> list[str]:
     It says if memory was the container's end, and if it could start no more processes.
     """
     mebibytes = round((container.limits.memory_bytes or 0) / 2**20)
-    processes = str(container.limits.processes or "")
-    return ["/bin/bash", "-c", _START, "start", container.engine, container.name, str(mebibytes), processes]
+    return _script(_START, container, str(mebibytes), str(container.limits.processes or ""))
 
 
 def tool_argv(container: Container, command: str) -> list[str]:
     """Runs a command line beside what a container runs, as soon as it does."""
-    return ["/bin/bash", "-c", _RUN_TOOL, "tool", container.engine, container.name, command]
+    return _script(_RUN_TOOL, container, command)
 
 
 def remove_argv(container: Container) -> list[str]:
     """Ends a container, whatever it does, and removes it."""
-    return ["/bin/bash", "-c", _REMOVE, "remove", container.engine, container.name]
+    return _script(_REMOVE, container)
 
 
-def give_back_argv(engine: str, name: str, image: str, folder: Path) -> list[str]:
-    """Makes all that containers wrote into a folder belong to whoever owns the folder.
-
-    Args:
-      engine: the engine's program.
-      name: for the container that does it, and is removed.
-      image: an image that has a shell, `chown`, `chmod` and `stat`.
-      folder: the folder.
-    """
-    run = [engine, "run", "--rm", "--name", name, "--network", "none", "--security-opt", "label=disable"]
-    run += ["--user", "0", "--mount", Mount(folder, _GIVEN_BACK).option, "--entrypoint", "/bin/sh"]
-    return [*run, image, "-c", _GIVE_BACK, _GIVEN_BACK]
+def _script(script: str, container: Container, *arguments: str) -> list[str]:
+    return ["/bin/bash", "-c", script, "container", container.engine.program, container.name, *arguments]

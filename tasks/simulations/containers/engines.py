@@ -14,25 +14,27 @@ from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.errors import LaunchError
 
 ENGINE_VARIABLE = "ROBOMAKER_CONTAINER_ENGINE"
-PULL_TIMEOUT_S = 1800.0
+CREATE_TIMEOUT_S = 120.0
 _ENGINES = ("docker", "podman")
 _ANSWER_TIMEOUT_S = 20.0
-_CREATE_TIMEOUT_S = 120.0
+_PULL_TIMEOUT_S = 1800.0
 _POLL_S = 0.1
 _KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")
 # What the engine says is told last: where it has nothing to copy, tar complains too. Of what tar says the first line is
-# told, and the rest is read: it would end where nobody does.
-_COPY = """
+# told, and the rest is read, so that tar goes on.
+_UNPACK = """
 set -o pipefail
+folder=$1 owners=$2
+shift 2
 case "$(tar --version 2>/dev/null)" in *"GNU tar"*) quiet=--warning=no-timestamp ;; *) quiet= ;; esac
 unpack() {
-  tar --extract --directory "$1" --numeric-owner --preserve-permissions "--$2-owner" $quiet 2>&1 >/dev/null |
+  tar --extract --directory "$folder" --numeric-owner --preserve-permissions "--$owners-owner" $quiet 2>&1 >/dev/null |
     { head -n 1 >&2; cat >/dev/null; }
 }
-said=$({ "$1" cp "$2" - 2>&3 | unpack "$3" "$4"; } 3>&1)
+said=$({ "$@" 2>&3 | unpack; } 3>&1)
 code=$?
 echo "$said" >&2
-[ $code = 0 ] && [ "$4" = no-same ] && chmod -R a+rwX "$3"
+[ $code = 0 ] && [ $owners = no-same ] && chmod -R a+rwX "$folder"
 exit $code
 """
 _CONTAINERD_STORE = "io.containerd.snapshotter.v1"
@@ -67,32 +69,26 @@ class Engine:
     instead_of: str = ""
 
     def call(
-        self, *arguments: str, timeout_s: float = _ANSWER_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
+        self,
+        *arguments: str,
+        timeout_s: float = _ANSWER_TIMEOUT_S,
+        stopped: Callable[[], bool] = lambda: False,
+        through: Sequence[str] = (),
     ) -> str:
         """Runs a command of the engine; returns what it printed.
 
-        Raises:
-          EngineError: it failed, took too long, or was `stopped`.
-        """
-        return self.carry_out([self.program, *arguments], arguments[0], timeout_s, stopped)
-
-    def carry_out(
-        self, argv: Sequence[str], what: str, timeout_s: float, stopped: Callable[[], bool] = lambda: False
-    ) -> str:
-        """Runs a command line that calls the engine; returns what it printed.
-
         Args:
-          argv: the command line.
-          what: is done by it, for messages.
+          arguments: the command and its arguments.
           timeout_s: how long it may take.
           stopped: asked several times a second whether to give up.
+          through: a command line that runs the one that it is given.
 
         Raises:
           EngineError: it failed, took too long, or was `stopped`.
         """
         try:
             process = subprocess.Popen(
-                argv,
+                [*through, self.program, *arguments],
                 env=dict(self.environment),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
@@ -102,8 +98,8 @@ class Engine:
                 start_new_session=True,
             )
         except OSError as error:
-            raise EngineError(f"{argv[0]} cannot be run: {error.strerror}") from error
-        return _finish(process, what, timeout_s, stopped)
+            raise EngineError(f"{self.program} cannot be run: {error.strerror}") from error
+        return _finish(process, arguments[0], timeout_s, stopped)
 
 
 @dataclass(frozen=True)
@@ -169,7 +165,6 @@ def get_image(
     role: ApplicationRole,
     *,
     digest: str | None,
-    pull_timeout_s: float = PULL_TIMEOUT_S,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Image:
     """Pulls an image and checks that a job may run it.
@@ -183,7 +178,6 @@ def get_image(
       uri: its name.
       role: of the application, for failure codes.
       digest: what it has to be; `None`: whatever the name means now.
-      pull_timeout_s: how long pulling may take.
       stopped: asked several times a second whether to give up.
 
     Raises:
@@ -195,7 +189,7 @@ def get_image(
     image = _inspect(engine, uri)
     if image is None or not ("@" in uri or (digest is None and _may_be_built_here(engine, uri, image))):
         try:
-            engine.call("pull", uri, timeout_s=pull_timeout_s, stopped=stopped)
+            engine.call("pull", uri, timeout_s=_PULL_TIMEOUT_S, stopped=stopped)
         except EngineError as error:
             if image is None:
                 why = f" ({engine.program} was asked because {engine.instead_of})" if engine.instead_of else ""
@@ -247,12 +241,12 @@ def copy_out(
     """
     owners = "same" if os.geteuid() == 0 and not engine.is_podman else "no-same"
     try:
-        engine.call("create", "--name", name, "--network", "host", uri, "nothing", timeout_s=_CREATE_TIMEOUT_S)
+        engine.call("create", "--name", name, "--network", "host", uri, "nothing", timeout_s=CREATE_TIMEOUT_S)
         try:
             for inside, here in folders.items():
-                argv = ["/bin/bash", "-c", _COPY, "copy", engine.program, f"{name}:{inside}/.", str(here), owners]
+                source, unpack = f"{name}:{inside}/.", ["/bin/bash", "-c", _UNPACK, "unpack", str(here), owners]
                 try:
-                    engine.carry_out(argv, "cp", PULL_TIMEOUT_S, stopped)
+                    engine.call("cp", source, "-", timeout_s=_PULL_TIMEOUT_S, stopped=stopped, through=unpack)
                 except EngineError as error:
                     if "o such" not in str(error) and "not find" not in str(error) and "not exist" not in str(error):
                         raise
@@ -280,16 +274,11 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
 
 
 def _may_be_built_here(engine: Engine, uri: str, image: Image) -> bool:
-    if image.is_built_here:
-        return True
+    """Whether an image may be from no registry: docker with containerd's store gives all of them digests."""
     first, separator, _ = uri.partition("/")
-    if separator and (first == "localhost" or "." in first or ":" in first):
-        return False
-    return not engine.is_podman and _gives_all_images_digests(engine)
-
-
-def _gives_all_images_digests(engine: Engine) -> bool:
-    """Whether docker keeps images in containerd's store, which also names those by digests that were built here."""
+    names_registry = separator and (first == "localhost" or "." in first or ":" in first)
+    if image.is_built_here or engine.is_podman or names_registry:
+        return image.is_built_here
     try:
         return _CONTAINERD_STORE in engine.call("info", "--format", "{{.DriverStatus}}")
     except EngineError:

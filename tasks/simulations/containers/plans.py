@@ -4,6 +4,7 @@ import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
+from tempfile import NamedTemporaryFile
 from typing import Any
 
 from ....schemas.runs.plan import ApplicationRole
@@ -22,16 +23,14 @@ from .command_lines import (
     NO_PROGRAM,
     Container,
     Mount,
-    create_argv,
+    create_arguments,
     env_file,
-    gpu_probe_argv,
+    gpu_probe_arguments,
     remove_argv,
     start_argv,
     tool_argv,
 )
-from .engines import Engine, EngineError, Image, copy_out, engine_environment, find_engine, get_image
-
-_CREATE_TIMEOUT_S = 120.0
+from .engines import CREATE_TIMEOUT_S, Engine, EngineError, Image, copy_out, find_engine, get_image
 
 
 def plan_container(
@@ -57,8 +56,7 @@ def plan_container(
       LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
     container, image = _made_container(role, application, uri, config["launchConfig"], surroundings, drives)
-    # The engine is called as whoever performs the job calls it: its sockets and credentials are theirs.
-    environment = engine_environment(surroundings.environ)
+    environment = dict(container.engine.environment)  # its sockets and credentials are those of the user who calls it
     folder = container_sandbox(surroundings.folder, role).root  # what the container writes is measured there
     program = ProgramPlan(
         name=role,
@@ -87,20 +85,19 @@ def _made_container(
 ) -> tuple[Container, Image]:
     """Gets an image and makes the container.
 
-    It is made here and not when it is run: who kills an engine's client that makes one cannot know whether the engine
-    goes on to make it. For the same reason nobody stops this.
+    It is made here and not when it is run: when the client that makes a container is killed, nothing tells whether the
+    engine goes on to make it. For the same reason nothing stops this.
     """
     engine = find_engine(surroundings.environ, surroundings.which)
     digest = application.document.get("imageDigest")
     image = get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
-    name = _container_name(role, surroundings)
-    sandbox = _seeded_sandbox(engine, ContainerNote(engine.program, f"{name}-image", uri, role), surroundings)
-    command = launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)]
+    note = ContainerNote(engine.program, _container_name(role, surroundings), uri, role)
+    sandbox = _seeded_sandbox(engine, note, surroundings)
     container = Container(
-        engine=engine.program,
-        name=name,
+        engine=engine,
+        name=note.name,
         image=uri,
-        command=command,
+        command=launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)],
         environment={
             DOMAIN_VARIABLE: surroundings.plan.environment[DOMAIN_VARIABLE],
             **(launch.get("environmentVariables") or {}),
@@ -108,17 +105,22 @@ def _made_container(
         },
         mounts=_mounts(sandbox, surroundings, drives),
         limits=surroundings.plan.compute,
-        is_podman=engine.is_podman,
         gpu=gpu_of(surroundings.environ),
     )
     if container.limits.gpu:
-        with noted_container(surroundings.folder, ContainerNote(engine.program, f"{name}-gpu", uri, role)):
-            check_gpu(engine, container)
-    try:
-        with noted_container(surroundings.folder, ContainerNote(engine.program, name, uri, role)):
-            _create(engine, container, surroundings.folder / f"{role}.env")
-    except EngineError as error:
-        raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
+        with noted_container(surroundings.folder, note, "-gpu") as name:
+            check_gpu(container, name)
+    # Command lines are for all users of a machine to read, and variables may be secrets.
+    with (
+        NamedTemporaryFile("w", encoding="utf-8", dir=surroundings.folder, suffix=".env") as variables,
+        noted_container(surroundings.folder, note),
+    ):
+        variables.write(env_file(container.environment))
+        variables.flush()
+        try:
+            engine.call(*create_arguments(container, Path(variables.name)), timeout_s=CREATE_TIMEOUT_S)
+        except EngineError as error:
+            raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
     return container, image
 
 
@@ -128,31 +130,20 @@ def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:
     return f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{digest}-{role}"
 
 
-def _create(engine: Engine, container: Container, variables: Path) -> None:
-    """Makes a container; its variables may be secrets, and command lines are for all users of a machine to read.
-
-    Raises:
-      EngineError: the engine refuses.
-    """
-    variables.unlink(missing_ok=True)
-    try:
-        variables.touch(0o600, exist_ok=False)
-        variables.write_text(env_file(container.environment), encoding="utf-8")
-        engine.carry_out(create_argv(container, variables), "create", _CREATE_TIMEOUT_S)
-    finally:
-        variables.unlink(missing_ok=True)
-
-
-def check_gpu(engine: Engine, container: Container) -> None:
+def check_gpu(container: Container, name: str) -> None:
     """Finds out whether an engine can give a container a GPU, before it is the application that fails.
+
+    Args:
+      container: the container.
+      name: for the one that is made to find out.
 
     Raises:
       LaunchError: it cannot; says why.
     """
-    name = f"{container.name}-gpu"
+    engine = container.engine
     try:
-        engine.carry_out(gpu_probe_argv(container), "create", _CREATE_TIMEOUT_S)
-        engine.call("start", "--attach", name, timeout_s=_CREATE_TIMEOUT_S)
+        engine.call(*gpu_probe_arguments(container, name), timeout_s=CREATE_TIMEOUT_S)
+        engine.call("start", "--attach", name, timeout_s=CREATE_TIMEOUT_S)
     except EngineError as error:
         if NO_PROGRAM not in str(error):  # which is the last that is looked at
             needed = "a description by `nvidia-ctk cdi generate`" if engine.is_podman else "NVIDIA's container toolkit"
@@ -167,8 +158,8 @@ def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundi
     sandbox = container_sandbox(surroundings.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
-    with noted_container(surroundings.folder, note):
-        copy_out(engine, note.image, note.name, folders, stopped=surroundings.stopped)
+    with noted_container(surroundings.folder, note, "-image") as name:
+        copy_out(engine, note.image, name, folders, stopped=surroundings.stopped)
     output = sandbox.place(OUTPUT)
     output.mkdir(parents=True, exist_ok=True)
     for folder in (*folders.values(), output):
@@ -177,19 +168,19 @@ def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundi
 
 
 def _mounts(sandbox: Sandbox, surroundings: Surroundings, drives: bool) -> list[Mount]:
-    shared = surroundings.sandbox
-    mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS)]
     for path in surroundings.destinations:
         if path.startswith((f"{HOME}/", f"{LOGS}/")):
             _make_mount_point(sandbox, path)
-    mounts.append(Mount(shared.place(DATA_SOURCES), DATA_SOURCES, read_only=True))
-    mounts += [Mount(shared.place(path), path, read_only=True) for path in surroundings.destinations]
-    mounts.append(Mount(sandbox.place(OUTPUT), OUTPUT))
+    mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS, OUTPUT)]
+    mounts += [
+        Mount(surroundings.sandbox.place(path), path, read_only=True)
+        for path in (DATA_SOURCES, *surroundings.destinations)
+    ]
     mounts.append(Mount(make_shared_memory(surroundings.folder), SHARED_MEMORY))
     if surroundings.plan.world_dir is not None:
         mounts.append(Mount(surroundings.plan.world_dir, WORLD, read_only=True))
     if drives:
-        # Who may not write to the folder may connect nevertheless.
+        # Read-only: it may still connect to the socket.
         mounts.append(Mount(_agent_folder(surroundings), AGENT, read_only=True))
     return mounts
 
