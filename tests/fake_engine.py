@@ -12,6 +12,7 @@ from pathlib import Path
 
 _PROGRAM = r"""
 import json, os, signal, subprocess, sys
+from contextlib import suppress
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -29,10 +30,11 @@ def image(name):
     return IMAGES / name.replace("/", "_").replace(":", "_")
 
 
-def inspect(name):
-    if not image(name).is_dir():
+def inspected(name):
+    try:
+        return json.loads((image(name) / "config.json").read_text())
+    except OSError:
         fail(f"Error: No such image: {name}")
-    print(json.dumps([json.loads((image(name) / "config.json").read_text())]))
 
 
 def create(words):
@@ -40,21 +42,16 @@ def create(words):
     while words[0].startswith("-"):
         option, value = words.pop(0), words.pop(0)
         if option == "--env-file":
-            for line in Path(value).read_text().splitlines():
-                key, _, content = line.partition("=")
-                environment[key] = content
+            environment |= dict(line.split("=", 1) for line in Path(value).read_text().splitlines())
         if option == "-e":
-            key, _, content = value.partition("=")
-            environment[key] = content
+            environment |= [value.split("=", 1)]
         elif option == "--mount":
             mount = dict(word.split("=", 1) for word in value.split(",") if "=" in word)
             environment["MOUNT" + mount["target"].upper().replace("/", "_")] = mount["source"]
         elif option == "--name":
             name = value
     entry = image(words.pop(0))
-    if not entry.is_dir():
-        fail(f"Error: No such image: {entry.name}")
-    config = json.loads((entry / "config.json").read_text())["Config"]
+    config = inspected(entry.name)["Config"]
     command = (config.get("Entrypoint") or []) + (words or config.get("Cmd") or [])
     if (CONTAINERS / name).exists():
         fail(f'Error response from daemon: Conflict. The container name "/{name}" is already in use by container "0".')
@@ -85,22 +82,24 @@ def start(name):
 
 
 def remove(name):
-    about = known(name)
-    if about["pid"] is not None:
-        try:
-            os.killpg(about["pid"], signal.SIGKILL)
-        except ProcessLookupError:
-            pass
+    pid = known(name)["pid"]
+    with suppress(ProcessLookupError):
+        if pid is not None:
+            os.killpg(pid, signal.SIGKILL)
     (CONTAINERS / name).unlink(missing_ok=True)
+
+
+def need_daemon():
+    if (HERE / "no-daemon").exists():
+        fail("Cannot connect to the Docker daemon at unix:///var/run/docker.sock.")
 
 
 match arguments:
     case ["version"]:
         print("Client: fake")
-        if (HERE / "no-daemon").exists():
-            fail("Cannot connect to the Docker daemon at unix:///var/run/docker.sock.")
+        need_daemon()
     case ["image", "inspect", name]:
-        inspect(name)
+        print(json.dumps([inspected(name)]))
     case ["pull", name]:
         if not (HERE / "registry" / image(name).name).exists():
             fail(f"pull access denied for {name}, repository does not exist or may require authorization")
@@ -119,8 +118,7 @@ match arguments:
             fail(f"Error response from daemon: Could not find the file {inside} in container {name}")
         subprocess.run(["tar", "-c", "-C", root, "."], check=True)
     case ["rm", "-f", name]:
-        if (HERE / "no-daemon").exists():
-            fail("Cannot connect to the Docker daemon at unix:///var/run/docker.sock.")
+        need_daemon()
         remove(name)
     case ["inspect", "--format", form, name]:
         about = known(name)

@@ -1,4 +1,4 @@
-"""A real container engine: one that answers, else a docker daemon of the tests' own, else podman; without a network."""
+"""A real container engine: one that is named or answers, else a docker daemon of the tests' own, else podman."""
 
 import os
 import shutil
@@ -8,18 +8,17 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import pytest
 from container_images import write_root
 
+from prefect_robomaker.tasks.simulations.containers.engines import Engine, EngineError
+
 _START_WITHIN_S = 30.0
 _STOP_WITHIN_S = 20.0
 _CALL_WITHIN_S = 60.0
-
-
-class NoEngineError(Exception):
-    """An engine cannot run containers here; says why."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +50,8 @@ class RealEngine:
 
     def call(self, *arguments: str) -> str:
         """Calls it; returns what it printed."""
-        done = subprocess.run(
-            [self.program, *arguments],
-            env={**os.environ, **self.environ},
-            capture_output=True,
-            text=True,
-            timeout=_CALL_WITHIN_S,
-            check=False,
-        )
-        if done.returncode:
-            raise NoEngineError(
-                f"{Path(self.program).name} {arguments[0]}: {done.stderr.strip() or done.stdout.strip()}"
-            )
-        return done.stdout
+        engine = Engine(self.program, {**os.environ, **self.environ})
+        return engine.call(*arguments, timeout_s=_CALL_WITHIN_S)
 
     def add_image(self, *instructions: str, python: bool = False) -> str:
         """Makes an image; returns its name.
@@ -94,7 +82,7 @@ class RealEngine:
     def remove_images(self) -> None:
         """Removes the images that it has been given, and that are there."""
         for image in sorted(self._images):
-            with suppress(NoEngineError):
+            with suppress(EngineError):
                 self.call("rmi", "-f", image)
 
     def containers(self, beginning: str) -> list[str]:
@@ -102,28 +90,24 @@ class RealEngine:
         names = self.call("ps", "-a", "--format", "{{.Names}}").split()
         return sorted(name for name in names if name.startswith(beginning))
 
-    def check(self) -> None:
-        """Runs a container.
-
-        Raises:
-            NoEngineError: that does not work.
-        """
-        self.call("run", "--rm", "--network", "host", self.add_image(), "id")
-
 
 @pytest.fixture(scope="session")
 def real_engine() -> Iterator[RealEngine]:
     """An engine that runs containers; skips where there is none."""
     reasons = []
+    named = os.environ.get("ROBOMAKER_CONTAINER_ENGINE")
     with tempfile.TemporaryDirectory(prefix="engine-") as name:
         folder = Path(name)
-        for start in (_the_one_named, _docker_that_answers, _own_docker, _podman):
+        starts = [partial(_docker, "docker"), _own_docker, partial(_podman, "podman")]
+        if named is not None:
+            starts = [partial(_podman if "podman" in named else _docker, named)]
+        for start in starts:
             with ExitStack() as stack:
                 try:
                     engine = start(folder, stack)
                     stack.callback(engine.remove_images)
-                    engine.check()
-                except (NoEngineError, OSError, subprocess.TimeoutExpired) as error:
+                    engine.call("run", "--rm", "--network", "host", engine.add_image(), "id")
+                except (EngineError, OSError) as error:
                     reasons.append(str(error))
                     continue
                 yield engine
@@ -131,17 +115,9 @@ def real_engine() -> Iterator[RealEngine]:
     pytest.skip(f"no container engine works here: {'; '.join(reasons)}")
 
 
-def _the_one_named(folder: Path, stack: ExitStack) -> RealEngine:
-    del stack
-    named = os.environ.get("ROBOMAKER_CONTAINER_ENGINE")
-    if named is None:
-        raise NoEngineError("ROBOMAKER_CONTAINER_ENGINE names none")
-    return RealEngine(_found(named), _podman_settings(folder) if "podman" in named else {}, folder)
-
-
-def _docker_that_answers(folder: Path, stack: ExitStack) -> RealEngine:
-    del stack
-    engine = RealEngine(_found("docker"), {}, folder)
+def _docker(name: str, folder: Path, _: ExitStack) -> RealEngine:
+    """One that answers."""
+    engine = RealEngine(_found(name), {}, folder)
     engine.call("version")
     return engine
 
@@ -149,9 +125,8 @@ def _docker_that_answers(folder: Path, stack: ExitStack) -> RealEngine:
 def _own_docker(folder: Path, stack: ExitStack) -> RealEngine:
     """A daemon whose files are all in a folder; containers use the machine's network, so it needs none of its own."""
     if os.getuid() != 0:
-        raise NoEngineError("dockerd can only be started as root")
+        raise EngineError("dockerd can only be started as root")
     socket = f"unix://{folder}/docker.sock"
-    program = _found("docker")
     command = [
         *(_found("unshare"), "--mount"),  # what it mounts is gone with it
         _found("dockerd"),
@@ -162,15 +137,15 @@ def _own_docker(folder: Path, stack: ExitStack) -> RealEngine:
     log = stack.enter_context((folder / "dockerd.log").open("wb"))
     daemon = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
     stack.callback(_stop, daemon)
-    engine = RealEngine(program, {"DOCKER_HOST": socket}, folder)
+    engine = RealEngine(_found("docker"), {"DOCKER_HOST": socket}, folder)
     give_up_at = time.monotonic() + _START_WITHIN_S
     while True:
         try:
             engine.call("version")
-        except NoEngineError as error:
+        except EngineError as error:
             if daemon.poll() is not None or time.monotonic() > give_up_at:
                 said = (folder / "dockerd.log").read_text(errors="replace").splitlines()[-1:]
-                raise NoEngineError(f"dockerd does not start: {' '.join(said)}") from error
+                raise EngineError(f"dockerd does not start: {' '.join(said)}") from error
             time.sleep(0.1)
         else:
             return engine
@@ -185,13 +160,9 @@ def _stop(daemon: "subprocess.Popen[bytes]") -> None:
         daemon.wait()
 
 
-def _podman(folder: Path, stack: ExitStack) -> RealEngine:
-    del stack
-    return RealEngine(_found("podman"), _podman_settings(folder), folder)
-
-
-def _podman_settings(folder: Path) -> dict[str, str]:
-    """Settings that need as little as possible: no limits that this process may not set, images as plain folders."""
+def _podman(name: str, folder: Path, _: ExitStack) -> RealEngine:
+    """One whose settings need as little as possible: no limits that this process may not set, plain folders."""
+    program = _found(name)
     settings = folder / "containers.conf"
     # podman itself lowers the number of processes to 32768 where it may not raise it.
     settings.write_text('[containers]\ndefault_ulimits = ["nofile=1024:1024", "nproc=1024:1024"]\n')
@@ -199,11 +170,12 @@ def _podman_settings(folder: Path) -> dict[str, str]:
         settings.write_text(settings.read_text() + '[engine]\nruntime = "runc"\n')
     storage = folder / "storage.conf"
     storage.write_text(f'[storage]\ndriver = "vfs"\ngraphroot = "{folder}/podman"\nrunroot = "{folder}/podman-run"\n')
-    return {"CONTAINERS_CONF": str(settings), "CONTAINERS_STORAGE_CONF": str(storage)}
+    environ = {"CONTAINERS_CONF": str(settings), "CONTAINERS_STORAGE_CONF": str(storage)}
+    return RealEngine(program, environ, folder)
 
 
 def _found(name: str) -> str:
     program = shutil.which(name)
     if program is None:
-        raise NoEngineError(f"{name} is not installed")
+        raise EngineError(f"{name} is not installed")
     return program

@@ -1,6 +1,6 @@
-"""Containers of runs that are over: ended and removed, also by another performer than the one that made them.
+"""Containers of runs that are over: ended and removed, also by another worker than the one that made them.
 
-Before a container is made its name is noted in the run's folder, so that none stays whoever is killed when.
+Before a container is made its name is noted in the run's folder, so that none stays, whichever process is killed.
 """
 
 import json
@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 
 from ....schemas.runs.plan import ApplicationRole
@@ -40,24 +41,16 @@ class ContainerNote:
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:
-    """Notes that a container is about to be made.
-
-    Args:
-      folder: the run's own folder.
-      note: the container.
-    """
+    """Notes in the run's own folder that a container is about to be made."""
     with (folder / _NOTES).open("a") as notes:
         notes.write(json.dumps(asdict(note)) + "\n")
 
 
 @contextmanager
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
-    """Notes a container that is made inside the block; not if another had its name, which is not this run's to remove.
+    """Notes a container that is made inside the block; yields its name, which the suffix is added to.
 
-    Args:
-      folder: the run's own folder.
-      note: the container.
-      suffix: what its name ends with; yields the whole name.
+    If another container had the name, the note is taken back: that one is not this run's to remove.
     """
     note = replace(note, name=note.name + suffix)
     note_container(folder, note)
@@ -70,11 +63,7 @@ def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iter
 
 
 def remove_containers_of_job(folder: Path) -> None:
-    """Ends and removes the containers of all runs of a job; see `remove_containers`.
-
-    Args:
-      folder: the job's folder, in which its runs have theirs.
-    """
+    """Ends and removes the containers of all runs that have folders in a job's folder."""
     for run in folder.glob("*"):
         remove_containers(run)
 
@@ -132,13 +121,12 @@ def remove_run(folder: Path) -> bool:
 def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environment: Mapping[str, str]) -> list[str]:
     """Removes the memory that the containers of a run share; returns what stays of it."""
     left, said = remove_shared_memory(folder), ""
-    for note in {note.image: note for note in notes}.values():
-        for place in left:
-            try:
-                _give_back(place, note, environment)
-            except EngineError as error:
-                said = f": {error}"
-        left = left and remove_shared_memory(folder)
+    for note, place in product({note.image: note for note in notes}.values(), left):
+        try:
+            _give_back(place, note, environment)
+        except EngineError as error:
+            said = f": {error}"
+    left = left and remove_shared_memory(folder)
     return [f"{place}, which containers shared, cannot be removed{said}" for place in left]
 
 

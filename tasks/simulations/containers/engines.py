@@ -19,7 +19,7 @@ _ENGINES = ("docker", "podman")
 _ANSWER_TIMEOUT_S = 20.0
 _PULL_TIMEOUT_S = 1800.0
 _POLL_S = 0.1
-_KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")
+_KEPT_VARIABLES = ("PATH", "HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR", "LANG")
 # What the engine says is told last: where it has nothing to copy, tar complains too. Of what tar says the first line is
 # told, and the rest is read, so that tar goes on.
 _UNPACK = """
@@ -122,9 +122,7 @@ class Image:
 def engine_environment(environ: Mapping[str, str]) -> dict[str, str]:
     """The variables of this process that an engine needs: how it is reached, where its credentials are."""
     return {
-        name: value
-        for name, value in environ.items()
-        if name in _KEPT_VARIABLES or name.startswith(_KEPT_BEGINNINGS) or name == "LANG"
+        name: value for name, value in environ.items() if name in _KEPT_VARIABLES or name.startswith(_KEPT_BEGINNINGS)
     }
 
 

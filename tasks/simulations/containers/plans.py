@@ -131,11 +131,7 @@ def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:
 
 
 def check_gpu(container: Container, name: str) -> None:
-    """Finds out whether an engine can give a container a GPU, before it is the application that fails.
-
-    Args:
-      container: the container.
-      name: for the one that is made to find out.
+    """Finds out by a container of this name whether the engine can give one a GPU, before the application fails.
 
     Raises:
       LaunchError: it cannot; says why.

@@ -15,7 +15,6 @@ from xml.parsers import expat
 Ros = Literal[1, 2]
 _KINDS: tuple[Ros, ...] = (1, 2)
 
-MASTER_VARIABLE, HOST_VARIABLE = "ROS_MASTER_URI", "ROS_HOSTNAME"
 _XML = (".launch", ".launch.xml")
 _ONLY_ROS_2 = (".launch.py", ".launch.yaml", ".launch.yml")
 
@@ -168,4 +167,4 @@ def own_master() -> dict[str, str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    return {MASTER_VARIABLE: f"http://localhost:{port}", HOST_VARIABLE: "localhost"}
+    return {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOSTNAME": "localhost"}
