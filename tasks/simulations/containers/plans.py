@@ -30,7 +30,7 @@ from .command_lines import (
     start_argv,
     tool_argv,
 )
-from .engines import CREATE_TIMEOUT_S, Engine, EngineError, Image, copy_out, find_engine, get_image
+from .engines import CREATE_TIMEOUT_S, Engine, EngineError, copy_out, find_engine, get_image
 
 
 def plan_container(
@@ -55,39 +55,7 @@ def plan_container(
     Raises:
       LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
-    container, image = _made_container(role, application, uri, config["launchConfig"], surroundings, drives)
-    environment = dict(container.engine.environment)  # its sockets and credentials are those of the user who calls it
-    folder = container_sandbox(surroundings.folder, role).root  # what the container writes is measured there
-    program = ProgramPlan(
-        name=role,
-        role=role,
-        kind="application",
-        argv=start_argv(container),
-        folder=folder,
-        image_id=image.id,
-        environment=environment,
-        cleanup_argv=remove_argv(container),
-    )
-    tools = [
-        tool_plan(role, tool, tool_argv(container, tool["command"]), folder, environment)
-        for tool in config.get("tools") or []
-    ]
-    return [program, *tools]
-
-
-def _made_container(
-    role: ApplicationRole,
-    application: Resource,
-    uri: str,
-    launch: Mapping[str, Any],
-    surroundings: Surroundings,
-    drives: bool,
-) -> tuple[Container, Image]:
-    """Gets an image and makes the container.
-
-    It is made here and not when it is run: when the client that makes a container is killed, nothing tells whether the
-    engine goes on to make it. For the same reason nothing stops this.
-    """
+    launch = config["launchConfig"]
     engine = find_engine(surroundings.environ, surroundings.which)
     digest = application.document.get("imageDigest")
     image = get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
@@ -107,21 +75,47 @@ def _made_container(
         limits=surroundings.plan.compute,
         gpu=gpu_of(surroundings.environ),
     )
+    _make(container, note, surroundings.folder)
+    environment = dict(engine.environment)  # its sockets and credentials are those of the user who calls it
+    program = ProgramPlan(
+        name=role,
+        role=role,
+        kind="application",
+        argv=start_argv(container),
+        folder=sandbox.root,  # what the container writes is measured there
+        image_id=image.id,
+        environment=environment,
+        cleanup_argv=remove_argv(container),
+    )
+    tools = [
+        tool_plan(role, tool, tool_argv(container, tool["command"]), sandbox.root, environment)
+        for tool in config.get("tools") or []
+    ]
+    return [program, *tools]
+
+
+def _make(container: Container, note: ContainerNote, folder: Path) -> None:
+    """Makes a container, which is started later.
+
+    When the client that makes a container is killed, nothing tells whether the engine goes on to make it. So nothing
+    stops this, and it is no part of starting the container.
+    """
     if container.limits.gpu:
-        with noted_container(surroundings.folder, note, "-gpu") as name:
+        with noted_container(folder, note, "-gpu") as name:
             check_gpu(container, name)
     # Command lines are for all users of a machine to read, and variables may be secrets.
     with (
-        NamedTemporaryFile("w", encoding="utf-8", dir=surroundings.folder, suffix=".env") as variables,
-        noted_container(surroundings.folder, note),
+        NamedTemporaryFile("w", encoding="utf-8", dir=folder, suffix=".env") as variables,
+        noted_container(folder, note),
     ):
         variables.write(env_file(container.environment))
         variables.flush()
         try:
-            engine.call(*create_arguments(container, Path(variables.name)), timeout_s=CREATE_TIMEOUT_S)
+            container.engine.call(*create_arguments(container, Path(variables.name)), timeout_s=CREATE_TIMEOUT_S)
         except EngineError as error:
-            raise LaunchError(f"the container of the image {uri} cannot be made: {error}", "InvalidInput") from error
-    return container, image
+            raise LaunchError(
+                f"the container of the image {note.image} cannot be made: {error}", "InvalidInput"
+            ) from error
 
 
 def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:
