@@ -9,11 +9,14 @@ from functools import cache
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from trimesh import Trimesh, creation
 
 from .export_scene import Kind
 
 _SEGMENTS = 24
 _RINGS = 12
+_LEVEL = 0.9
+"""Upward part of the normal from which a face is an end of a cylinder."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,32 +39,35 @@ def unit_mesh(kind: Kind) -> Mesh:
       ValueError: the shape has no unit, such as a capsule, whose ends change with its proportions.
     """
     if kind == "box":
-        return _box()
+        return _flat(creation.box((2.0, 2.0, 2.0)))
     if kind == "plane":
         corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
         return Mesh(corners, np.tile([0.0, 0, 1], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
     if kind in ("sphere", "ellipsoid"):
-        return _sphere(0.0)
+        up = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 1)
+        ball = creation.revolve(np.column_stack([np.cos(up), np.sin(up)]), sections=_SEGMENTS)
+        return Mesh(np.array(ball.vertices), np.array(ball.vertices), np.array(ball.faces))
     if kind == "cylinder":
-        return _cylinder()
+        mesh = _flat(creation.cylinder(1.0, 2.0, sections=_SEGMENTS))
+        on_end = np.abs(mesh.normals[:, 2:]) > _LEVEL
+        return Mesh(mesh.positions, np.where(on_end, mesh.normals, mesh.positions * [1, 1, 0]), mesh.triangles)
     raise ValueError(f"kind {kind!r}: has no unit mesh")
 
 
 def capsule_mesh(radius: float, half_length: float) -> Mesh:
     """A capsule along z; `half_length` is that of its straight part."""
-    ball = _sphere(1.0)
-    shift = np.where(ball.positions[:, 2:] > 0, 1.0, -1.0) * [0, 0, 1]
-    return Mesh((ball.positions - shift) * radius + shift * half_length, ball.normals, ball.triangles)
+    solid = creation.capsule(2 * half_length, radius, count=[_RINGS, _SEGMENTS])
+    positions = np.array(solid.vertices)
+    middle = np.clip(positions, -half_length, half_length) * [0, 0, 1]
+    return Mesh(positions, (positions - middle) / radius, np.array(solid.faces))
 
 
 def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     """A mesh of the compiled MJCF, flat-shaded."""
     start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    corners = model.mesh_vert[start : start + count][model.mesh_face[first : first + faces]].astype(np.float64)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return Mesh(corners.reshape(-1, 3), np.repeat(normals, 3, axis=0), np.arange(3 * faces).reshape(-1, 3))
+    vertices, triangles = model.mesh_vert[start : start + count], model.mesh_face[first : first + faces]
+    return _flat(Trimesh(vertices, triangles, process=False))
 
 
 def obj_text(mesh: Mesh) -> str:
@@ -72,62 +78,7 @@ def obj_text(mesh: Mesh) -> str:
     return "\n".join([*lines, ""])
 
 
-def _box() -> Mesh:
-    positions, normals, triangles = [], [], []
-    for axis in range(3):
-        for side in (1.0, -1.0):
-            normal = np.eye(3)[axis] * side
-            across = np.eye(3)[(axis + 1) % 3] * side
-            up = np.eye(3)[(axis + 2) % 3]
-            first = len(positions)
-            positions += [normal + a * across + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-            normals += [normal] * 4
-            triangles += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
-    return Mesh(np.array(positions), np.array(normals), np.array(triangles))
-
-
-def _sphere(half_length: float) -> Mesh:
-    """A ball of radius 1, with its two halves moved apart by `half_length` each."""
-    down = np.linspace(0, np.pi, _RINGS + 1)
-    if half_length:
-        down = np.insert(down, _RINGS // 2, np.pi / 2)
-    around = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
-    theta, phi = np.meshgrid(down, around, indexing="ij")
-    normals = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
-    shift = np.zeros_like(normals)
-    shift[..., 2] = np.where(np.arange(len(down))[:, np.newaxis] <= _RINGS // 2, half_length, -half_length)
-    return Mesh((normals + shift).reshape(-1, 3), normals.reshape(-1, 3), _grid_triangles(len(down), _SEGMENTS + 1))
-
-
-def _grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
-    row, column = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    first = (row * columns + column).ravel()
-    below = first + columns
-    both = np.concatenate(
-        [np.stack([first, below, below + 1], axis=1), np.stack([first, below + 1, first + 1], axis=1)]
-    )
-    # At the poles one of two triangles has no area.
-    top, bottom = first < columns, first >= (rows - 2) * columns
-    return both[np.concatenate([~bottom, ~top])]
-
-
-def _cylinder() -> Mesh:
-    around = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
-    ring = np.stack([np.cos(around), np.sin(around), np.zeros_like(around)], axis=1)
-    up = np.array([0.0, 0, 1])
-    count = _SEGMENTS + 1
-    positions, normals, triangles = [ring + up, ring - up], [ring, ring], [_wall_triangles(count)]
-    for side in (1.0, -1.0):
-        first = sum(len(each) for each in positions)
-        positions.append((ring + side * up)[:-1])
-        normals.append(np.tile(side * up, (_SEGMENTS, 1)))
-        fan = np.stack([np.zeros(_SEGMENTS - 2, int), np.arange(1, _SEGMENTS - 1), np.arange(2, _SEGMENTS)], axis=1)
-        triangles.append(first + (fan if side > 0 else fan[:, ::-1]))
-    return Mesh(np.concatenate(positions), np.concatenate(normals), np.concatenate(triangles))
-
-
-def _wall_triangles(count: int) -> NDArray[np.int64]:
-    """Triangles between a ring of `count` vertices and the one below it."""
-    top = np.arange(count - 1)
-    low = top + count
-    return np.concatenate([np.stack([top, low, low + 1], axis=1), np.stack([top, low + 1, top + 1], axis=1)])
+def _flat(solid: Trimesh) -> Mesh:
+    """The mesh with each face's corners for itself, so that it has edges."""
+    normals = np.repeat(solid.face_normals, 3, axis=0)
+    return Mesh(solid.triangles.reshape(-1, 3), normals, np.arange(len(normals)).reshape(-1, 3))

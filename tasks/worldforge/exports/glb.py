@@ -1,4 +1,4 @@
-"""A world as GLB, for browsers and other viewers of glTF 2.0.
+"""A world as GLB, for browsers and other viewers of glTF 2.0; trimesh writes the file.
 
 One node per thing (`building`, furniture and bodies by their ids in `world.json`), its parts below
 it; y points up, as glTF has it, and x east. Ceilings face downwards only, so that one looks into
@@ -10,23 +10,27 @@ the rooms from above.
 
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import mujoco
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from PIL import Image
+from trimesh.exchange.gltf import export_glb
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from .export_meshes import Mesh, capsule_mesh, compiled_mesh, unit_mesh
-from .export_scene import Matrix, Scene, Shape, Thing, Vector, read_scene, texture_pixels, texture_png
-from .glb_file import GlbFile
+from .export_scene import Matrix, Scene, Shape, Vector, read_scene, texture_pixels, texture_png
 
-_TO_Y_UP = [-0.70710678, 0.0, 0.0, 0.70710678]
-_LINEAR, _LINEAR_MIPMAP_LINEAR, _REPEAT = 9729, 9987, 10497
+_TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _ROUGHNESS = 0.85
-_DIGITS = 5
-
-Color = tuple[float, float, float, float]
+_DIGITS = 7
+_ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
+_STRIDES = {"VEC2": 8, "VEC3": 12}
+_APART = "\n"
+"""Stands in names that are unique in trimesh's scene before the part's own name."""
 
 
 def world_glb(bundle: Path) -> bytes:
@@ -44,66 +48,96 @@ def scene_glb(scene: Scene) -> bytes:
     return _Writer(scene).write()
 
 
+class _Picture:
+    """A PNG file as trimesh takes pictures; trimesh writes its bytes unchanged and does not encode them again."""
+
+    format = "PNG"
+
+    def __init__(self, png: bytes) -> None:
+        self._png = png
+
+    def save(self, file: BinaryIO, **_: Any) -> None:
+        """Writes the file."""
+        file.write(self._png)
+
+    def tobytes(self) -> bytes:
+        """What tells pictures apart."""
+        return self._png
+
+    def __len__(self) -> int:
+        return len(self._png)
+
+
 class _Writer:
-    """Puts shapes into a GLB file; equal meshes and materials are stored once."""
+    """Builds trimesh's scene; equal meshes and materials are stored once."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._model = scene.model
-        self._file = GlbFile()
-        self._attributes: dict[Any, dict[str, Any]] = {}
-        self._meshes: dict[Any, int] = {}
-        self._materials: dict[Any, int] = {}
+        self._built = trimesh.Scene(base_frame=_APART)
+        self._materials: dict[str, PBRMaterial] = {}
+        self._colors: dict[str, list[float]] = {}
+        self._pictures: dict[str, _Picture] = {}
 
     def write(self) -> bytes:
-        roots = [self._thing(thing) for thing in self._scene.things]
-        world = self._file.append("nodes", {"name": "world", "rotation": _TO_Y_UP, "children": roots})
-        self._file.document |= {"scene": 0, "scenes": [{"nodes": [world]}]}
-        return self._file.to_bytes()
+        graph = self._built.graph
+        world = f"{_APART}world"
+        graph.update(world, _APART, matrix=_matrix(np.zeros(3), _TO_Y_UP))
+        for thing in self._scene.things:
+            graph.update(thing.name, world, matrix=_matrix(thing.position, thing.rotation))
+        for thing in self._scene.things:
+            for shape in thing.shapes:
+                if shape.drawn and not shape.endless:
+                    mesh, matrix = self._shape(shape)
+                    graph.update(f"{thing.name}{_APART}{shape.name}", thing.name, matrix=matrix, geometry=mesh)
+        return export_glb(self._built, include_normals=True, tree_postprocessor=self._finish)
 
-    def _thing(self, thing: Thing) -> int:
-        children = [self._shape(shape) for shape in thing.shapes if shape.drawn and not shape.endless]
-        node = {"name": thing.name, **_placed(thing.position, thing.rotation)}
-        return self._file.append("nodes", {**node, "children": children} if children else node)
+    def _finish(self, document: dict[str, Any]) -> None:
+        """Gives back what trimesh changes: names (unique in a file), colours (8 bits), lengths of pictures (padded).
 
-    def _shape(self, shape: Shape) -> int:
-        mesh, scale = self._mesh(shape)
+        trimesh stores equal arrays once, such as places and normals of a ball; glTF then asks for their stride.
+        """
+        document["asset"]["generator"] = "prefect-robomaker"
+        for accessor in document.get("accessors", ()):
+            view = document["bufferViews"][accessor["bufferView"]]
+            view["target"] = _ARRAY_BUFFER if accessor["type"] in _STRIDES else _ELEMENT_ARRAY_BUFFER
+            if accessor["type"] in _STRIDES:
+                view["byteStride"] = _STRIDES[accessor["type"]]
+        for node in document["nodes"]:
+            node["name"] = node["name"].partition(_APART)[2] or node["name"]
+        for material in document.get("materials", ()):
+            surface, name = material["pbrMetallicRoughness"], material["name"]
+            surface["baseColorFactor"] = self._colors[name]
+            if "baseColorTexture" in surface:
+                image = document["images"][surface["baseColorTexture"]["index"]]
+                image["name"] = name
+                view = document["bufferViews"][image["bufferView"]]
+                view["byteLength"] = len(self._pictures[name])
+
+    def _shape(self, shape: Shape) -> tuple[str, Matrix]:
+        """The mesh's name and where it stands."""
         position = shape.position
-        if shape.ceiling and shape.kind == "box":
+        ceiling = shape.ceiling and shape.kind == "box"
+        if ceiling:
             position = position - shape.rotation[:, 2] * shape.half[2]
-        node = {"name": shape.name, "mesh": mesh, **_placed(position, shape.rotation)}
-        if scale != (1.0, 1.0, 1.0):
-            node["scale"] = [round(value, _DIGITS) for value in scale]
-        return self._file.append("nodes", node)
-
-    def _mesh(self, shape: Shape) -> tuple[int, tuple[float, float, float]]:
-        """The mesh, and what it has to be scaled by."""
         material, textured = self._material(shape)
-        fixed = textured or shape.kind in ("capsule", "mesh")
-        form = "ceiling" if shape.ceiling and shape.kind == "box" else shape.kind
-        key = (form, shape.half if fixed else None, shape.mesh, material)
-        if key not in self._meshes:
-            primitive = {**self._geometry(shape, form, textured), "material": material}
-            self._meshes[key] = self._file.append("meshes", {"primitives": [primitive]})
-        if fixed:
-            return self._meshes[key], (1.0, 1.0, 1.0)
-        flat = form in ("plane", "ceiling")
-        return self._meshes[key], (*shape.half[:2], 1.0) if flat else shape.half
-
-    def _geometry(self, shape: Shape, form: str, textured: bool) -> dict[str, Any]:
-        """Accessors of the vertices and triangles."""
-        fixed = textured or form == "capsule"
-        key = (form, shape.half if fixed else None, shape.mesh, shape.material if textured else None)
-        if key not in self._attributes:
+        form = "ceiling" if ceiling else shape.kind
+        fixed = textured or form in ("capsule", "mesh")
+        key = f"{form} {shape.half if fixed else ''} {shape.mesh} {material}"
+        if key not in self._built.geometry:
             mesh = _mesh_of(self._model, shape, form, scaled=textured)
-            attributes = {
-                "POSITION": self._file.add_vectors(mesh.positions),
-                "NORMAL": self._file.add_vectors(mesh.normals),
-            }
-            if textured:
-                attributes["TEXCOORD_0"] = self._file.add_vectors(self._texture_coordinates(mesh, shape))
-            self._attributes[key] = {"attributes": attributes, "indices": self._file.add_triangles(mesh.triangles)}
-        return self._attributes[key]
+            uv = self._texture_coordinates(mesh, shape) if textured else None
+            self._built.geometry[key] = trimesh.Trimesh(
+                mesh.positions,
+                mesh.triangles,
+                vertex_normals=mesh.normals,
+                visual=TextureVisuals(uv=uv, material=self._materials[material]),
+                process=False,
+            )
+        scale = np.array(
+            [1.0, 1, 1] if fixed else [*shape.half[:2], 1.0 if form in ("plane", "ceiling") else shape.half[2]]
+        )
+        return key, _matrix(position, shape.rotation * scale)
 
     def _texture_coordinates(self, mesh: Mesh, shape: Shape) -> NDArray[np.float64]:
         """The picture projected along each face's normal, in the shape's own axes."""
@@ -116,42 +150,30 @@ class _Writer:
         if not self._model.mat_texuniform[shape.material]:
             half = np.maximum(np.array(shape.half), 1e-6)
             u, v = u / (2 * half[across]), v / (2 * half[up])
-        return np.stack([repeat[0] * u - 0.5, -repeat[1] * v - 0.5], axis=1)
+        # trimesh counts from the picture's lower edge.
+        return np.stack([repeat[0] * u - 0.5, 1.5 + repeat[1] * v], axis=1)
 
-    def _material(self, shape: Shape) -> tuple[int, bool]:
-        """The material, and whether there is a picture on it."""
+    def _material(self, shape: Shape) -> tuple[str, bool]:
+        """The material's name, and whether there is a picture on it."""
         pixels = texture_pixels(self._model, shape.material) if shape.material >= 0 else None
-        if shape.material >= 0 and pixels is not None and self._keeps_its_color(shape):
-            key: Any = shape.material
-        else:
-            pixels, key = None, shape.color
-        if key not in self._materials:
-            self._materials[key] = self._add_material(shape, pixels)
-        return self._materials[key], pixels is not None
-
-    def _keeps_its_color(self, shape: Shape) -> bool:
-        """Whether the shape has no colour of its own beside the material's."""
-        return shape.kind not in ("sphere", "ellipsoid", "capsule", "mesh")
-
-    def _add_material(self, shape: Shape, pixels: NDArray[np.uint8] | None) -> int:
-        color: Color = shape.color
-        surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": _ROUGHNESS}
-        entry: dict[str, Any] = {"pbrMetallicRoughness": surface}
-        if pixels is not None:
-            entry["name"] = self._model.material(shape.material).name
-            surface["baseColorTexture"] = {"index": self._add_texture(shape.material, pixels, entry["name"])}
-            color = tuple(float(value) for value in self._model.mat_rgba[shape.material])  # pyright: ignore[reportAssignmentType]
-        surface["baseColorFactor"] = [*(round(_linear(value), 4) for value in color[:3]), round(color[3], 4)]
-        if color[3] < 1:
-            entry["alphaMode"] = "BLEND"
-        return self._file.append("materials", entry)
-
-    def _add_texture(self, material: int, pixels: NDArray[np.uint8], name: str) -> int:
-        if not self._file.document.get("samplers"):
-            wrap = {"wrapS": _REPEAT, "wrapT": _REPEAT}
-            self._file.append("samplers", {"magFilter": _LINEAR, "minFilter": _LINEAR_MIPMAP_LINEAR, **wrap})
-        png = texture_png(self._scene, material) or _png(pixels)
-        return self._file.append("textures", {"sampler": 0, "source": self._file.add_image(png, name)})
+        # Round shapes and meshes have colours of their own beside the material's.
+        textured = pixels is not None and shape.kind in ("box", "plane", "cylinder")
+        name = self._model.material(shape.material).name if textured else "#" + " ".join(map(str, shape.color))
+        if name not in self._materials:
+            picture, color = None, np.array(shape.color)
+            if pixels is not None and textured:
+                picture = self._pictures[name] = _Picture(texture_png(self._scene, shape.material) or _png(pixels))
+                color = self._model.mat_rgba[shape.material]
+            self._colors[name] = [round(_linear(float(value)), 4) for value in color[:3]] + [round(float(color[3]), 4)]
+            self._materials[name] = PBRMaterial(
+                name=name,
+                metallicFactor=0.0,
+                roughnessFactor=_ROUGHNESS,
+                baseColorTexture=picture,
+                baseColorFactor=self._colors[name],
+                alphaMode="BLEND" if color[3] < 1 else None,
+            )
+        return name, textured
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:
@@ -171,17 +193,11 @@ def _mesh_of(model: mujoco.MjModel, shape: Shape, form: str, *, scaled: bool) ->
     return Mesh(mesh.positions * shape.half, mesh.normals, mesh.triangles) if scaled else mesh
 
 
-def _placed(position: Vector, rotation: Matrix) -> dict[str, list[float]]:
-    """The members of a node that place it; none for a node that stays where it is."""
-    placed: dict[str, list[float]] = {}
-    if position.any():
-        placed["translation"] = [round(float(value), _DIGITS) + 0.0 for value in position]
-    if not np.array_equal(rotation, np.eye(3)):
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-        w, x, y, z = (round(float(value), 7) + 0.0 for value in quaternion)
-        placed["rotation"] = [x, y, z, w]
-    return placed
+def _matrix(position: Vector, rotation: Matrix) -> Matrix:
+    """The matrix of a node."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, position
+    return np.round(matrix, _DIGITS)
 
 
 def _linear(value: float) -> float:

@@ -14,22 +14,24 @@ from markupsafe import Markup
 _FOLDER = Path(__file__).parent
 
 
-def page(template: str, style: str, scripts: tuple[str, ...] = (), **values: Any) -> str:
+def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str = "", **values: Any) -> str:
     """Renders a page.
 
     Args:
       template: file name of the template, which puts in `policy`, `style` and, if there is one, `script`.
       style: file name of the style sheet.
       scripts: file names of the scripts, which become one.
+      library: a script that comes before them and makes pictures of parts of the page.
       values: what else the template puts in; text is escaped.
 
     Returns:
-      The document; its content security policy allows this style, this script and pictures inside the page.
+      The document; its content security policy allows this style, these scripts and pictures inside the page.
     """
     css, script = _text(style), "".join(map(_text, scripts))
-    allowed = f"'{_digest(script)}'" if script else "'none'"
+    allowed = " ".join(f"'{_digest(each)}'" for each in (library, script) if each) or "'none'"
+    pictures = "data: blob:" if library else "data:"
     policy = (
-        f"default-src 'none'; img-src data:; style-src '{_digest(css)}'; script-src {allowed}; "
+        f"default-src 'none'; img-src {pictures}; style-src '{_digest(css)}'; script-src {allowed}; "
         "base-uri 'none'; form-action 'none'"
     )
     return (
@@ -38,6 +40,7 @@ def page(template: str, style: str, scripts: tuple[str, ...] = (), **values: Any
         .render(
             policy=policy,
             style=Markup(css),  # noqa: S704
+            library=Markup(library),  # noqa: S704
             script=Markup(script),  # noqa: S704
             **values,
         )

@@ -9,24 +9,29 @@ class Viewer {
     const bytes = Uint8Array.from(atob($("glb").textContent.trim()), (letter) => letter.charCodeAt(0));
     this.world = world;
     this.canvas = $("view");
-    this.painter = new Painter(this.canvas, readGlb(bytes));
-    this.top = this.painter.bounds.high[1] + 0.01;
-    this.state = { ceiling: true, labels: true, cut: this.top };
+    this.painter = new Painter(this.canvas, FOV);
+    this.state = { ceiling: true, labels: true, cut: null };
     this.pointers = new Map();
+    this.setBounds(world.bounds);
     this.home();
     this.addLabels();
     this.listen();
     this.addControls();
-    this.painter.ready().then(() => {
+    this.painter.load(bytes).then(() => {
       this.complete = true;
       this.draw();
-    }, fail);
+    }).catch(fail);
+  }
+
+  setBounds([low, high]) {
+    const middle = low.map((value, axis) => (value + high[axis]) / 2);
+    this.bounds = { low, high, middle, radius: Math.hypot(...low.map((value, axis) => high[axis] - value)) / 2 };
   }
 
   home() {
-    this.camera = { target: [...this.painter.bounds.middle], yaw: -0.42, pitch: 0.95, distance: 1 };
+    this.camera = { target: [...this.bounds.middle], yaw: -0.42, pitch: 0.95, distance: 1 };
     this.camera.target[1] = 0.4;
-    this.fit(this.painter.bounds.low, this.painter.bounds.high);
+    this.fit(this.bounds.low, this.bounds.high);
   }
 
   /** Share of the canvas, at its lower edge, that the buttons cover. */
@@ -37,13 +42,12 @@ class Viewer {
   /** Goes so far away that a box is seen whole. */
   fit(low, high) {
     const { camera } = this, aspect = this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
-    const free = 1 - this.covered();
+    const free = 1 - this.covered(), half = Math.tan(FOV / 2);
+    this.painter.look({ eye: this.eye({ ...camera, distance: 1 }), target: camera.target });
     let distance = 1;
     for (let corner = 0; corner < 8; corner++) {
       const place = [0, 1, 2].map((axis) => ((corner >> axis) & 1 ? high : low)[axis]);
-      const m = lookAt(this.eye({ ...camera, distance: 1 }), camera.target);
-      const [x, y, z] = [0, 1, 2].map((row) => m[row] * place[0] + m[4 + row] * place[1] + m[8 + row] * place[2] + m[12 + row]);
-      const half = Math.tan(FOV / 2);
+      const { x, y, z } = new THREE.Vector3(...place).applyMatrix4(this.painter.camera.matrixWorldInverse);
       distance = Math.max(distance, 1 + z + Math.max(Math.abs(y) / (half * free), Math.abs(x) / (half * aspect)));
     }
     camera.distance = distance * 1.06;
@@ -65,7 +69,7 @@ class Viewer {
 
   zoom(factor) {
     this.fitted = null;
-    this.camera.distance = Math.min(20 * this.painter.bounds.radius, Math.max(0.4, this.camera.distance * factor));
+    this.camera.distance = Math.min(20 * this.bounds.radius, Math.max(0.4, this.camera.distance * factor));
     this.redraw();
   }
 
@@ -91,16 +95,11 @@ class Viewer {
 
   draw() {
     this.waiting = 0;
-    const { canvas, camera, state } = this, ratio = Math.min(2, window.devicePixelRatio || 1);
-    canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
-    canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
-    const far = camera.distance + 3 * this.painter.bounds.radius;
-    const lens = perspective(FOV, canvas.width / canvas.height, Math.max(0.05, far / 4000), far);
-    lens[9] = -this.covered();
-    const view = product(lens, lookAt(this.eye(camera), camera.target));
-    const cutting = state.cut < this.top;
-    this.painter.draw({ view, cutting, cut: cutting ? state.cut : this.top, ceiling: state.ceiling, ground: shade("--ground"), section: shade("--section") });
-    this.placeLabels(view);
+    const { camera, state } = this, reach = 2.5 * this.bounds.radius;
+    const depths = { near: camera.distance - reach, far: camera.distance + reach };
+    this.painter.look({ eye: this.eye(camera), target: camera.target, ...depths, covered: this.covered() });
+    this.painter.draw({ cut: state.cut, ceiling: state.ceiling, ground: shade("--ground"), section: shade("--section") });
+    this.placeLabels();
     document.body.dataset.state = this.complete ? "drawn" : "loading";
   }
 
@@ -113,16 +112,16 @@ class Viewer {
       area.textContent = `${room.area_m2.toFixed(1)} m²`;
       label.append(area);
       $("labels").append(label);
-      return [label, [room.x, 0.1, -room.y]];
+      return [label, new THREE.Vector3(room.x, 0.1, -room.y)];
     });
   }
 
-  placeLabels(view) {
+  placeLabels() {
     $("labels").hidden = !this.state.labels;
-    for (const [label, [x, y, z]] of this.labels) {
-      const [u, v, , w] = [0, 1, 2, 3].map((row) => view[row] * x + view[4 + row] * y + view[8 + row] * z + view[12 + row]);
-      label.hidden = w <= 0.1;
-      label.style.transform = `translate(-50%,-50%) translate(${((u / w + 1) / 2) * this.canvas.clientWidth}px,${((1 - v / w) / 2) * this.canvas.clientHeight}px)`;
+    for (const [label, place] of this.labels) {
+      const { x, y, z } = place.clone().project(this.painter.camera);
+      label.hidden = z > 1;
+      label.style.transform = `translate(-50%,-50%) translate(${((x + 1) / 2) * this.canvas.clientWidth}px,${((1 - y) / 2) * this.canvas.clientHeight}px)`;
     }
   }
 
@@ -190,8 +189,8 @@ class Viewer {
     toggle("names", "labels");
     $("home").addEventListener("click", () => this.home());
     $("above").addEventListener("click", () => {
-      Object.assign(this.camera, { yaw: 0, pitch: Math.PI / 2 - 0.001, target: [...this.painter.bounds.middle] });
-      this.fit(this.painter.bounds.low, this.painter.bounds.high);
+      Object.assign(this.camera, { yaw: 0, pitch: Math.PI / 2 - 0.001, target: [...this.bounds.middle] });
+      this.fit(this.bounds.low, this.bounds.high);
     });
     $("theme").addEventListener("click", () => {
       const root = document.documentElement;
@@ -199,10 +198,10 @@ class Viewer {
       this.redraw();
     });
     const cut = $("cut");
-    cut.max = Math.ceil(this.top * 20) / 20;
+    cut.max = Math.ceil(this.bounds.high[1] * 20) / 20;
     cut.value = cut.max;
     cut.addEventListener("input", () => {
-      this.state.cut = +cut.value >= +cut.max ? this.top : +cut.value;
+      this.state.cut = +cut.value >= +cut.max ? null : +cut.value;
       $("cut-text").textContent = +cut.value >= +cut.max ? "none" : `${(+cut.value).toFixed(2)} m`;
       this.redraw();
     });

@@ -1,13 +1,17 @@
 """A world as an HTML page that shows it in three dimensions, in any browser, without a network.
 
-Everything is in the page: the GLB, and a viewer of our own (`viewer*.js`) on WebGL 2.
+Everything is in the page: the GLB, three.js, which draws it, and what people steer it with (`viewer*.js`).
 """
 
 import base64
+import io
+import zipfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
+from trimesh import resources
 
 from ....schemas.worlds.world import Room, World
 from ..bundle.bundle import read_world
@@ -15,7 +19,9 @@ from ..exports.glb import world_glb
 from ..proofs.guarantees import violations
 from .page_files import json_island, page
 
-_SCRIPTS = ("viewer_glb.js", "viewer_gl.js", "viewer.js")
+_SCRIPTS = ("viewer_gl.js", "viewer.js")
+_BEFORE, _AFTER = "<script>", "var camera,controls,scene,renderer"
+"""What stands around three.js and its GLTFLoader in trimesh's own page."""
 
 
 def viewer_page(bundle: Path, title: str) -> str:
@@ -35,12 +41,29 @@ def viewer_page(bundle: Path, title: str) -> str:
         "viewer.html.j2",
         "viewer.css",
         _SCRIPTS,
+        three_js(),
         title=title,
         lines=_lines(world),
         verdict=_verdict(world),
-        world=json_island({"rooms": [_room(room) for room in world.floorplan.rooms]}),
+        world=json_island({"rooms": [_room(room) for room in world.floorplan.rooms], "bounds": _bounds(world)}),
         glb=Markup(glb),  # noqa: S704
     )
+
+
+@cache
+def three_js() -> str:
+    """three.js with its reader of GLB files, which trimesh carries for pages of its own.
+
+    Raises:
+      RuntimeError: the trimesh that is installed carries it in another way.
+    """
+    with zipfile.ZipFile(io.BytesIO(resources.get_bytes("templates/viewer.zip"))) as packed:
+        template = packed.read("viewer.html.template").decode("utf-8")
+    _, before, rest = template.partition(_BEFORE)
+    script, after, _ = rest.partition(_AFTER)
+    if not (before and after and "GLTFLoader" in script):
+        raise RuntimeError("trimesh's viewer.html.template: has no three.js with GLTFLoader where 5.2 has it")
+    return script
 
 
 def _lines(world: World) -> list[str]:
@@ -71,3 +94,11 @@ def _room(room: Room) -> dict[str, Any]:
         "south": min(ys),
         "north": max(ys),
     }
+
+
+def _bounds(world: World) -> tuple[list[float], list[float]]:
+    """West, floor, north and east, ceiling, south as the page has them: y up, z south."""
+    xs, ys = zip(*world.floorplan.footprint, strict=True)
+    wall = max(wall.thickness_m for wall in world.floorplan.walls) / 2
+    low = [min(xs) - wall, 0.0, -max(ys) - wall]
+    return low, [max(xs) + wall, world.floorplan.ceiling_height_m, wall - min(ys)]

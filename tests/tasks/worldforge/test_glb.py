@@ -1,7 +1,10 @@
 """GLB files, read by trimesh, hold what the MJCF shows."""
 
 import json
+import os
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
@@ -147,3 +150,35 @@ def test_a_capsule_keeps_round_ends() -> None:
 
 def test_equal_bundles_make_equal_files(first: Path) -> None:
     assert world_glb(first) == world_glb(first)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("hash_seed", ["0", "1"])
+def test_equal_bundles_make_equal_files_in_every_process(first: Path, hash_seed: str) -> None:
+    """The writer keeps its parts in tables whose keys are hashes."""
+    code = (
+        "import sys, pathlib; from prefect_robomaker.tasks.worldforge.exports.glb import world_glb; "
+        "sys.stdout.buffer.write(world_glb(pathlib.Path(sys.argv[1])))"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
+    made = subprocess.run([sys.executable, "-c", code, str(first)], env=environment, capture_output=True, check=True)
+    assert made.stdout == world_glb(first)
+
+
+def test_views_that_several_accessors_share_have_a_stride(first: Path) -> None:
+    """glTF asks for it; equal places and normals, such as a ball's, are stored once."""
+    document = document_of(world_glb(first))
+    vertices = [accessor for accessor in document["accessors"] if accessor["type"] != "SCALAR"]
+    strides = {"VEC2": 8, "VEC3": 12}
+    for accessor in vertices:
+        assert document["bufferViews"][accessor["bufferView"]]["byteStride"] == strides[accessor["type"]]
+
+
+def test_parts_keep_their_own_names(first: Path) -> None:
+    """Things have parts of the same name, which other readers would have to keep apart."""
+    document = document_of(world_glb(first))
+    nodes = {node["name"]: node for node in document["nodes"] if "children" in node}
+    scene = read_scene(first)
+    for thing in scene.things:
+        drawn = [shape.name for shape in thing.shapes if shape.drawn and not shape.endless]
+        assert [document["nodes"][child]["name"] for child in nodes[thing.name]["children"]] == drawn

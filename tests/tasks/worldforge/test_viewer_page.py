@@ -1,8 +1,10 @@
 """The page that shows a world: whole in one file, and drawn by a real browser."""
 
+import io
 import re
 import shutil
 import subprocess
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
+from prefect_robomaker.tasks.worldforge.viewer import viewer_page as page_module
 from prefect_robomaker.tasks.worldforge.viewer.viewer_page import viewer_page
 
 BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
@@ -65,6 +68,22 @@ def test_the_page_fetches_nothing_and_escapes_names(html: str) -> None:
     assert "<b>1" not in html
     assert not re.search(r'(?:src|href)="', html)
     assert "default-src &#39;none&#39;" in html
+
+
+def test_pictures_come_from_the_page_alone(html: str) -> None:
+    """three.js takes pictures out of the GLB by addresses inside the page; no other address is allowed."""
+    assert "img-src data: blob:;" in html
+    assert "connect-src" not in html[: html.index("</head>")]
+
+
+def test_a_library_that_is_packed_otherwise_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("viewer.html.template", "<script>other</script>")
+    monkeypatch.setattr(page_module.resources, "get_bytes", lambda _: packed.getvalue())
+    page_module.three_js.cache_clear()
+    with pytest.raises(RuntimeError, match=r"viewer\.html\.template: has no three\.js"):
+        page_module.three_js()
 
 
 @needs_browser
