@@ -9,7 +9,9 @@ import logging
 import time
 from pathlib import Path
 
-from .messages import HttpAnswer, HttpRequest
+from starlette.responses import Response
+
+from .messages import ServiceRequest
 
 LOGGER = logging.getLogger("robomaker.access")
 LOGGER.propagate = False  # nothing is written, and nothing costs time, until `write_access_log`
@@ -36,16 +38,16 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
     return handler
 
 
-def log_access(request: HttpRequest, answer: HttpAnswer, duration_s: float, request_id: str) -> None:
+def log_access(request: ServiceRequest, response: Response, duration_s: float, request_id: str) -> None:
     """Logs one request, if anybody asked for it."""
     if LOGGER.handlers:
         LOGGER.info(
             "%s %s %s %d %s %.1f ms %s",
-            request.client,
+            request.client.host if request.client else "-",
             ascii(request.method)[1:-1],
             ascii(request.raw_path)[1:-1][:500],
-            answer.status,
-            answer.error or "-",
+            response.status_code,
+            response.headers.get("x-amzn-errortype", "-"),
             duration_s * 1000,
             request_id,
         )

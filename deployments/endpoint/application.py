@@ -8,6 +8,10 @@ import uuid
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
+from starlette.requests import ClientDisconnect
+from starlette.responses import Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
 from ...schemas.wire.errors import ThrottlingException
 from ...schemas.wire.operation_shape import OperationShape
 from ...tasks.operations.registry import registry
@@ -16,11 +20,11 @@ from .access_log import log_access
 from .authentication import Authenticator
 from .failures import Failures
 from .health import HealthPages
-from .limits import Arrivals, ClientGone, read_body
-from .messages import ASGIApplication, ASGIReceive, ASGIScope, ASGISend, HttpAnswer, HttpRequest
+from .limits import Arrivals, read_body
+from .messages import ServiceRequest
 from .origins import check_origin
 from .routes import Route, Router
-from .wire import MAX_BODY_BYTES, answer_of, request_members
+from .wire import MAX_BODY_BYTES, WireResponse, request_members
 
 # SQLite reads in parallel, but Python runs one thread at a time: more threads only wait for each other.
 WORKERS = 8
@@ -43,7 +47,7 @@ def make_application(
     access_keys: Mapping[str, str] | None = None,
     on_submitted: Callable[[str], None] = ignore,
     performer_status: Callable[[], Mapping[str, object]] = dict,
-) -> ASGIApplication:
+) -> ASGIApp:
     """Makes the application that serves every operation over HTTP.
 
     Args:
@@ -83,40 +87,43 @@ class Endpoint:
         self._arrivals = Arrivals()
         self._in_progress = 0
 
-    async def __call__(self, scope: ASGIScope, receive: ASGIReceive, send: ASGISend) -> None:
-        """Serves one connection's request, or the server's start and end."""
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request, or the server's start and end."""
         if scope["type"] == "http":
-            await self._serve(scope, receive, send)
+            await self._serve(ServiceRequest(scope, receive), send)
         elif scope["type"] == "lifespan":
             await self._live(receive, send)
 
-    async def _live(self, receive: ASGIReceive, send: ASGISend) -> None:
+    async def _live(self, receive: Receive, send: Send) -> None:
         while (message := await receive())["type"] != "lifespan.shutdown":
             await send({"type": f"{message['type']}.complete"})
         await asyncio.to_thread(self._workers.shutdown)
         await send({"type": "lifespan.shutdown.complete"})
 
-    async def _serve(self, scope: ASGIScope, receive: ASGIReceive, send: ASGISend) -> None:
+    async def _serve(self, request: ServiceRequest, send: Send) -> None:
         began = time.perf_counter()
         request_id = _new_request_id()
-        request = _request_of(scope)
         try:
-            answer = await self._answer(request, receive, request_id)
-        except ClientGone:
+            response = await self._answer(request, request_id)
+        except ClientDisconnect:
             return
-        await _send(send, answer, request_id, head_only=request.method == "HEAD")
-        log_access(request, answer, time.perf_counter() - began, request_id)
+        response.raw_headers += [(b"x-amzn-requestid", request_id.encode()), (b"x-content-type-options", b"nosniff")]
+        if request.method == "HEAD":
+            response.body = b""
+        await response(request.scope, request.receive, send)
+        log_access(request, response, time.perf_counter() - began, request_id)
 
-    async def _answer(self, request: HttpRequest, receive: ASGIReceive, request_id: str) -> HttpAnswer:
+    async def _answer(self, request: ServiceRequest, request_id: str) -> Response:
         # Without either header there is no body.
-        declared = request.header("content-length") or (None if request.header("transfer-encoding") else "0")
+        headers = request.headers
+        declared = headers.get("content-length") or (None if headers.get("transfer-encoding") else "0")
         try:
             # Bodies on their way are not counted with the requests: slow senders keep nobody else out.
             with self._arrivals.admitted(declared) as timeout_s:
-                body = await read_body(receive, declared, MAX_BODY_BYTES, timeout_s)
+                request.content = await read_body(request, declared, MAX_BODY_BYTES, timeout_s)
             if self._in_progress >= MAX_IN_PROGRESS:
                 raise ThrottlingException(f"{MAX_IN_PROGRESS} requests are in progress")
-        except ClientGone:
+        except ClientDisconnect:
             raise
         except ThrottlingException as error:
             return self._overloaded(error, request_id)
@@ -124,18 +131,16 @@ class Endpoint:
             return self._failures.answer(error, None, request_id)
         self._in_progress += 1
         try:
-            return await asyncio.get_running_loop().run_in_executor(
-                self._workers, self._perform, request.with_body(body), request_id
-            )
+            return await asyncio.get_running_loop().run_in_executor(self._workers, self._perform, request, request_id)
         finally:
             self._in_progress -= 1
 
-    def _overloaded(self, error: ThrottlingException, request_id: str) -> HttpAnswer:
+    def _overloaded(self, error: ThrottlingException, request_id: str) -> Response:
         patient = ThrottlingException(f"{error}; try again in {RETRY_AFTER_S} s")
         headers = ((b"retry-after", str(RETRY_AFTER_S).encode()),)
         return self._failures.answer(patient, None, request_id, headers)
 
-    def _perform(self, request: HttpRequest, request_id: str) -> HttpAnswer:
+    def _perform(self, request: ServiceRequest, request_id: str) -> Response:
         """Answers a request; in a thread of its own, since operations wait for the database."""
         operation: OperationShape | None = None
         try:
@@ -151,11 +156,11 @@ class Endpoint:
         except Exception as error:
             return self._failures.answer(error, operation, request_id)
 
-    def _called(self, route: Route, request: HttpRequest, request_id: str) -> HttpAnswer:
+    def _called(self, route: Route, request: ServiceRequest, request_id: str) -> Response:
         members = self._operations[route.operation.name].answer(request_members(route, request), self._service)
         if route.operation.is_job:
             self._tell(members["arn"], request_id)
-        return answer_of(members)
+        return WireResponse(members)
 
     def _tell(self, arn: str, request_id: str) -> None:
         try:
@@ -168,26 +173,3 @@ class Endpoint:
 def _new_request_id() -> str:
     # Ids have to differ, not to be secret: no system call, after which this thread would wait for its turn again.
     return str(uuid.UUID(int=_CHANCE.getrandbits(128), version=4))
-
-
-def _request_of(scope: ASGIScope) -> HttpRequest:
-    client = scope.get("client")
-    return HttpRequest(
-        method=scope["method"],
-        raw_path=scope["raw_path"].decode("latin-1"),
-        query=scope["query_string"].decode("latin-1"),
-        headers=tuple(scope["headers"]),
-        client=client[0] if client else "-",
-    )
-
-
-async def _send(send: ASGISend, answer: HttpAnswer, request_id: str, *, head_only: bool) -> None:
-    headers = [
-        (b"content-type", answer.content_type),
-        (b"content-length", str(len(answer.body)).encode()),
-        (b"x-amzn-requestid", request_id.encode()),
-        (b"x-content-type-options", b"nosniff"),
-        *answer.headers,
-    ]
-    await send({"type": "http.response.start", "status": answer.status, "headers": headers})
-    await send({"type": "http.response.body", "body": b"" if head_only else answer.body})

@@ -14,11 +14,11 @@ from botocore.compat import HTTPHeaders
 from botocore.credentials import Credentials
 
 from .messages import (
-    HttpRequest,
     IncompleteSignatureException,
     InvalidSignatureException,
     MissingAuthenticationTokenException,
     ProtocolError,
+    ServiceRequest,
     UnrecognizedClientException,
 )
 
@@ -49,7 +49,7 @@ class Authenticator:
         self._region = region
         self._clock = clock
 
-    def check(self, request: HttpRequest) -> str:
+    def check(self, request: ServiceRequest) -> str:
         """Finds out who signed a request.
 
         Returns:
@@ -80,7 +80,7 @@ class Authenticator:
             if given != wanted:
                 raise InvalidSignatureException(f"the request is signed for {what} {given[:64]!r}; sign for {wanted!r}")
 
-    def _check_time(self, request: HttpRequest, signature: Signature) -> datetime:
+    def _check_time(self, request: ServiceRequest, signature: Signature) -> datetime:
         signed_at = _signed_at(request)
         if signed_at.strftime("%Y%m%d") != signature.date:
             raise InvalidSignatureException(f"the credential is of {signature.date}, the request of {signed_at:%Y%m%d}")
@@ -93,8 +93,8 @@ class Authenticator:
         return signed_at
 
 
-def _parsed(request: HttpRequest) -> Signature:
-    headers = request.all_headers("authorization")
+def _parsed(request: ServiceRequest) -> Signature:
+    headers = request.headers.getlist("authorization")
     if not headers:
         raise MissingAuthenticationTokenException("the request is not signed; sign it with Signature Version 4")
     algorithm, _, rest = headers[0].partition(" ")
@@ -115,9 +115,9 @@ def _parsed(request: HttpRequest) -> Signature:
     return Signature(access_key, date, region, service, tuple(parts["SignedHeaders"].split(";")), parts["Signature"])
 
 
-def _signed_at(request: HttpRequest) -> datetime:
+def _signed_at(request: ServiceRequest) -> datetime:
     """The moment of signing, from `X-Amz-Date` or else `Date`."""
-    amazon, plain = request.header("x-amz-date"), request.header("date")
+    amazon, plain = request.headers.get("x-amz-date"), request.headers.get("date")
     try:
         if amazon is not None:
             return datetime.strptime(amazon, _TIME).replace(tzinfo=UTC)
@@ -129,9 +129,9 @@ def _signed_at(request: HttpRequest) -> datetime:
     raise IncompleteSignatureException("X-Amz-Date is missing")
 
 
-def _check_coverage(request: HttpRequest, signature: Signature) -> None:
+def _check_coverage(request: ServiceRequest, signature: Signature) -> None:
     """A signature has to hold for everything that makes a difference."""
-    present = {name.decode("latin-1") for name, _ in request.headers}
+    present = set(request.headers.keys())
     needed = {"host"} | {name for name in present if name.startswith("x-amz-")}
     needed |= {"date"} if "x-amz-date" not in present else set()
     if unsigned := sorted(needed - set(signature.signed_headers)):
@@ -144,9 +144,9 @@ def _incomplete(what: str, names: list[str]) -> ProtocolError:
     return InvalidSignatureException(f"{what} in Authorization lacks {', '.join(names)[:200]}")
 
 
-def _check_payload(request: HttpRequest) -> None:
-    given = request.header("x-amz-content-sha256")
-    if given is not None and given != hashlib.sha256(request.body).hexdigest():
+def _check_payload(request: ServiceRequest) -> None:
+    given = request.headers.get("x-amz-content-sha256")
+    if given is not None and given != hashlib.sha256(request.content).hexdigest():
         raise InvalidSignatureException("X-Amz-Content-SHA256 is not the hash of the body that arrived")
 
 
@@ -166,12 +166,12 @@ class _Verifier(SigV4Auth):
         return chosen
 
 
-def _expected(request: HttpRequest, signature: Signature, secret: str, signed_at: datetime) -> str:
-    url = f"http://host{request.raw_path}" + (f"?{request.query}" if request.query else "")
+def _expected(request: ServiceRequest, signature: Signature, secret: str, signed_at: datetime) -> str:
+    url = f"http://host{request.raw_path}" + (f"?{request.raw_query}" if request.raw_query else "")
     headers = HTTPHeaders()
-    for name, value in request.headers:
-        headers[name.decode("latin-1")] = value.decode("latin-1")
-    signed = AWSRequest(method=request.method, url=url, data=request.body)
+    for name, value in request.headers.items():
+        headers[name] = value
+    signed = AWSRequest(method=request.method, url=url, data=request.content)
     signed.headers = headers
     signed.context["timestamp"] = signed_at.strftime(_TIME)
     verifier = _Verifier(Credentials(signature.access_key, secret), signature.region, signature.signed_headers)

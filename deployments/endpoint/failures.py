@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from starlette.responses import Response
+
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import (
     InternalServerException,
@@ -14,8 +16,8 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ...schemas.wire.operation_shape import OperationShape
-from .messages import Headers, HttpAnswer, ProtocolError
-from .wire import error_answer
+from .messages import Headers, ProtocolError
+from .wire import error_response
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 
@@ -32,7 +34,7 @@ class Failures:
 
     def answer(
         self, error: Exception, operation: OperationShape | None, request_id: str, headers: Headers = ()
-    ) -> HttpAnswer:
+    ) -> Response:
         """Tells the client what it can mend, and the log the rest.
 
         Args:
@@ -48,7 +50,7 @@ class Failures:
         message = str(error)
         for place, name in self._hidden:
             message = place.sub(name, message)
-        return error_answer(error.code, error.status, message, headers=headers)
+        return error_response(error.code, error.status, message, headers=headers)
 
 
 def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:
@@ -66,7 +68,7 @@ def _folder(path: Path) -> re.Pattern[str]:
     return re.compile(rf"(?:(?<=file://)|(?<![\w./-])){re.escape(str(path))}(?![\w-])")
 
 
-def _broken(error: Exception, operation: OperationShape | None, request_id: str) -> HttpAnswer:
+def _broken(error: Exception, operation: OperationShape | None, request_id: str) -> Response:
     what = operation.name if operation else "a request"
     if isinstance(error, RobomakerError):
         LOGGER.error("%s failed (request %s): %s", what, request_id, error)
@@ -76,7 +78,7 @@ def _broken(error: Exception, operation: OperationShape | None, request_id: str)
     because = (
         "a part this call needs does not answer" if kind is ServiceUnavailableException else "something broke here"
     )
-    return error_answer(kind.__name__, kind.status, f"{because}; the service's log says more under {request_id}")
+    return error_response(kind.__name__, kind.status, f"{because}; the service's log says more under {request_id}")
 
 
 def _kind(error: Exception, operation: OperationShape | None) -> type[ServiceError]:

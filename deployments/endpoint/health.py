@@ -6,18 +6,16 @@ from functools import cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from starlette.responses import HTMLResponse, Response
 
 from ...tasks.service.service import Service
-from .messages import HttpAnswer, HttpRequest, MethodNotAllowedException
+from .messages import MethodNotAllowedException, ServiceRequest
 
 _METHODS = ("GET", "HEAD")
-_PAGE_HEADERS = (
-    (
-        b"content-security-policy",
-        b"default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'",
-    ),
-    (b"cache-control", b"no-store"),
-)
+_HEADERS = {
+    "cache-control": "no-store",
+    "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'",
+}
 
 
 class HealthPages:
@@ -36,7 +34,7 @@ class HealthPages:
         self._performer_status = performer_status
         self._is_open = is_open
 
-    def answer(self, request: HttpRequest) -> HttpAnswer | None:
+    def answer(self, request: ServiceRequest) -> Response | None:
         """The page at a path; `None` if there is none.
 
         Raises:
@@ -55,10 +53,10 @@ class HealthPages:
         else:
             del facts["resources"]
         if request.raw_path == "/health":
-            body = json.dumps(facts, default=str).encode()
-            return HttpAnswer(200, body, headers=((b"cache-control", b"no-store"),))
-        host = request.header("host") or "localhost"
-        return HttpAnswer(200, _page(facts, f"http://{host}").encode(), b"text/html; charset=utf-8", _PAGE_HEADERS)
+            body = json.dumps(facts, default=str)
+            return Response(body, headers={"cache-control": "no-store"}, media_type="application/json")
+        host = request.headers.get("host") or "localhost"
+        return HTMLResponse(_page(facts, f"http://{host}"), headers=_HEADERS)
 
 
 def _page(facts: Mapping[str, Any], url: str) -> str:

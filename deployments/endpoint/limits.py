@@ -2,10 +2,10 @@
 
 import asyncio
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import aclosing, contextmanager
 
 from ...schemas.wire.errors import ThrottlingException
-from .messages import ASGIReceive, RequestEntityTooLargeException, RequestTimeoutException
+from .messages import RequestEntityTooLargeException, RequestTimeoutException, ServiceRequest
 
 SMALL_BODY_BYTES = 64 * 1024
 """What nearly all requests stay below; they and the others are counted apart."""
@@ -47,15 +47,11 @@ class Arrivals:
             self._arriving[is_small] -= 1
 
 
-class ClientGone(Exception):
-    """The client hung up before it had sent everything."""
-
-
-async def read_body(receive: ASGIReceive, declared: str | None, max_bytes: int, timeout_s: float) -> bytes:
+async def read_body(request: ServiceRequest, declared: str | None, max_bytes: int, timeout_s: float) -> bytes:
     """Reads a request's body.
 
     Args:
-      receive: gives the next part.
+      request: whose body has not been read.
       declared: the header `Content-Length`.
       max_bytes: how much is taken at most.
       timeout_s: how long it may take.
@@ -63,31 +59,25 @@ async def read_body(receive: ASGIReceive, declared: str | None, max_bytes: int, 
     Raises:
       RequestEntityTooLargeException: the body is longer; the rest is left unread.
       RequestTimeoutException: it did not arrive in time.
-      ClientGone: nobody waits for an answer any more.
+      ClientDisconnect: the client hung up.
     """
     if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):
         raise _too_large(max_bytes)
     try:
         async with asyncio.timeout(timeout_s):
-            return await _read(receive, max_bytes)
+            return await _read(request, max_bytes)
     except TimeoutError:
         raise RequestTimeoutException(f"the body did not arrive within {timeout_s:g} seconds") from None
 
 
-async def _read(receive: ASGIReceive, max_bytes: int) -> bytes:
-    parts: list[bytes] = []
-    length = 0
-    while True:
-        message = await receive()
-        if message["type"] == "http.disconnect":
-            raise ClientGone
-        part = message.get("body", b"")
-        length += len(part)
-        if length > max_bytes:
-            raise _too_large(max_bytes)
-        parts.append(part)
-        if not message.get("more_body", False):
-            return b"".join(parts)
+async def _read(request: ServiceRequest, max_bytes: int) -> bytes:
+    body = bytearray()
+    async with aclosing(request.stream()) as parts:
+        async for part in parts:
+            body += part
+            if len(body) > max_bytes:
+                raise _too_large(max_bytes)
+    return bytes(body)
 
 
 def _too_large(max_bytes: int) -> RequestEntityTooLargeException:

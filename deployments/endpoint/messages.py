@@ -1,63 +1,27 @@
-"""Requests and answers of HTTP as plain values, and the errors that belong to the protocol alone."""
+"""Requests as starlette reads them, and the errors that belong to the protocol alone."""
 
-from collections.abc import Awaitable, Callable, MutableMapping
-from dataclasses import dataclass, replace
-from typing import Any
+from starlette.requests import Request
 
 from ...schemas.wire.errors import RobomakerError
-
-ASGIScope = MutableMapping[str, Any]
-ASGIReceive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-ASGISend = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-ASGIApplication = Callable[[ASGIScope, ASGIReceive, ASGISend], Awaitable[None]]
 
 Headers = tuple[tuple[bytes, bytes], ...]
 
 
-@dataclass(frozen=True)
-class HttpRequest:
-    """One request, read completely."""
+class ServiceRequest(Request):
+    """One request; signatures and ARNs in paths need both parts of its target as they were sent."""
 
-    method: str
-    raw_path: str
-    """As it was sent, percent-encoded."""
+    content = b""
+    """The body, once it is read."""
 
-    query: str
-    """What follows the question mark, as it was sent."""
+    @property
+    def raw_path(self) -> str:
+        """The path, percent-encoded."""
+        return self.scope["raw_path"].decode("latin-1")
 
-    headers: Headers
-    """Names in small letters."""
-
-    body: bytes = b""
-    client: str = "-"
-    """Address of who sent it, for the log."""
-
-    def with_body(self, body: bytes) -> "HttpRequest":
-        """The same request with its body."""
-        return replace(self, body=body)
-
-    def header(self, name: str) -> str | None:
-        """The first header of a name, given in small letters."""
-        return next(iter(self.all_headers(name)), None)
-
-    def all_headers(self, name: str) -> list[str]:
-        """All headers of a name, given in small letters."""
-        wanted = name.encode()
-        return [value.decode("latin-1") for key, value in self.headers if key == wanted]
-
-
-@dataclass(frozen=True)
-class HttpAnswer:
-    """What is sent back."""
-
-    status: int
-    body: bytes
-    content_type: bytes = b"application/json"
-    headers: Headers = ()
-    """Further headers."""
-
-    error: str | None = None
-    """Name of the error it tells of."""
+    @property
+    def raw_query(self) -> str:
+        """What follows the question mark."""
+        return self.scope["query_string"].decode("latin-1")
 
 
 class ProtocolError(RobomakerError):

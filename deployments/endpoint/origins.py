@@ -12,23 +12,23 @@ away, and neither is on a request of an SDK:
 import ipaddress
 import re
 
-from .messages import AccessDeniedException, HttpRequest
+from .messages import AccessDeniedException, ServiceRequest
 
 _HOST = re.compile(r"(?P<name>\[[^\]]*\]|[^:\[\]]*)(:[0-9]{1,5})?")
 _ONE_LABEL = re.compile(r"[a-z0-9_-]+")
 
 
-def check_origin(request: HttpRequest) -> None:
+def check_origin(request: ServiceRequest) -> None:
     """Refuses what only a web page would send.
 
     Raises:
       AccessDeniedException: the request has an `Origin`, or a `Host` that may be any site's name.
     """
-    if (origin := request.header("origin")) is not None:
+    if (origin := request.headers.get("origin")) is not None:
         raise AccessDeniedException(
             f"the request comes from a web page of {origin[:100]!r}; pages may not call this service"
         )
-    hosts = request.all_headers("host")
+    hosts = request.headers.getlist("host")
     if len(hosts) != 1 or not is_local_host(hosts[0]):
         shown = ", ".join(hosts)[:100]
         raise AccessDeniedException(

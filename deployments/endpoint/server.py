@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 
 import uvicorn
+from starlette.types import ASGIApp
 
 from ...schemas.wire.errors import ConfigurationError
-from .messages import ASGIApplication
 from .origins import is_address, is_loopback
 
 LOGGER = logging.getLogger("robomaker.endpoint")
@@ -25,7 +25,7 @@ GRACE_S = 30
 _BACKLOG = 512
 
 
-def run_server(application: ASGIApplication, host: str, port: int, *, ready: Callable[[int], None]) -> None:
+def run_server(application: ASGIApp, host: str, port: int, *, ready: Callable[[int], None]) -> None:
     """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
 
     Args:

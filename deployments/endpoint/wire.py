@@ -5,13 +5,15 @@ from collections.abc import Mapping
 from datetime import datetime
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qs
+
+from starlette.responses import Response
 
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import InvalidParameterException
 from ...schemas.wire.operation_shape import OperationShape
 from ...schemas.wire.strict_json import load_strict
-from .messages import Headers, HttpAnswer, HttpRequest, SerializationException, UnsupportedMediaTypeException
+from .messages import Headers, SerializationException, ServiceRequest, UnsupportedMediaTypeException
 from .routes import Route
 
 MAX_BODY_BYTES = 10 * 1024 * 1024
@@ -22,7 +24,7 @@ _MAX_QUERY_MEMBERS = 1000
 _JSON_TYPES = frozenset({"application/json", "application/x-amz-json-1.0", "application/x-amz-json-1.1"})
 
 
-def request_members(route: Route, request: HttpRequest) -> dict[str, Any]:
+def request_members(route: Route, request: ServiceRequest) -> dict[str, Any]:
     """Gathers the members of an operation's request from where they travel.
 
     Args:
@@ -38,7 +40,7 @@ def request_members(route: Route, request: HttpRequest) -> dict[str, Any]:
     members: dict[str, Any] = dict(route.members)
     in_query = [name for name, location in operation.locations.items() if location == "querystring"]
     if in_query:
-        members |= _query_members(operation, in_query, request.query)
+        members |= _query_members(operation, in_query, request.raw_query)
     if operation.request.model_fields.keys() <= operation.locations.keys():
         return members  # nothing is left for a body; whatever is there has no meaning
     body = _body_members(request)
@@ -54,24 +56,16 @@ def _place(operation: OperationShape, name: str) -> str:
 
 def _query_members(operation: OperationShape, names: list[str], query: str) -> dict[str, Any]:
     try:
-        pairs = parse_qsl(query, keep_blank_values=True, errors="strict", max_num_fields=_MAX_QUERY_MEMBERS)
+        values = parse_qs(query, keep_blank_values=True, errors="strict", max_num_fields=_MAX_QUERY_MEMBERS)
     except UnicodeDecodeError:
         raise SerializationException("the query is not encoded as UTF-8") from None
     except ValueError:
         raise SerializationException(f"the query has more than {_MAX_QUERY_MEMBERS} members") from None
-    found: dict[str, Any] = {}
-    for name in names:
-        values = [value for key, value in pairs if key == name]
-        if values and is_list_member(operation, name):
-            found[name] = values
-        elif values:
-            found[name] = values[0]
-    return found
-
-
-def is_list_member(operation: OperationShape, name: str) -> bool:
-    """Whether a member of an operation's request is a list; in a query, its name is repeated."""
-    return _is_list(operation.request.model_fields[name].annotation)
+    fields = operation.request.model_fields
+    # In a query, the name of a list is repeated; of anything else, the first counts.
+    return {
+        name: values[name] if _is_list(fields[name].annotation) else values[name][0] for name in names if name in values
+    }
 
 
 def _is_list(annotation: Any) -> bool:
@@ -79,12 +73,12 @@ def _is_list(annotation: Any) -> bool:
     return origin is list or (origin in (Annotated, Union, UnionType) and any(map(_is_list, get_args(annotation))))
 
 
-def _body_members(request: HttpRequest) -> dict[str, Any]:
-    if not request.body:
+def _body_members(request: ServiceRequest) -> dict[str, Any]:
+    if not request.content:
         return {}
-    _check_content_type(request.header("content-type"))
+    _check_content_type(request.headers.get("content-type"))
     try:
-        text = request.body.decode()
+        text = request.content.decode()
     except UnicodeDecodeError as error:
         raise SerializationException(f"the body is not UTF-8: {error.reason} at byte {error.start}") from None
     try:
@@ -110,12 +104,17 @@ def _kind(document: Any) -> str:
     return kinds.get(type(document), "null")
 
 
-def answer_of(members: Mapping[str, Any]) -> HttpAnswer:
-    """Writes an operation's answer."""
-    return HttpAnswer(200, _json(members))
+class WireResponse(Response):
+    """An operation's answer, or an error, in the service's JSON."""
+
+    media_type = "application/json"
+
+    def render(self, content: Mapping[str, Any]) -> bytes:
+        """The members as JSON, in ASCII as the service writes it."""
+        return json.dumps(content, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
 
 
-def error_answer(code: str, status: int, message: str, headers: Headers = ()) -> HttpAnswer:
+def error_response(code: str, status: int, message: str, headers: Headers = ()) -> WireResponse:
     """Writes an error in the form SDKs read: its name in a header and in the body.
 
     Args:
@@ -124,12 +123,9 @@ def error_answer(code: str, status: int, message: str, headers: Headers = ()) ->
       message: what is wrong; shortened to what fits a log.
       headers: further headers.
     """
-    body = _json({"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)})
-    return HttpAnswer(status, body, headers=((b"x-amzn-errortype", code.encode()), *headers), error=code)
-
-
-def _json(document: Mapping[str, Any]) -> bytes:
-    return json.dumps(document, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
+    response = WireResponse({"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}, status)
+    response.raw_headers += [(b"x-amzn-errortype", code.encode()), *headers]
+    return response
 
 
 def _seconds(value: object) -> float:
