@@ -38,7 +38,7 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
     return handler
 
 
-def log_access(request: ServiceRequest, response: Response, duration_s: float, request_id: str) -> None:
+def log_access(request: ServiceRequest, response: Response, duration_s: float) -> None:
     """Logs one request, if anybody asked for it."""
     if LOGGER.handlers:
         LOGGER.info(
@@ -49,5 +49,5 @@ def log_access(request: ServiceRequest, response: Response, duration_s: float, r
             response.status_code,
             response.headers.get("x-amzn-errortype", "-"),
             duration_s * 1000,
-            request_id,
+            request.id,
         )

@@ -2,9 +2,7 @@
 
 import asyncio
 import logging
-import random
 import time
-import uuid
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
@@ -34,7 +32,6 @@ MAX_IN_PROGRESS = 128
 RETRY_AFTER_S = 1
 
 LOGGER = logging.getLogger("robomaker.endpoint")
-_CHANCE = random.Random()  # noqa: S311 - request ids are no secrets
 
 
 def ignore(arn: str) -> None:
@@ -102,18 +99,17 @@ class Endpoint:
 
     async def _serve(self, request: ServiceRequest, send: Send) -> None:
         began = time.perf_counter()
-        request_id = _new_request_id()
         try:
-            response = await self._answer(request, request_id)
+            response = await self._answer(request)
         except ClientDisconnect:
             return
-        response.raw_headers += [(b"x-amzn-requestid", request_id.encode()), (b"x-content-type-options", b"nosniff")]
+        response.raw_headers += [(b"x-amzn-requestid", request.id.encode()), (b"x-content-type-options", b"nosniff")]
         if request.method == "HEAD":
             response.body = b""
         await response(request.scope, request.receive, send)
-        log_access(request, response, time.perf_counter() - began, request_id)
+        log_access(request, response, time.perf_counter() - began)
 
-    async def _answer(self, request: ServiceRequest, request_id: str) -> Response:
+    async def _answer(self, request: ServiceRequest) -> Response:
         # Without either header there is no body.
         headers = request.headers
         declared = headers.get("content-length") or (None if headers.get("transfer-encoding") else "0")
@@ -126,21 +122,19 @@ class Endpoint:
         except ClientDisconnect:
             raise
         except ThrottlingException as error:
-            return self._overloaded(error, request_id)
+            patient = ThrottlingException(f"{error}; try again in {RETRY_AFTER_S} s")
+            response = self._failures.answer(patient, None, request.id)
+            response.headers["retry-after"] = str(RETRY_AFTER_S)
+            return response
         except Exception as error:
-            return self._failures.answer(error, None, request_id)
+            return self._failures.answer(error, None, request.id)
         self._in_progress += 1
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._workers, self._perform, request, request_id)
+            return await asyncio.get_running_loop().run_in_executor(self._workers, self._perform, request)
         finally:
             self._in_progress -= 1
 
-    def _overloaded(self, error: ThrottlingException, request_id: str) -> Response:
-        patient = ThrottlingException(f"{error}; try again in {RETRY_AFTER_S} s")
-        headers = ((b"retry-after", str(RETRY_AFTER_S).encode()),)
-        return self._failures.answer(patient, None, request_id, headers)
-
-    def _perform(self, request: ServiceRequest, request_id: str) -> Response:
+    def _perform(self, request: ServiceRequest) -> Response:
         """Answers a request; in a thread of its own, since operations wait for the database."""
         operation: OperationShape | None = None
         try:
@@ -152,14 +146,14 @@ class Endpoint:
                 self._authenticator.check(request)
             route = self._router.find(request.method, request.raw_path)
             operation = route.operation
-            return self._called(route, request, request_id)
+            return self._called(route, request)
         except Exception as error:
-            return self._failures.answer(error, operation, request_id)
+            return self._failures.answer(error, operation, request.id)
 
-    def _called(self, route: Route, request: ServiceRequest, request_id: str) -> Response:
+    def _called(self, route: Route, request: ServiceRequest) -> Response:
         members = self._operations[route.operation.name].answer(request_members(route, request), self._service)
         if route.operation.is_job:
-            self._tell(members["arn"], request_id)
+            self._tell(members["arn"], request.id)
         return WireResponse(members)
 
     def _tell(self, arn: str, request_id: str) -> None:
@@ -168,8 +162,3 @@ class Endpoint:
         except Exception:
             # The job is stored, and whoever performs jobs finds it there, later.
             LOGGER.exception("nobody could be told of %s (request %s)", arn, request_id)
-
-
-def _new_request_id() -> str:
-    # Ids have to differ, not to be secret: no system call, after which this thread would wait for its turn again.
-    return str(uuid.UUID(int=_CHANCE.getrandbits(128), version=4))

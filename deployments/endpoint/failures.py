@@ -16,7 +16,7 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ...schemas.wire.operation_shape import OperationShape
-from .messages import Headers, ProtocolError
+from .messages import ProtocolError
 from .wire import error_response
 
 LOGGER = logging.getLogger("robomaker.endpoint")
@@ -32,25 +32,24 @@ class Failures:
     def __init__(self, settings: Settings) -> None:
         self._hidden = tuple(_hidden(settings))
 
-    def answer(
-        self, error: Exception, operation: OperationShape | None, request_id: str, headers: Headers = ()
-    ) -> Response:
+    def answer(self, error: Exception, operation: OperationShape | None, request_id: str) -> Response:
         """Tells the client what it can mend, and the log the rest.
 
         Args:
           error: what went wrong.
           operation: what was asked for, as far as that is known.
           request_id: the request's id; joins the answer to the log's line.
-          headers: further headers.
         """
-        if isinstance(error, ProtocolError):
-            headers = (*headers, *error.headers)
-        elif not isinstance(error, ServiceError) or error.status >= 500:
+        is_protocol = isinstance(error, ProtocolError)
+        if not is_protocol and (not isinstance(error, ServiceError) or error.status >= 500):
             return _broken(error, operation, request_id)
         message = str(error)
         for place, name in self._hidden:
             message = place.sub(name, message)
-        return error_response(error.code, error.status, message, headers=headers)
+        response = error_response(error.code, error.status, message)
+        if is_protocol:
+            response.raw_headers += error.headers
+        return response
 
 
 def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:

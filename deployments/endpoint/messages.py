@@ -1,10 +1,16 @@
 """Requests as starlette reads them, and the errors that belong to the protocol alone."""
 
+import random
+import uuid
+
 from starlette.requests import Request
+from starlette.types import Receive, Scope
 
 from ...schemas.wire.errors import RobomakerError
 
 Headers = tuple[tuple[bytes, bytes], ...]
+
+_CHANCE = random.Random()  # noqa: S311 - request ids are no secrets
 
 
 class ServiceRequest(Request):
@@ -12,6 +18,11 @@ class ServiceRequest(Request):
 
     content = b""
     """The body, once it is read."""
+
+    def __init__(self, scope: Scope, receive: Receive) -> None:
+        super().__init__(scope, receive)
+        # Ids have to differ, not to be secret: no system call, after which this thread would wait for its turn again.
+        self.id = str(uuid.UUID(int=_CHANCE.getrandbits(128), version=4))
 
     @property
     def raw_path(self) -> str:

@@ -25,8 +25,8 @@ class Route:
 class Router:
     """Finds operations by method and path.
 
-    A member at the end of a path takes all the rest: an ARN arrives with its slashes encoded, or, from
-    those who write requests by hand, without.
+    A member takes all the rest of its path: an ARN arrives with its slashes encoded, or, in requests written by hand,
+    without.
     """
 
     def __init__(self, operations: Iterable[OperationShape]) -> None:
@@ -36,7 +36,7 @@ class Router:
             plain = "{" not in operation.path
             by_method = (self._exact if plain else patterns).setdefault(operation.path, {})
             by_method[operation.method] = operation
-        self._patterns = [(_compiled(path), by_method) for path, by_method in patterns.items()]
+        self._patterns = [(re.compile(_MEMBER.sub(r"(?P<\1>.+)", path)), ops) for path, ops in patterns.items()]
 
     def find(self, method: str, raw_path: str) -> Route:
         """Finds the operation that a request asks for.
@@ -65,18 +65,6 @@ class Router:
                 return by_method, match.groupdict()
         shown = raw_path if len(raw_path) <= 100 else f"{raw_path[:100]}…"
         raise UnknownOperationException(f"there is no operation at {shown!r}{nearest(raw_path[:200], self._exact)}")
-
-
-def _compiled(path: str) -> re.Pattern[str]:
-    """The pattern of a path with members in braces."""
-    parts = _MEMBER.split(path)  # text and names by turns
-    pattern = ""
-    for index, part in enumerate(parts):
-        if index % 2 == 0:
-            pattern += re.escape(part)
-        else:
-            pattern += f"(?P<{part}>{'.+' if parts[index + 1 :] == [''] else '[^/]+'})"
-    return re.compile(pattern)
 
 
 def _decoded(name: str, value: str) -> str:

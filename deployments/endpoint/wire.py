@@ -13,7 +13,7 @@ from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import InvalidParameterException
 from ...schemas.wire.operation_shape import OperationShape
 from ...schemas.wire.strict_json import load_strict
-from .messages import Headers, SerializationException, ServiceRequest, UnsupportedMediaTypeException
+from .messages import SerializationException, ServiceRequest, UnsupportedMediaTypeException
 from .routes import Route
 
 MAX_BODY_BYTES = 10 * 1024 * 1024
@@ -114,18 +114,16 @@ class WireResponse(Response):
         return json.dumps(content, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
 
 
-def error_response(code: str, status: int, message: str, headers: Headers = ()) -> WireResponse:
+def error_response(code: str, status: int, message: str) -> WireResponse:
     """Writes an error in the form SDKs read: its name in a header and in the body.
 
     Args:
       code: the error's name.
       status: HTTP status.
       message: what is wrong; shortened to what fits a log.
-      headers: further headers.
     """
-    response = WireResponse({"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}, status)
-    response.raw_headers += [(b"x-amzn-errortype", code.encode()), *headers]
-    return response
+    members = {"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}
+    return WireResponse(members, status, {"x-amzn-errortype": code})
 
 
 def _seconds(value: object) -> float:
