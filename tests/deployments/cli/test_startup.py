@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 QUICKSTART = str(Path(__file__).parents[3] / "deployments" / "specs" / "quickstart.yaml")
-HEAVY = ("prefect", "mujoco", "dm_control", "sqlalchemy", "boto3", "numpy")
+HEAVY = ("prefect", "mujoco", "dm_control", "sqlalchemy", "boto3", "numpy", "starlette")
 PROBE = """
 import sys
 from prefect_robomaker.deployments.cli.main import main
