@@ -13,7 +13,7 @@ import pytest
 from botocore import xform_name
 from endpoint_process import Serve
 
-from prefect_robomaker.deployments.cli.parser import build_parser
+from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service

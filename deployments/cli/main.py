@@ -7,7 +7,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from .parser import build_parser
+from .grammar import build_parser
 
 INTERRUPTED = 130
 BROKE = 3
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _execute(chosen: argparse.Namespace) -> int:
     try:
-        command = importlib.import_module(f".{chosen.command.replace('-', '_')}", __package__)
+        command = importlib.import_module(f".commands.{chosen.command.replace('-', '_')}", __package__)
         code: int = command.execute(chosen)
         sys.stdout.flush()
     except KeyboardInterrupt:
@@ -58,7 +58,7 @@ def _report(error: Exception, *, debug: bool) -> int:
     if debug:
         traceback.print_exception(error)
     if isinstance(error, SpecError):
-        from .problems import print_problems
+        from .output.problems import print_problems
 
         print_problems(error.problems)
     elif isinstance(error, ServiceError):

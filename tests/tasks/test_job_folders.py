@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from fake_engine import FakeEngine
 
-from prefect_robomaker.deployments.cli import doctor
+from prefect_robomaker.deployments.cli.commands import doctor
 from prefect_robomaker.tasks.jobs.job_folders import clear_containers_of_the_dead
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -6,8 +6,9 @@ import sys
 
 import pytest
 
-from prefect_robomaker.deployments.cli import call, main
-from prefect_robomaker.deployments.cli.parser import EPILOGUE
+from prefect_robomaker.deployments.cli import main
+from prefect_robomaker.deployments.cli.commands import call
+from prefect_robomaker.deployments.cli.grammar import EPILOGUE
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.reports.run_record import EXIT_CODES
 

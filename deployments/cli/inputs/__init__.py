@@ -1,0 +1,1 @@
+"""Finding what people name on the command line."""

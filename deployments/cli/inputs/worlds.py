@@ -1,0 +1,143 @@
+"""Finding the world that somebody wants to look at: by its ARN, or by the folder of its bundle."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....schemas.settings import Settings
+from ....schemas.wire.arns import ResourceArn
+from ....schemas.wire.errors import (
+    BucketNotFoundError,
+    ConfigurationError,
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    StorageError,
+)
+from ....schemas.worlds.world import World
+
+if TYPE_CHECKING:
+    from ....tasks.catalog import Resource
+    from ....tasks.service.service import Service
+
+
+@dataclass(frozen=True)
+class FoundWorld:
+    """A world with its bundle on this machine, and where both come from."""
+
+    name: str
+    """The world's id, or the folder's name."""
+    folder: Path
+    """The bundle, on this machine."""
+    world: World
+    content: str
+    """SHA-256 of what the folder holds, hexadecimal."""
+    arn: str | None = None
+    template_arn: str | None = None
+    template_name: str | None = None
+    """Absent also when the template was deleted."""
+    job_arn: str | None = None
+    job_seed: int | None = None
+    stored_at: str | None = None
+    """Where the object store has the bundle."""
+    stored_content: str | None = None
+    """The hash it was stored under."""
+
+
+def find_world(wanted: str) -> FoundWorld:
+    """Finds a world.
+
+    Args:
+      wanted: a world's ARN, or the folder of a bundle.
+
+    Raises:
+      InvalidParameterException: an ARN of something else, or none at all.
+      ResourceNotFoundException: there is no such world.
+      ConfigurationError: the folder holds no world.
+      StorageError: the bundle is gone, or cannot be fetched.
+    """
+    if wanted.startswith("arn:"):
+        return _of_arn(wanted)
+    folder = Path(wanted)
+    if not folder.is_dir():
+        raise ConfigurationError(f"{wanted!r} is neither the ARN of a world nor the folder of a world's bundle")
+    return _found(folder.resolve())
+
+
+def output_file(name: str, folder: str, suffix: str) -> Path:
+    """Where a page or picture of a world or job is kept that nobody gave a place.
+
+    Args:
+      name: the world's or the job's.
+      folder: below the data home.
+      suffix: of the file's name.
+    """
+    safe = "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
+    return Settings.from_environment(os.environ).home / folder / f"{safe}{suffix}"
+
+
+def _of_arn(arn: str) -> FoundWorld:
+    ResourceArn.parse(arn, "world")
+    from ....tasks.service.service import Service
+
+    service = Service.open(Settings.from_environment(os.environ))
+    resource = service.catalog.get(arn, kind="world")
+    folder = _fetched(resource, service)
+    bundle = resource.document["bundle"]
+    template = resource.document.get("template")
+    job = _named(resource.parent, service)
+    return _found(
+        folder,
+        name=resource.id,
+        arn=arn,
+        template_arn=template,
+        template_name=(named.name if (named := _named(template, service)) else None),
+        job_arn=resource.parent,
+        job_seed=job.document.get("seed") if job else None,
+        stored_at=service.store.uri(bundle["bucket"], bundle["prefix"]),
+        stored_content=bundle["prefix"].rsplit("/", 1)[-1],
+    )
+
+
+def _fetched(resource: "Resource", service: "Service") -> Path:
+    from ....tasks.simulations.inputs.bundles import world_bundle
+
+    try:
+        return world_bundle(resource, service)
+    except (BucketNotFoundError, ObjectNotFoundError) as error:
+        raise StorageError(f"the bundle of {resource.arn} is gone: {error}") from error
+
+
+def _named(arn: str | None, service: "Service") -> "Resource | None":
+    """What an ARN names; `None` when it is gone."""
+    try:
+        return service.catalog.get(arn) if arn else None
+    except ResourceNotFoundException:
+        return None
+
+
+def _found(folder: Path, name: str | None = None, **origin: str | int | None) -> FoundWorld:
+    from ....tasks.worldforge.bundle.bundle import content_hash, read_world
+
+    try:
+        world = read_world(folder)
+    except FileNotFoundError as error:
+        raise ConfigurationError(
+            f"{folder} is no world's bundle: there is no {Path(error.filename).name} in it"
+        ) from error
+    except ValueError as error:
+        raise ConfigurationError(
+            f"{folder / 'world.json'} is no world that can be read here: {_first(error)}"
+        ) from error
+    return FoundWorld(name or folder.name, folder, world, content_hash(folder), **origin)  # pyright: ignore[reportArgumentType]
+
+
+def _first(error: ValueError) -> str:
+    """The first problem of several."""
+    from pydantic import ValidationError
+
+    if not isinstance(error, ValidationError):
+        return str(error)
+    problem = error.errors()[0]
+    place = ".".join(str(part) for part in problem["loc"])
+    return f"{place}: {problem['msg']}" if place else problem["msg"]

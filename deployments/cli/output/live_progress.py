@@ -1,0 +1,97 @@
+"""Progress on a terminal: one block that is drawn again and again, and stays when all has ended."""
+
+import threading
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self, TextIO
+
+from rich.console import Console
+from rich.live import Live
+from rich.spinner import Spinner
+from rich.table import Table
+from rich.text import Text
+
+from ....schemas.reports.progress import ProgressEvent
+from .durations import duration
+from .progress import Watcher
+from .step_states import BAD_STATUSES, StepState, StepStates
+
+_BAR_WIDTH = 20
+_SHOWN_NOTES = 3
+
+
+class LiveWatcher(Watcher):
+    """Draws the steps with their marks, counts, bars, pace and newest failures.
+
+    Args:
+      steps: names and operations, in the order they run.
+      stream: a terminal.
+    """
+
+    def __init__(self, steps: Sequence[tuple[str, str]], stream: TextIO) -> None:
+        self._states = StepStates(steps)
+        self._lock = threading.Lock()
+        self._spinner = Spinner("dots", style="cyan")
+        console = Console(file=stream, highlight=False)
+        self._live = Live(console=console, get_renderable=self.render, refresh_per_second=8)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.stop()
+
+    def __call__(self, event: ProgressEvent) -> None:
+        """Takes one event; from any thread."""
+        with self._lock:
+            self._states.take(event, time.monotonic())
+
+    def render(self) -> Table:
+        """Draws the block as things stand."""
+        table = Table.grid(padding=(0, 2, 0, 0), expand=True)
+        for justify in ("left", "left", "right"):
+            table.add_column(no_wrap=True, justify=justify)
+        # Only what is said last gives way in a narrow window.
+        table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+        with self._lock:
+            now = time.monotonic()
+            for state in self._states.steps.values():
+                table.add_row(*self._row(state, now))
+                if state.is_running and state.newest_failure:
+                    table.add_row("", "", "", Text(state.newest_failure, style="red"))
+            for note in self._states.notes[-_SHOWN_NOTES:]:
+                table.add_row("", "", "", Text(note, style="dim"))
+        return table
+
+    def _row(self, state: StepState, now: float) -> tuple[Text | Spinner, Text, Text, Text]:
+        if state.status is not None:
+            bad = state.status in BAD_STATUSES
+            mark = Text("✗", style="red") if bad else Text("✓", style="green")
+            took = Text(duration(state.duration_s) if state.status != "Skipped" else "")
+            said = Text.assemble((state.status, "red" if bad else ""), "  ", (_ending(state), "" if bad else "dim"))
+            return mark, Text(state.name), took, said
+        if state.started_s is None:
+            return Text("·", style="dim"), Text(state.name, style="dim"), Text(""), Text(state.operation, style="dim")
+        elapsed = Text(duration(now - state.started_s), style="cyan")
+        return self._spinner, Text(state.name, style="bold"), elapsed, _activity(state, now)
+
+
+def _ending(state: StepState) -> str:
+    counts = state.counts_text()
+    detail = state.detail.splitlines()[0] if state.detail else ""
+    if detail.startswith("arn:"):
+        detail = detail.split(":", 5)[-1]
+    return "  ".join(part for part in (counts if state.total > 1 else "", detail) if part)
+
+
+def _activity(state: StepState, now: float) -> Text:
+    if not state.total:
+        return Text(state.operation)
+    filled = _BAR_WIDTH * state.done // state.total
+    bar = (("━" * filled, "cyan"), ("━" * (_BAR_WIDTH - filled), "dim"))
+    parts = [f"{state.done}/{state.total}", state.counts_text(), state.pace(now)]
+    return Text.assemble(*bar, "  ", "  ".join(part for part in parts if part))

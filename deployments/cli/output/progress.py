@@ -1,0 +1,124 @@
+"""Progress of a running pipeline: one live block on a terminal, one line per change elsewhere."""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from types import TracebackType
+from typing import Self, TextIO
+
+from ....schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
+from .durations import duration
+from .step_states import StepState, StepStates
+
+_HEARTBEAT_S = 60.0
+# Counts of a large batch change many times a second.
+_LINE_EVERY_S = 1.0
+
+Clock = Callable[[], float]
+
+
+class Watcher(AbstractContextManager["Watcher"]):
+    """A listener that shows what it hears while it is entered."""
+
+    def __call__(self, event: ProgressEvent) -> None:
+        """Takes one event; from any thread."""
+        raise NotImplementedError
+
+
+def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream: TextIO | None = None) -> Watcher:
+    """Makes the watcher that suits where standard error goes.
+
+    Args:
+      steps: names and operations, in the order they run.
+      environ: environment variables; `CI` and a dumb `TERM` mean no animation.
+      stream: where to write; absent: standard error.
+    """
+    out: TextIO = sys.stderr if stream is None else stream
+    animated = out.isatty() and not _truthy(environ.get("CI")) and environ.get("TERM") != "dumb"
+    if not animated:
+        return PlainWatcher(steps, out)
+    from .live_progress import LiveWatcher
+
+    return LiveWatcher(steps, out)
+
+
+def _truthy(value: str | None) -> bool:
+    return (value or "").lower() not in ("", "0", "false", "no")
+
+
+class PlainWatcher(Watcher):
+    """One line for each change, and one a minute when nothing changes.
+
+    Args:
+      steps: names and operations, in the order they run.
+      stream: where to write.
+      clock: seconds on a clock that only runs forward.
+      heartbeat_s: longest silence.
+    """
+
+    def __init__(
+        self,
+        steps: Sequence[tuple[str, str]],
+        stream: TextIO,
+        *,
+        clock: Clock = time.monotonic,
+        heartbeat_s: float = _HEARTBEAT_S,
+    ) -> None:
+        self._states = StepStates(steps)
+        self._stream = stream
+        self._clock = clock
+        self._began = self._printed = clock()
+        self._heartbeat_s = heartbeat_s
+        self._newest = ""
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._pulse = threading.Thread(target=self._beat, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._pulse.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._pulse.join()
+
+    def __call__(self, event: ProgressEvent) -> None:
+        """Takes one event; from any thread."""
+        with self._lock:
+            self._states.take(event, self._clock())
+            line = self._line(event)
+            if line and line != self._newest:
+                self._print(line)
+
+    def _line(self, event: ProgressEvent) -> str:
+        if isinstance(event, Note):
+            return event.text
+        state = self._states.steps[event.step]
+        if isinstance(event, StepStarted):
+            return f"{event.step}: started {event.operation}"
+        if isinstance(event, StepEnded):
+            detail = f": {event.detail}" if event.detail else ""
+            return f"{event.step}: {event.status} after {duration(event.duration_s)}{detail}"
+        soon = self._clock() - self._printed < _LINE_EVERY_S
+        return "" if soon and state.done < state.total else _progress_line(state)
+
+    def _print(self, line: str) -> None:
+        self._printed, self._newest = self._clock(), line
+        self._stream.write(f"[{duration(self._printed - self._began):>12}] {line}\n")
+        self._stream.flush()
+
+    def _beat(self) -> None:
+        while not self._ended.wait(min(self._heartbeat_s, 1.0)):
+            with self._lock:
+                if self._clock() - self._printed >= self._heartbeat_s:
+                    running = [state for state in self._states.steps.values() if state.is_running]
+                    self._print("; ".join(map(_progress_line, running)) or "still at work")
+
+
+def _progress_line(state: StepState) -> str:
+    counts = state.counts_text()
+    return f"{state.name}: {counts} of {state.total}" if counts else f"{state.name}: running"

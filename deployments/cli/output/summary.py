@@ -1,0 +1,139 @@
+"""The last thing `robomaker run` says: what happened, where things are, how to run it again."""
+
+import shlex
+from collections.abc import Sequence
+from typing import TextIO
+
+from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from .durations import duration
+
+_STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
+_VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
+_MAX_JOBS = 40
+_MAX_REASON = 240
+"""Characters of a reason; the report has all of it."""
+
+Cell = tuple[str, str]
+"""Text and style."""
+
+
+def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO, *, server: str = "") -> None:
+    """Prints the final block.
+
+    Args:
+      record: the run.
+      command: the command that runs it again.
+      stream: where to print.
+      server: address of the Prefect server's pages; empty: not shown.
+    """
+    from rich.console import Console
+    from rich.text import Text
+
+    # Paths stay in one piece, however narrow the window: people copy them.
+    console = Console(file=stream, highlight=False, soft_wrap=True)
+    for line in summary_lines(record, command, server=server):
+        console.print(Text.assemble(*line) if line else "")
+
+
+def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = "") -> list[list[Cell]]:
+    """The final block as lines of styled cells."""
+    took = duration((record.ended_at - record.started_at).total_seconds())
+    head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
+    lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
+    if failed := [step for step in record.steps if step.error]:
+        lines += [[], *(_step_line(step) for step in failed)]
+    if record.jobs:
+        lines += [[], *_job_lines(record.jobs)]
+    lines.append([])
+    if record.report_path:
+        lines.append(_place("report", str(record.report_path)))
+    if folder := _outputs(record.jobs):
+        lines.append(_place("outputs", folder))
+    lines.append(_place("record", str(record.run_dir / "run.json")))
+    if server:
+        lines.append(_place("prefect", server))
+    lines.append(_place("again", shlex.join(command)))
+    return lines
+
+
+def _headline(record: RunRecord) -> str:
+    verdicts = [job.verdict for job in record.jobs if job.verdict in ("PASS", "FAIL")]
+    broken = sum(job.verdict == "ERROR" or job.status in ("Failed", "NotCreated") for job in record.jobs)
+    told = [f"{verdicts.count('PASS')} of {len(verdicts)} verdicts pass"] if verdicts else []
+    told += [f"{broken} broke"] if broken else []
+    canceled = sum(job.status == "Canceled" for job in record.jobs)
+    told += [f"{canceled} canceled"] if canceled else []
+    return f", {', '.join(told)}," if told else ""
+
+
+def _step_line(step: StepRecord) -> list[Cell]:
+    return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (step.error or "", "")]
+
+
+def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
+    shown = jobs[:_MAX_JOBS]
+    rows: list[list[Cell]] = [[(title, "dim") for title in ("job", "verdict", "world", "rooms", "time", "")]]
+    rows += [_job_cells(job) for job in shown]
+    widths = [max(len(row[column][0]) for row in rows) for column in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        padded = [(text.ljust(width) + "  ", style) for (text, style), width in zip(row, widths, strict=True)]
+        while padded and not padded[-1][0].strip():
+            padded.pop()
+        padded[-1] = (padded[-1][0].rstrip(), padded[-1][1])
+        lines.append([("  ", ""), *padded])
+    if len(jobs) > len(shown):
+        lines.append([(f"  … and {len(jobs) - len(shown)} more; the report has them all", "dim")])
+    return lines + _remark_lines(jobs)
+
+
+def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
+    """What jobs had to do without; what many have in common is said once."""
+    by_remark: dict[str, list[str]] = {}
+    for job in jobs:
+        for remark in job.remarks:
+            by_remark.setdefault(_in_one_line(remark), []).append(job.label)
+    return [
+        [(f"  {labels[0] if len(labels) == 1 else f'{len(labels)} jobs'}: ", ""), (_cut(remark), "yellow")]
+        for remark, labels in by_remark.items()
+    ][:_MAX_JOBS]
+
+
+def _job_cells(job: JobRecord) -> list[Cell]:
+    # What a run that was cut short was judged to be means nothing.
+    verdict = job.verdict if job.verdict and job.status == "Completed" else job.status
+    rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
+    took = duration(job.duration_s) if job.duration_s is not None else ""
+    reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
+    trouble = ": ".join(part for part in (job.failure_code or "", reason) if part)
+    style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
+    return [(job.label, ""), (verdict, style), (job.world or "", ""), (rooms, ""), (took, ""), (_cut(trouble), "red")]
+
+
+def _in_one_line(reason: str) -> str:
+    """What went wrong and, unless that says it already, the last line of the log that the reason ends with."""
+    head, _, log = reason.strip().partition("\nLast lines of ")
+    first = next(iter(head.splitlines()), "")
+    last = log.splitlines()[-1].strip() if "\n" in log else ""
+    return f"{first}; its log ends with: {last}" if last and last not in first else first
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MAX_REASON else f"{text[: _MAX_REASON - 1]}…"
+
+
+def _outputs(jobs: Sequence[JobRecord]) -> str:
+    """The folder that all jobs' outputs are below."""
+    places = [job.output_uri.rstrip("/").split("/") for job in jobs if job.output_uri]
+    if not places:
+        return ""
+    common = []
+    for parts in zip(*places, strict=False):
+        if len(set(parts)) > 1:
+            break
+        common.append(parts[0])
+    return "/".join(common)
+
+
+def _place(what: str, where: str) -> list[Cell]:
+    return [(f"  {what:<8} ", "dim"), (where, "")]

@@ -1,0 +1,127 @@
+"""call, against a real catalog and object store."""
+
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+
+BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
+
+
+@pytest.fixture
+def template(robomaker) -> str:
+    return json.loads(robomaker("call", "CreateWorldTemplate", "--input", json.dumps(BODY)).out)["arn"]
+
+
+def test_a_response_is_json_or_yaml(robomaker, template: str) -> None:
+    request = json.dumps({"template": template})
+    answer = json.loads(robomaker("call", "DescribeWorldTemplate", "--input", request).out)
+    assert answer["name"] == "two rooms"
+    assert answer["createdAt"].endswith("+00:00")
+    shown = robomaker("call", "describe-world-template", "--input", request, "-o", "yaml").out
+    assert YAML(typ="safe").load(shown) == answer
+
+
+def test_the_request_comes_from_text_file_or_standard_input(robomaker, template: str, tmp_path, monkeypatch) -> None:
+    path = tmp_path / "request.yaml"
+    path.write_text(f"template: {template}\n")
+    monkeypatch.setattr("sys.stdin", io.StringIO(path.read_text()))
+    outs = [
+        robomaker("call", "DescribeWorldTemplate", "--input", given).out
+        for given in (f"{{template: '{template}'}}", path, f"file://{path}", "-")
+    ]
+    assert len(set(outs)) == 1
+    assert json.loads(outs[0])["arn"] == template
+
+
+def test_without_input_the_request_is_empty(robomaker) -> None:
+    assert json.loads(robomaker("call", "ListWorlds").out) == {"worldSummaries": []}
+
+
+def test_refusals_name_the_error_or_the_place(robomaker) -> None:
+    missing = robomaker("call", "DescribeWorld", "--input", '{"world": "arn:aws:robomaker:x:y:world/z"}')
+    assert missing.code == 2
+    assert missing.err.startswith("robomaker: ResourceNotFoundException: ")
+    wrong = robomaker("call", "DescribeWorld", "--input", '{"wold": "arn:x"}')
+    assert wrong.code == 2
+    assert "--input:1:2: wold: is not known; did you mean 'world'?" in wrong.err
+    unknown = robomaker("call", "DescribeWolrd")
+    assert unknown.code == 2
+    assert "did you mean 'DescribeWorld'?" in unknown.err
+
+
+def test_help_lists_every_operation_with_others_of_its_resource(robomaker) -> None:
+    shown = robomaker("call", "--help").out
+    for name, shape in OPERATIONS.items():
+        assert re.search(rf"^    {name} +{re.escape(shape.description)}$", shown, re.MULTILINE)
+    lines = [line.split()[0] for line in shown.partition("\noperations:\n")[2].splitlines()]
+    assert lines[lines.index("Tags") :] == ["Tags", "ListTagsForResource", "TagResource", "UntagResource"]
+
+
+def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None:
+    request = {"template": template, "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1}}
+    ended = robomaker("call", "CreateWorldGenerationJob", "--input", json.dumps(request))
+    assert ended.code == 0
+    assert json.loads(ended.out)["status"] == "Pending"
+    assert f"robomaker perform {json.loads(ended.out)['arn']}" in ended.err
+
+
+def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:
+    request = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+    }
+
+    def start(*words: str) -> subprocess.CompletedProcess[str]:
+        environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
+        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    stored = json.loads(start("call", "CreateSimulationJob", "--input", json.dumps(request)).stdout)
+    assert stored["status"] == "Pending"
+    ended = start("perform", stored["arn"])
+    answer = json.loads(ended.stdout)
+    # Nothing says which world to drive in: the job fails, not the call.
+    assert (answer["status"], answer["failureCode"]) == ("Failed", "InvalidInput")
+    assert ended.returncode == 3
+    assert start("perform", "arn:aws:robomaker:us-east-1:000000000000:world/x").returncode == 2
+
+
+def test_a_verdict_of_fail_ends_a_waited_call_with_1(home, prefect_server: str) -> None:
+    """The cartpole of the examples falls when its agent does nothing."""
+    environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
+    environ["PYTHONPATH"] = str(Path(__file__).parents[4] / "deployments" / "specs" / "examples" / "cartpole_bundle")
+
+    def call(operation: str, request: dict, *more: str) -> subprocess.CompletedProcess[str]:
+        words = ["call", operation, "--input", json.dumps(request), *more]
+        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    suites = {"robotSoftwareSuite": {"name": "General"}}
+    robot = {"name": "agent", "environment": {"uri": "python://my_cartpole.agent"}, **suites}
+    assert call("CreateRobotApplication", robot).returncode == 0
+    arena = {"name": "arena", "environment": {"uri": "python://my_cartpole.arena"}, **suites}
+    runtime = {"simulationSoftwareSuite": {"name": "SimulationRuntime"}}
+    assert call("CreateSimulationApplication", arena | runtime).returncode == 0
+    job = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [
+            {"application": "agent", "launchConfig": {"environmentVariables": {"GAIN": "0"}}},
+        ],
+        "simulationApplications": [{"application": "arena", "launchConfig": {}}],
+    }
+
+    ended = call("CreateSimulationJob", job, "--wait")
+
+    assert json.loads(ended.stdout)["status"] == "Completed"
+    assert ended.returncode == 1

@@ -1,0 +1,83 @@
+"""doctor and server, on this machine."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.deployments.cli.commands import doctor
+from prefect_robomaker.schemas.settings import Settings
+
+
+def test_a_healthy_machine(robomaker, home: Path) -> None:
+    ended = robomaker("doctor", "-o", "json")
+    document = json.loads(ended.out)
+    healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
+    subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "prefect server", "video"]
+    subjects += ["extras", "containers"]
+    assert list(healths) == subjects
+    assert "broken" not in healths.values(), ended.out
+    assert ended.code == 0
+    assert not list((home / "objects" / "robomaker").rglob(".doctor*/*")), "the probe is gone"
+
+
+def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    monkeypatch.setenv("ROBOMAKER_HOME", str(blocked))
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
+    monkeypatch.setattr(doctor, "check_video", lambda: doctor.Finding("video", "warning", "slow", "apt install x"))
+    ended = robomaker("doctor")
+    assert ended.code == 3
+    assert "✗ data home" in ended.out
+    assert "-> set ROBOMAKER_HOME to a folder you can write to" in ended.out
+    assert "✗ object store" in ended.out
+    assert "-> start that server, or unset PREFECT_API_URL" in ended.out
+    assert "! video" in ended.out
+    assert "-> apt install x" in ended.out
+    assert "✓ physics" in ended.out
+
+
+def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypatch) -> None:
+    def raising(*_: object) -> doctor.Finding:
+        raise ImportError("libGL.so.1: cannot open shared object file")
+
+    for name in ("check_physics", "check_video", "check_packages"):
+        monkeypatch.setattr(doctor, name, raising)
+    findings = {finding.subject: finding for finding in doctor.examine(settings)}
+    assert findings["video"].health == "broken"
+    assert "libGL.so.1" in findings["video"].found
+    assert findings["data home"].health == "ok"
+
+
+def test_wrong_package_versions_are_found(monkeypatch) -> None:
+    monkeypatch.setattr("importlib.metadata.requires", lambda _: ["mujoco>=900", "no-such-package-anywhere", "numpy>1"])
+    finding = doctor.check_packages()
+    assert finding.health == "broken"
+    assert "mujoco is" in finding.found
+    assert "not >=900" in finding.found
+    assert "no-such-package-anywhere is missing" in finding.found
+    assert "numpy" not in finding.found
+
+
+@pytest.mark.parametrize("action", ["status", "stop"])
+def test_no_server_is_said_to_run_before_one_is_started(robomaker, monkeypatch, tmp_path: Path, action: str) -> None:
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    ended = robomaker("server", action)
+    assert "running" in ended.out
+    assert ended.code == (3 if action == "status" else 0)
+
+
+def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    none = doctor.check_extras()
+    assert none.health == "ok"
+    assert "docker is not installed; podman is not installed" in none.found
+    assert "no ROS launch files" in none.found
+
+    for name in ("podman", "ros2"):
+        (tmp_path / name).write_text("#!/bin/sh\necho 5.0\n")
+        (tmp_path / name).chmod(0o755)
+    some = doctor.check_extras()
+    assert f"container images by {tmp_path / 'podman'}" in some.found
+    assert "ROS launch files by ros2" in some.found

@@ -1,0 +1,116 @@
+"""report: the numbers of a run, for people, programs and CI systems."""
+
+import json
+import os
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lxml import etree
+
+from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.summary import ReportSummary
+
+REPOSITORY = Path(__file__).parents[4]
+SCHEMA = REPOSITORY / "tests" / "tasks" / "reporting" / "junit.xsd"
+BUNDLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
+BATCH = """\
+version: 1
+name: poles
+steps:
+  arena:
+    operation: CreateSimulationApplication
+    input:
+      name: arena
+      environment: {uri: "python://my_cartpole.arena"}
+      robotSoftwareSuite: {name: General}
+      simulationSoftwareSuite: {name: SimulationRuntime}
+  agent:
+    operation: CreateRobotApplication
+    input: {name: agent, environment: {uri: "python://my_cartpole.agent"}, robotSoftwareSuite: {name: General}}
+  balance:
+    operation: StartSimulationJobBatch
+    needs: [arena, agent]
+    input:
+      createSimulationJobRequests:
+"""
+JOB = """\
+        - maxJobDurationInSeconds: 60
+          robotApplications: [{application: agent, launchConfig: {}}]
+          simulationApplications:
+            - application: arena
+              launchConfig: {environmentVariables: {TIME_LIMIT_S: "0.5"}}
+          requirements:
+            - {name: rule, REQUIREMENT}
+"""
+# Passes, fails, breaks: a second is not over, is over, and `math.sqrt` takes no two arguments.
+REQUIREMENTS = (
+    "kind: time_limit, limit_s: 1",
+    "kind: time_limit, limit_s: 0.1",
+    "kind: predicate, attribute: math.sqrt",
+)
+
+
+@pytest.fixture
+def record(home: Path) -> Path:
+    """The record of a run in which a step failed."""
+    folder = home / "runs" / "night-1"
+    folder.mkdir(parents=True)
+    moment = datetime(2026, 3, 2, tzinfo=UTC)
+    step = StepRecord(
+        name="worlds", operation="CreateWorldGenerationJob", status="Failed", started_at=moment, ended_at=moment,
+        error="no world came out",
+    )  # fmt: skip
+    run = RunRecord(
+        run_id="night-1", name="night", spec_path="night.yaml", state="broken", exit_code=3, started_at=moment,
+        ended_at=moment, steps=[step], run_dir=folder,
+    )  # fmt: skip
+    (folder / "run.json").write_text(run.model_dump_json())
+    return folder
+
+
+def test_numbers_and_junit_say_the_same(robomaker: Any, record: Path, tmp_path: Path) -> None:
+    junit = tmp_path / "junit.xml"
+    told = robomaker("report", "night-1", "--junit", junit, "-o", "json")
+    assert told.code == 0, told.err
+    summary = ReportSummary.model_validate_json(told.out)
+    assert (summary.state, summary.junit_path, summary.report_path) == ("broken", junit, record / "report.html")
+    assert summary.steps[0].error == "no world came out"
+    root = etree.parse(str(junit)).getroot()
+    assert (root.get("tests"), root.get("errors")) == ("1", "1")
+
+
+def test_a_junit_file_needs_a_folder_that_exists(robomaker: Any, record: Path) -> None:
+    told = robomaker("report", "--junit", "/nowhere/junit.xml")
+    assert told.code == 2
+    assert "--junit is /nowhere/junit.xml; it has to be a file in a folder that exists" in told.err
+
+
+@pytest.mark.deep
+def test_a_batch_of_a_pass_a_fail_and_an_error(home: Path, prefect_server: str, tmp_path: Path) -> None:
+    spec, junit = tmp_path / "poles.yaml", tmp_path / "junit.xml"
+    spec.write_text(BATCH + "".join(JOB.replace("REQUIREMENT", each) for each in REQUIREMENTS))
+    environ = {
+        **os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server, "CI": "true",
+        "PYTHONPATH": str(BUNDLE),
+    }  # fmt: skip
+
+    def robomaker(*words: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *map(str, words)]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    ended = robomaker("run", spec)
+    assert ended.returncode == 3, ended.stderr
+    assert "poles: broken, 1 of 2 verdicts pass, 1 broke," in ended.stdout
+    told = robomaker("report", "--junit", junit, "-o", "json")
+    summary = json.loads(told.stdout)
+    assert summary["counts"] == {"broken": 1, "failed": 1, "passed": 1}
+    (rule,) = (share for share in summary["requirements"] if share["name"] == "rule")
+    assert (rule["passed"], rule["failed"], rule["errors"], rule["rate"]) == (1, 1, 1, 0.5)
+    root = etree.parse(str(junit)).getroot()
+    etree.XMLSchema(etree.parse(str(SCHEMA))).assertValid(root)
+    assert [root.get(name) for name in ("tests", "failures", "errors")] == ["3", "1", "1"]
+    assert "math.sqrt raised TypeError" in root.find(".//error").get("message")

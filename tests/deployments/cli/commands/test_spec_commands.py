@@ -1,0 +1,93 @@
+"""validate and plan."""
+
+import json
+from pathlib import Path
+
+SPECS = Path(__file__).parents[4] / "deployments" / "specs"
+WRONG = "version: 1\nname: wrong\nsteps:\n  first: {operation: DescribeWorld, input: {wrld: 1}}\n"
+
+COLUMN = WRONG.splitlines()[3].index("wrld") + 1
+
+
+def test_valid_files_are_said_to_be(robomaker) -> None:
+    ended = robomaker("validate", SPECS / "quickstart.yaml", SPECS / "nightly.yaml")
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out == f"{SPECS}/quickstart.yaml: valid, 4 steps\n{SPECS}/nightly.yaml: valid, 5 steps\n"
+
+
+def test_every_file_is_checked_whatever_is_wrong_with_others(robomaker, spec) -> None:
+    path = spec(WRONG)
+    ended = robomaker("validate", "nowhere.yaml", path, SPECS / "quickstart.yaml")
+    assert ended.code == 2
+    assert ended.out == f"{SPECS}/quickstart.yaml: valid, 4 steps\n"
+    assert "nowhere.yaml: no such file" in ended.err
+    assert f"{path}:4:{COLUMN}: steps.first.input.wrld: is not known; did you mean 'world'?" in ended.err
+    assert f"robomaker: 1 problem in {path}; nothing was run" in ended.err
+
+
+def test_problems_as_json(robomaker, spec) -> None:
+    path = spec(WRONG)
+    ended = robomaker("validate", path, "-o", "json")
+    assert ended.code == 2
+    document = json.loads(ended.out)
+    assert document["schema_version"] == 1
+    (file,) = document["files"]
+    assert (file["file"], file["valid"]) == (str(path), False)
+    (unknown,) = [problem for problem in file["problems"] if problem["path"] == "steps.first.input.wrld"]
+    assert (unknown["line"], unknown["column"]) == (4, COLUMN)
+    assert unknown["message"] == "is not known; did you mean 'world'?"
+
+
+def test_github_gets_annotations(robomaker, spec, monkeypatch) -> None:
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    path = spec("version: 1\nname: wrong\nsteps: {first: {operation: 100%}}\n")
+    assert (
+        f"::error file={path},line=3,col=28::steps.first.operation: there is no operation '100%25'"
+        in robomaker("validate", path).err
+    )
+
+
+def test_text_that_is_not_utf_8_is_refused(robomaker, tmp_path) -> None:
+    path = tmp_path / "latin.yaml"
+    path.write_bytes("name: Küche".encode("latin-1"))
+    ended = robomaker("validate", path)
+    assert ended.code == 2
+    assert "latin.yaml:1:1: this is not UTF-8 text" in ended.err
+
+
+def test_a_plan_shows_order_and_amounts(robomaker) -> None:
+    lines = robomaker("plan", SPECS / "quickstart.yaml").out.splitlines()
+    steps = [line.split() for line in lines if line[:3].strip().isdigit()]
+    assert [words[1] for words in steps] == ["template", "worlds", "export", "drive"]
+    assert lines[3].endswith("CreateWorldGenerationJob  after template  4 worlds: 2 floor plans, 2 × furnished")
+    assert lines[5].endswith("4 simulation jobs, one for each world, 2 at a time, at most 5 min each")
+
+
+def test_a_plan_as_json(robomaker) -> None:
+    document = json.loads(robomaker("plan", SPECS / "nightly.yaml", "-o", "json").out)
+    by_name = {step["step"]: step for step in document["steps"]}
+    assert by_name["houses"]["worlds"] == 10
+    assert by_name["drive"]["jobs"] == 20
+    assert by_name["drive"]["needs"] == ["flats", "houses"]
+
+
+def test_amounts_that_only_a_run_can_tell_are_not_guessed(robomaker, spec) -> None:
+    path = spec("""\
+version: 1
+name: many
+steps:
+  worlds: {operation: ListWorlds}
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      createSimulationJobRequests:
+        forEach: ${{ worlds.worldSummaries }}
+        as: world
+        value:
+          maxJobDurationInSeconds: 90
+          simulationApplications:
+            - {application: indoor-navigation, launchConfig: {}, worldConfigs: [{world: "${{ world.arn }}"}]}
+""")
+    ended = robomaker("plan", path)
+    assert "a simulation job for each of ${{ worlds.worldSummaries }}, at most 1 min 30 s each" in ended.out
+    assert json.loads(robomaker("plan", path, "-o", "json").out)["steps"][1]["jobs"] is None

@@ -1,0 +1,121 @@
+"""Progress, on terminals and elsewhere."""
+
+import io
+import threading
+import time
+
+import pytest
+
+from prefect_robomaker.deployments.cli.output.live_progress import LiveWatcher
+from prefect_robomaker.deployments.cli.output.progress import PlainWatcher, watcher
+from prefect_robomaker.deployments.cli.output.step_states import StepStates
+from prefect_robomaker.schemas.reports.progress import Note, StepEnded, StepProgress, StepStarted
+
+STEPS = [("worlds", "CreateWorldGenerationJob"), ("drive", "StartSimulationJobBatch")]
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.mark.parametrize(
+    ("stream", "environ", "kind"),
+    [
+        (Terminal(), {}, LiveWatcher),
+        (Terminal(), {"CI": "false"}, LiveWatcher),
+        (Terminal(), {"CI": "true"}, PlainWatcher),
+        (Terminal(), {"TERM": "dumb"}, PlainWatcher),
+        (io.StringIO(), {}, PlainWatcher),
+    ],
+)
+def test_only_terminals_are_animated(stream, environ, kind) -> None:
+    assert isinstance(watcher(STEPS, environ, stream), kind)
+
+
+def test_plain_progress_is_a_line_for_each_change() -> None:
+    stream, clock = io.StringIO(), Clock()
+    with PlainWatcher(STEPS, stream, clock=clock) as listener:
+        listener(StepStarted("worlds", "CreateWorldGenerationJob"))
+        for done in (0, 1, 1, 2):
+            clock.now_s += 2
+            listener(StepProgress("worlds", {"succeeded": done, "pending": 2 - done}, 2))
+        listener(StepEnded("worlds", "Completed", 8.0, "arn:x"))
+        listener(Note("remember this"))
+    assert [line.split("] ")[1] for line in stream.getvalue().splitlines()] == [
+        "worlds: started CreateWorldGenerationJob",
+        "worlds: 2 pending of 2",
+        "worlds: 1 succeeded, 1 pending of 2",
+        "worlds: 2 succeeded of 2",
+        "worlds: Completed after 8.0 s: arn:x",
+        "remember this",
+    ]
+
+
+def test_a_flood_of_changes_is_thinned_but_the_last_is_told() -> None:
+    stream, clock = io.StringIO(), Clock()
+    with PlainWatcher(STEPS, stream, clock=clock) as listener:
+        for done in range(1001):
+            clock.now_s += 0.01
+            listener(StepProgress("drive", {"completed": done, "running": 1000 - done}, 1000))
+    lines = stream.getvalue().splitlines()
+    assert len(lines) <= 12
+    assert lines[-1].endswith("drive: 1000 completed of 1000")
+
+
+def test_silence_is_broken_by_a_heartbeat() -> None:
+    stream = io.StringIO()
+    with PlainWatcher(STEPS, stream, heartbeat_s=0.05) as listener:
+        listener(StepStarted("drive", "StartSimulationJobBatch"))
+        deadline = time.monotonic() + 10
+        while "drive: running" not in stream.getvalue() and time.monotonic() < deadline:
+            time.sleep(0.01)
+    assert "drive: running" in stream.getvalue()
+
+
+def test_live_progress_shows_every_step_and_ends_as_it_was() -> None:
+    terminal = Terminal()
+    with LiveWatcher(STEPS, terminal) as listener:
+        listener(StepStarted("worlds", "CreateWorldGenerationJob"))
+        listener(StepEnded("worlds", "Completed", 1.5, "arn:aws:robomaker:r:0:world-generation-job/generation-1"))
+        listener(StepStarted("drive", "StartSimulationJobBatch"))
+        listener(StepProgress("drive", {"completed": 1, "failed": 1, "running": 2}, 4, "sim-1: it crashed"))
+    shown = terminal.getvalue()
+    for expected in ("worlds", "1.5 s", "world-generation-job/generation-1", "2/4", "1 failed", "sim-1: it crashed"):
+        assert expected in shown
+
+
+def test_events_may_come_from_many_threads() -> None:
+    stream = io.StringIO()
+    with PlainWatcher(STEPS, stream) as listener:
+        threads = [
+            threading.Thread(target=lambda number=number: [listener(Note(f"{number}-{n}")) for n in range(50)])
+            for number in range(8)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 400
+    assert all(line.startswith("[") for line in lines)
+
+
+def test_pace_is_told_from_what_is_done() -> None:
+    states = StepStates(STEPS)
+    states.take(StepStarted("drive", "StartSimulationJobBatch"), 0.0)
+    drive = states.steps["drive"]
+    assert drive.pace(10.0) == ""
+    states.take(StepProgress("drive", {"Completed": 4, "not created": 1, "Running": 1}, 10), 10.0)
+    assert drive.done == 5
+    assert drive.pace(10.0) == "30.0/min, 10 s to go"
+    states.take(StepProgress("drive", {"completed": 10}, 10), 20.0)
+    assert drive.pace(20.0) == ""
