@@ -1,1 +1,12 @@
-"""The `robomaker` command."""
+"""The `robomaker` command: words in, an answer on standard output and an exit code out.
+
+`main.py` is the entry point, `grammar.py` the parser, `command_table.py` the table of commands, `arguments.py` the
+arguments that several commands have. `commands/` has one module per command, `inputs/` finds what people name,
+`output/` says things to people and programs. `job.py`, `prefect_server.py` and `health.py` do what commands share.
+
+May import everything below `deployments` and its neighbours `endpoint`, `performer`, `sdk`, `local_server` and
+`access_keys`. At module level it imports nothing slow: neither Prefect nor MuJoCo, so that `--help`, `validate`,
+`plan` and `schema` answer at once. Its modules are imported by name; the package itself has no names.
+"""
+
+__all__: list[str] = []

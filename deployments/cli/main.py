@@ -1,7 +1,5 @@
 """The entry point of the `robomaker` command: arguments in, exit code out."""
 
-import argparse
-import importlib
 import os
 import sys
 import traceback
@@ -24,20 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
       The exit code. Wrong usage ends the program with 2 at once.
     """
-    parser = build_parser()
-    chosen = parser.parse_args(arguments)
-    if chosen.version:
-        return _print_version()
-    if chosen.command is None:
-        parser.print_help(sys.stderr)
-        return 2
-    return _execute(chosen)
-
-
-def _execute(chosen: argparse.Namespace) -> int:
+    words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        command = importlib.import_module(f".commands.{chosen.command.replace('-', '_')}", __package__)
-        code: int = command.execute(chosen)
+        code = _execute(words)
         sys.stdout.flush()
     except KeyboardInterrupt:
         sys.stderr.write("\nrobomaker: interrupted\n")
@@ -47,7 +34,19 @@ def _execute(chosen: argparse.Namespace) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     except Exception as error:
-        return _report(error, debug=getattr(chosen, "debug", False) or bool(os.environ.get("ROBOMAKER_DEBUG")))
+        return _report(error, debug="--debug" in words or bool(os.environ.get("ROBOMAKER_DEBUG")))
+    return code
+
+
+def _execute(words: Sequence[str]) -> int:
+    parser = build_parser()
+    chosen = parser.parse_args(words)
+    if chosen.version:
+        return _print_version()
+    if chosen.command is None:
+        parser.print_help(sys.stderr)
+        return 2
+    code: int = chosen.execute(chosen)
     return code
 
 

@@ -1,11 +1,11 @@
-"""Makes this process use the right Prefect server, and be quiet about it."""
+"""The Prefect server of this process: the right one is used, quietly, and its state is said in a line."""
 
 import os
 import sys
 import time
 
 from ...schemas.settings import Settings
-from ..local_server import ensure_server, server_status
+from ..local_server import ServerStatus, ensure_server, server_status
 
 
 def use_server(settings: Settings) -> str:
@@ -35,3 +35,15 @@ def use_server(settings: Settings) -> str:
         # Our own progress tells what happens; Prefect's lines go to its server only.
         os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
     return url
+
+
+def described(status: ServerStatus) -> str:
+    """A server's state in a line."""
+    where = "the one PREFECT_API_URL or the Prefect profile names" if status.configured_elsewhere else "local"
+    if not status.running:
+        known = f" at {status.api_url}" if status.configured_elsewhere else ""
+        return f"not running ({where}{known})" + (
+            "" if status.configured_elsewhere else "; `run` starts it when needed"
+        )
+    log = f", log {status.log}" if status.log else ""
+    return f"running at {str(status.api_url).removesuffix('/api')} ({where}{log})"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from fake_engine import FakeEngine
 
-from prefect_robomaker.deployments.cli.commands import doctor
+from prefect_robomaker.deployments.cli import health
 from prefect_robomaker.tasks.jobs.job_folders import clear_containers_of_the_dead
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -43,13 +43,13 @@ def test_containers_of_a_performer_that_died_here_are_ended(
     service: Service, fake: FakeEngine, job: dict[str, Any]
 ) -> None:
     service.catalog.claim(job["arn"], dead_process(), -1.0)
-    assert doctor.check_containers(service.settings).health == "warning"
+    assert health.check_containers(service.settings).health == "warning"
 
     clear_containers_of_the_dead(service)
 
     assert fake.containers() == []
     assert (job["folder"] / "output").is_dir(), "whoever takes the job over stores it"
-    assert doctor.check_containers(service.settings).health == "ok"
+    assert health.check_containers(service.settings).health == "ok"
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_other_containers_of_jobs_that_go_on_are_left_alone(
     clear_containers_of_the_dead(service)
 
     assert fake.containers() == ["left"]
-    assert doctor.check_containers(service.settings).health == "ok"
+    assert health.check_containers(service.settings).health == "ok"
 
 
 def test_what_an_engine_did_not_remove_in_time_is_removed_later(

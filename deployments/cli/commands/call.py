@@ -1,17 +1,35 @@
-"""`robomaker call`: one operation, as an SDK would call it."""
+"""Call one operation, as an SDK would.
+
+Takes the same input as the AWS CLI's --cli-input-json and --cli-input-yaml. Each operation with an
+example: docs/operations.md; its members: robomaker schema OPERATION.
+"""
 
 import argparse
 import os
 import sys
 from typing import Any
 
+from ....schemas.operation_groups import OPERATION_GROUPS
 from ....schemas.operations.registry import OPERATIONS
 from ....schemas.settings import Settings
 from ....schemas.specs.check import load_request
 from ....schemas.specs.model import resolve_input
+from ..arguments import add_output
+from ..inputs.operations import operation_name
 from ..inputs.specifications import read_text
+from ..job import perform
 from ..output.answers import print_answer
-from .perform import perform
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("operation", metavar="OPERATION", help="operation: DescribeWorld, describe-world, …")
+    parser.add_argument(
+        "--input", metavar="INPUT", default="{}", help="request: a file, JSON text, or - for standard input"
+    )
+    parser.add_argument("--wait", action="store_true", help="carry a job to its end and print its final description")
+    add_output(parser, "json", "yaml")
+    parser.epilog = _operations_by_group()
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -30,12 +48,6 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def operation_name(word: str) -> str:
-    """The service's name of an operation, also from the AWS CLI's spelling: `describe-world`."""
-    folded = word.replace("-", "").lower()
-    return next((name for name in OPERATIONS if name.lower() == folded), word)
-
-
 def _input(given: str) -> tuple[str, str]:
     """The request's text and what to call it in messages."""
     if given == "-":
@@ -51,3 +63,11 @@ def _stored(operation: str, request: dict[str, Any], settings: Settings) -> dict
     from ....tasks.service.service import Service
 
     return call(operation, request, Service.open(settings))
+
+
+def _operations_by_group() -> str:
+    width = max(len(each.name) for group in OPERATION_GROUPS.values() for each in group)
+    lines = ["operations:"]
+    for title, group in OPERATION_GROUPS.items():
+        lines += [f"  {title}", *(f"    {each.name:<{width}}  {each.description}" for each in group)]
+    return "\n".join(lines)

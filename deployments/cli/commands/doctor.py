@@ -1,45 +1,21 @@
-"""`robomaker doctor`: what works on this machine, what is missing, and what to do about it."""
+"""Say what works on this machine and what is missing."""
 
 import argparse
 import json
 import os
-import shutil
-import subprocess
 import sys
-import uuid
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Literal
+from dataclasses import asdict
 
 from ....schemas.settings import Settings
-from ....schemas.wire.errors import RobomakerError
-from ...local_server import server_status
-from .server import described
+from ..arguments import add_output
+from ..health import Finding, Health, examine
 
-Health = Literal["ok", "warning", "broken"]
-
-_LITTLE_SPACE_BYTES = 2 * 1024**3
 _MARKS: dict[Health, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"), "broken": ("✗", "31")}
-_FALLING_BALL = """
-from dm_control import mujoco
-ball = '<body><freejoint/><geom size="0.1"/></body>'
-physics = mujoco.Physics.from_xml_string(f'<mujoco><worldbody>{ball}</worldbody></mujoco>')
-physics.step(10)
-assert physics.data.qpos[2] < 0, f"a ball did not fall: {physics.data.qpos}"
-"""
-_SHOWN_PACKAGES = ("prefect", "mujoco", "dm-control", "numpy", "pydantic", "sqlalchemy", "boto3")
 
 
-@dataclass(frozen=True)
-class Finding:
-    """What one check found."""
-
-    subject: str
-    health: Health
-    found: str
-    remedy: str = ""
-    """What to do, if anything is to be done."""
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -51,179 +27,6 @@ def execute(arguments: argparse.Namespace) -> int:
     else:
         sys.stdout.write("\n".join(_lines(findings)) + "\n")
     return 3 if any(finding.health == "broken" for finding in findings) else 0
-
-
-def examine(settings: Settings) -> list[Finding]:
-    """Runs all checks; what a check raises becomes its finding."""
-    checks: dict[str, Callable[[], Finding]] = {
-        "python": check_python,
-        "packages": check_packages,
-        "physics": check_physics,
-        "data home": lambda: check_home(settings.home),
-        "catalog": lambda: check_catalog(settings),
-        "object store": lambda: check_store(settings),
-        "prefect server": lambda: check_server(settings),
-        "video": check_video,
-        "extras": check_extras,
-        "containers": lambda: check_containers(settings),
-    }
-    return [_examined(subject, check) for subject, check in checks.items()]
-
-
-def _examined(subject: str, check: Callable[[], Finding]) -> Finding:
-    try:
-        return check()
-    except RobomakerError as error:
-        return Finding(subject, "broken", str(error))
-    except OSError as error:
-        return Finding(subject, "broken", f"{error.filename}: {error.strerror}" if error.filename else str(error))
-    except Exception as error:
-        # A broken installation fails in ways nobody can list; the other checks still have to run.
-        return Finding(subject, "broken", f"{type(error).__name__}: {error}")
-
-
-def check_python() -> Finding:
-    """The interpreter."""
-    version = ".".join(map(str, sys.version_info[:3]))
-    if sys.version_info[:2] in ((3, 11), (3, 12)):
-        return Finding("python", "ok", f"{version} ({sys.executable}), {os.cpu_count()} processors")
-    return Finding("python", "broken", version, "use Python 3.11 or 3.12: dm_control has no packages for others")
-
-
-def check_packages() -> Finding:
-    """Whether the packages that this one needs are there in versions that work."""
-    from importlib.metadata import PackageNotFoundError, requires, version
-
-    from packaging.requirements import Requirement
-
-    wrong = []
-    for line in requires("prefect-robomaker") or []:
-        requirement = Requirement(line)
-        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
-            continue  # of an extra that may be left out, or of other machines
-        try:
-            installed = version(requirement.name)
-        except PackageNotFoundError:
-            wrong.append(f"{requirement.name} is missing")
-            continue
-        if installed not in requirement.specifier:
-            wrong.append(f"{requirement.name} is {installed}, not {requirement.specifier}")
-    if wrong:
-        return Finding("packages", "broken", "; ".join(wrong), "install again: uv sync --frozen")
-    return Finding("packages", "ok", ", ".join(f"{name} {version(name)}" for name in _SHOWN_PACKAGES))
-
-
-def check_physics() -> Finding:
-    """Whether MuJoCo runs through dm_control; in a process of its own, which may die of it."""
-    answer = subprocess.run(
-        [sys.executable, "-c", _FALLING_BALL],
-        env={**os.environ, "MUJOCO_GL": "off"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-    if answer.returncode == 0:
-        return Finding("physics", "ok", "MuJoCo steps through dm_control")
-    last = (answer.stderr.strip().splitlines() or [f"the process ended with {answer.returncode}"])[-1]
-    return Finding("physics", "broken", last, "install again: uv sync --frozen")
-
-
-def check_home(home: Path) -> Finding:
-    """Whether the data home can be written, and has space."""
-    probe = home / f".doctor-{uuid.uuid4().hex}"
-    try:
-        home.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"probe")
-        probe.unlink()
-    except OSError as error:
-        remedy = "set ROBOMAKER_HOME to a folder you can write to"
-        return Finding("data home", "broken", f"{home}: {error.strerror}", remedy)
-    free = shutil.disk_usage(home).free
-    found = f"{home}, {free / 1024**3:.0f} GiB free"
-    if free < _LITTLE_SPACE_BYTES:
-        return Finding("data home", "warning", found, "worlds and recordings may fill it; free some space")
-    return Finding("data home", "ok", found)
-
-
-def check_catalog(settings: Settings) -> Finding:
-    """Whether the catalog opens."""
-    from ....tasks.service.service import Service
-
-    service = Service.open(settings)
-    service.catalog.close()
-    shown = settings.catalog_url.split("@")[-1]  # not the password
-    return Finding("catalog", "ok", shown)
-
-
-def check_store(settings: Settings) -> Finding:
-    """Whether objects can be put, read back and deleted."""
-    from ....tasks.storage import open_store
-
-    store = open_store(settings, os.environ)
-    key = f".doctor/{uuid.uuid4().hex}"
-    store.ensure_bucket(settings.bucket)
-    store.put_bytes(settings.bucket, key, b"probe")
-    try:
-        content = store.get_bytes(settings.bucket, key)
-    finally:
-        store.delete(settings.bucket, key)
-    if content != b"probe":
-        return Finding("object store", "broken", f"{settings.object_store} gives back other bytes than were put")
-    return Finding("object store", "ok", f"{settings.object_store}, bucket {settings.bucket}: put, get, delete work")
-
-
-def check_server(settings: Settings) -> Finding:
-    """Which Prefect server would be used."""
-    status = server_status(settings)
-    if status.configured_elsewhere and not status.running:
-        remedy = "start that server, or unset PREFECT_API_URL to use a local one"
-        return Finding("prefect server", "broken", described(status), remedy)
-    return Finding("prefect server", "ok", described(status))
-
-
-def check_video() -> Finding:
-    """What pictures are rendered with."""
-    from ....tasks.runtime.rendering.backends import available_video_backends
-
-    backends = available_video_backends()
-    working = [backend.name for backend in backends if backend.works]
-    if any(backend.works and backend.packages for backend in backends):
-        return Finding("video", "ok", ", ".join(working))
-    # Without OpenGL the slow ray caster is left; it needs no packages.
-    missing = "; ".join(f"{backend.name}: {backend.problem}" for backend in backends if not backend.works)
-    packages = next(backend.packages for backend in backends if not backend.works)
-    remedy = f"for fast video: apt install --no-install-recommends {' '.join(packages)}"
-    return Finding("video", "warning", f"{', '.join(working) or 'none'} ({missing})", remedy)
-
-
-def check_extras() -> Finding:
-    """What only some jobs need: container images, ROS launch files, a GPU."""
-    from ....tasks.simulations.containers.engines import find_engine
-    from ....tasks.simulations.environment.compute import has_gpu
-
-    try:
-        containers = f"container images by {find_engine(os.environ, shutil.which).program}"
-    except RobomakerError as error:
-        containers = str(error)
-    launchers = [name for name in ("roslaunch", "ros2") if shutil.which(name)]
-    ros = f"ROS launch files by {' and '.join(launchers)}" if launchers else "no ROS launch files"
-    gpu = "a GPU for jobs that ask for one" if has_gpu() else "no GPU"
-    return Finding("extras", "ok", "\n".join((containers, ros, gpu)))
-
-
-def check_containers(settings: Settings) -> Finding:
-    """Whether runs that nobody performs any more have left containers."""
-    from ....tasks.jobs.job_folders import runs_of_nobody
-    from ....tasks.service.service import Service
-
-    service = Service.open(settings)
-    left = [str(run) for run, _ in runs_of_nobody(service)]
-    service.catalog.close()
-    if left:
-        remedy = "start any simulation job here, which removes them; the engine has to answer"
-        return Finding("containers", "warning", "\n".join(("runs that nobody performs left some:", *left)), remedy)
-    return Finding("containers", "ok", "no run that is over has left any")
 
 
 def _lines(findings: list[Finding]) -> list[str]:

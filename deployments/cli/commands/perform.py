@@ -1,4 +1,4 @@
-"""`robomaker perform`: carries a stored job to its end, in this process."""
+"""Carry a stored job or batch to its end."""
 
 import argparse
 import os
@@ -6,7 +6,8 @@ import os
 from ....schemas.settings import Settings
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
-from ..output.answers import print_answer
+from ..arguments import add_output
+from ..job import perform
 
 _OPERATIONS = {
     "simulation-job": "CreateSimulationJob",
@@ -14,7 +15,12 @@ _OPERATIONS = {
     "world-generation-job": "CreateWorldGenerationJob",
     "world-export-job": "CreateWorldExportJob",
 }
-_BAD_ENDS = {"Failed": 3, "Canceled": 4, "TimedOut": 5}
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it")
+    add_output(parser, "json", "yaml")
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -23,29 +29,3 @@ def execute(arguments: argparse.Namespace) -> int:
     if kind not in _OPERATIONS:
         raise InvalidParameterException(f"{arguments.arn} names a {kind}; jobs and batches can be performed")
     return perform(_OPERATIONS[kind], arguments.arn, Settings.from_environment(os.environ), arguments.output)
-
-
-def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
-    """Carries the job that an operation made to its end and prints its final description.
-
-    Returns:
-      0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
-    """
-    from ..prefect_server import use_server
-
-    use_server(settings)
-    from ....flows.lookup import find_perform_flow
-    from ....tasks.inspection.reports import simulation_jobs
-    from ....tasks.service.service import Service
-
-    service = Service.open(settings)
-    with service.activated():
-        answer = find_perform_flow(operation)(arn)
-    print_answer(answer, form)
-    if bad := _BAD_ENDS.get(str(answer.get("status"))):
-        return bad
-    jobs = simulation_jobs(operation, arn, service)
-    verdicts = [job.result.verdict for job in jobs if job.result]
-    if any(job.status in ("Failed", "NotCreated") for job in jobs) or "ERROR" in verdicts:
-        return 3
-    return 1 if "FAIL" in verdicts else 0

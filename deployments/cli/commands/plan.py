@@ -1,4 +1,7 @@
-"""`robomaker plan`: what would run, in which order, and how much of it."""
+"""Show the steps of a specification in the order they would run.
+
+Runs nothing.
+"""
 
 import argparse
 import json
@@ -9,6 +12,7 @@ from typing import Any
 from ....schemas.specs.model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
 from ....schemas.specs.references import ReferenceMistake, parse_template
 from ....schemas.specs.text import ListNode, Node, ScalarNode, child, plain
+from ..arguments import add_output, add_spec
 from ..inputs.specifications import read_spec
 from ..output.durations import duration
 
@@ -32,6 +36,12 @@ class PlannedStep:
     concurrency: int | None = None
     detail: str = ""
     """The same in words."""
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_spec(parser)
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`robomaker report`: writes the report of an earlier run again and says where it is, or what it says."""
+"""Write the report of a run again and print its path."""
 
 import argparse
 import os
@@ -7,7 +7,17 @@ from pathlib import Path
 
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError
+from ..arguments import add_open, add_output
+from ..inputs.runs import find_record
 from ..output.browser import open_file
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
+    parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
+    add_output(parser, "text", "json")
+    add_open(parser, "show it in a browser")
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -50,24 +60,3 @@ def _checked(junit: str | None) -> Path | None:
     if path.is_dir() or not path.parent.is_dir():
         raise ConfigurationError(f"--junit is {junit}; it has to be a file in a folder that exists")
     return path
-
-
-def find_record(runs: Path, run: str) -> Path:
-    """Finds the record of a run.
-
-    Args:
-      runs: folder of all runs.
-      run: a run's id, or `latest`.
-
-    Raises:
-      ConfigurationError: there is no such run.
-    """
-    records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
-    if not records:
-        raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
-    if run == "latest":
-        return records[-1]
-    if found := [path for path in records if path.parent.name == run]:
-        return found[0]
-    latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
-    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")

@@ -1,4 +1,7 @@
-"""`robomaker repro`: a simulation in a folder, with a test that repeats it."""
+"""Put a simulation into a folder, run it again with video, and write a pytest file for it.
+
+The folder has all that the run needs: world, application bundles, data, seed.
+"""
 
 import argparse
 import os
@@ -7,6 +10,15 @@ from pathlib import Path
 
 from ....schemas.runs.verification import ROBOT_IN_WORDS
 from ....schemas.settings import Settings
+from ..arguments import add_output, add_simulation
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_simulation(parser)
+    parser.add_argument("--to", metavar="FOLDER", help="put it there (default: repro-<job id>)")
+    parser.add_argument("--no-video", action="store_true", help="do not film the rerun")
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,7 @@
-"""`robomaker run`: runs a specification, shows how it goes, says what came of it."""
+"""Run a specification and report what came of it.
+
+The exit code says how it ended; `robomaker --help` lists them.
+"""
 
 import argparse
 import dataclasses
@@ -11,11 +14,24 @@ from ....schemas.reports.run_record import RunRecord
 from ....schemas.settings import Settings
 from ....schemas.specs.model import CheckedSpec, is_spec_name, with_seed
 from ....schemas.wire.errors import ConfigurationError
+from ..arguments import add_open, add_output, add_spec
 from ..inputs.specifications import read_spec
 from ..output.browser import open_file, wanted
 from ..output.progress import watcher
 from ..output.summary import print_summary
 from ..prefect_server import use_server
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_spec(parser)
+    parser.add_argument("--name", help="name of the run, in place of the specification's")
+    parser.add_argument(
+        "--seed", type=int, metavar="N", help="seed of worlds and simulations, in place of those in SPEC"
+    )
+    parser.add_argument("--report", metavar="PATH", help="put a copy of the report there")
+    add_output(parser, "text", "json")
+    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`robomaker schema`: the JSON Schema of specifications, for editors; or of one operation's request."""
+"""Print the JSON Schema of specifications, or of an operation's request."""
 
 import argparse
 import json
@@ -8,13 +8,18 @@ from pathlib import Path
 from ....schemas.specs import __file__ as specs_file
 
 
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("operation", metavar="OPERATION", nargs="?", help="an operation, such as CreateWorldTemplate")
+
+
 def execute(arguments: argparse.Namespace) -> int:
     """Prints a schema."""
     if arguments.operation is None:
         sys.stdout.write(Path(specs_file).with_name("pipeline.schema.json").read_text())
         return 0
     from ....schemas.operations.registry import operation_shape
-    from .call import operation_name
+    from ..inputs.operations import operation_name
 
     schema = operation_shape(operation_name(arguments.operation)).request.model_json_schema()
     sys.stdout.write(json.dumps(schema, indent=2) + "\n")

@@ -1,4 +1,7 @@
-"""`robomaker sdk-model`: makes boto3 and the AWS CLI know RoboMaker again."""
+"""Print how boto3 and the AWS CLI find RoboMaker's service model.
+
+eval "$(robomaker sdk-model)" makes those of one shell find it, --install those of this user.
+"""
 
 import argparse
 import json
@@ -8,6 +11,16 @@ import sys
 
 from ....schemas.wire.errors import ConfigurationError
 from ...service_model.installation import MODEL_FOLDER, Installation, data_path, install, installed_folder, uninstall
+from ..arguments import add_output
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--install", action="store_true", help="copy it to ~/.aws/models, where they look anyway")
+    where.add_argument("--uninstall", action="store_true", help="remove it from there")
+    parser.add_argument("--force", action="store_true", help="with --install: replace a model from elsewhere")
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,7 @@
-"""`robomaker serve`: the endpoint for SDKs, and a performer beside it that carries out what they order."""
+"""Answer SDKs and the AWS CLI, and carry out the jobs they ask for.
+
+Prints what to set so that clients find it. Access keys: ROBOMAKER_ACCESS_KEYS_FILE (docs/serving.md).
+"""
 
 import argparse
 import json
@@ -17,9 +20,28 @@ from ...endpoint.access_keys import read_access_keys
 from ...endpoint.origins import is_loopback
 from ...service_model.installation import data_path
 from ...worker.child import ChildPerformer, in_words
+from ..arguments import add_output
 from ..prefect_server import use_server
 
 _READY_S = 120.0
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1)")
+    parser.add_argument("--port", type=int, default=8057, help="port to listen at; 0: any (default: 8057)")
+    parser.add_argument(
+        "--execute",
+        dest="backend",
+        choices=("here", "deployments", "none"),
+        default="here",
+        help="who carries jobs out: this program, Prefect's workers, or another program (default: here)",
+    )
+    parser.add_argument(
+        "--max-jobs", type=int, metavar="N", help="simulation jobs at once, besides batches (default: number of CPUs)"
+    )
+    parser.add_argument("--log-requests", action="store_true", help="write a line for each request to standard error")
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -34,8 +56,8 @@ def execute(arguments: argparse.Namespace) -> int:
             "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first (docs/serving.md)"
         )
     _check_port(arguments.host, arguments.port)
-    prefect_url = None if arguments.execute == "none" else use_server(settings).removesuffix("/api")
-    about = {"execute": arguments.execute, "max_jobs": max_jobs, "prefect_url": prefect_url}
+    prefect_url = None if arguments.backend == "none" else use_server(settings).removesuffix("/api")
+    about = {"execute": arguments.backend, "max_jobs": max_jobs, "prefect_url": prefect_url}
     _end_on_hang_up()
     _serve(arguments, settings, access_keys, about)
     return 0
@@ -44,15 +66,15 @@ def execute(arguments: argparse.Namespace) -> int:
 def _serve(
     arguments: argparse.Namespace, settings: Settings, access_keys: Mapping[str, str] | None, about: dict[str, Any]
 ) -> None:
-    if arguments.execute == "none":
+    if arguments.backend == "none":
         status = {"state": "elsewhere"}
         _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
         return
     prepare_home(settings)
-    performer = ChildPerformer(settings, arguments.execute, about["max_jobs"], _variables_of_jobs(arguments))
+    performer = ChildPerformer(settings, arguments.backend, about["max_jobs"], _variables_of_jobs(arguments))
     performer.start()
     try:
-        if arguments.execute == "deployments":
+        if arguments.backend == "deployments":
             performer.wait_until_ready(_READY_S)
         _run_server(arguments, settings, access_keys, about, performer.wake, performer.status)
     except KeyboardInterrupt:

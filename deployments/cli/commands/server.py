@@ -1,12 +1,20 @@
-"""`robomaker server`: the local Prefect server."""
+"""Start, stop or look at the local Prefect server.
+
+start prints its API's URL.
+"""
 
 import argparse
 import os
 import sys
 
 from ....schemas.settings import Settings
-from ...local_server import ServerStatus, configured_api_url, server_status, stop_server
-from ..prefect_server import use_server
+from ...local_server import configured_api_url, server_status, stop_server
+from ..prefect_server import described, use_server
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("action", choices=("start", "stop", "status"))
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -28,15 +36,3 @@ def execute(arguments: argparse.Namespace) -> int:
     status = server_status(settings)
     sys.stdout.write(described(status) + "\n")
     return 0 if status.running else 3
-
-
-def described(status: ServerStatus) -> str:
-    """A server's state in a line."""
-    where = "the one PREFECT_API_URL or the Prefect profile names" if status.configured_elsewhere else "local"
-    if not status.running:
-        known = f" at {status.api_url}" if status.configured_elsewhere else ""
-        return f"not running ({where}{known})" + (
-            "" if status.configured_elsewhere else "; `run` starts it when needed"
-        )
-    log = f", log {status.log}" if status.log else ""
-    return f"running at {str(status.api_url).removesuffix('/api')} ({where}{log})"

@@ -1,4 +1,7 @@
-"""`robomaker validate`: checks specifications without running anything."""
+"""Check specifications without running anything.
+
+Every problem is printed as file:line:column: path: message.
+"""
 
 import argparse
 import json
@@ -6,8 +9,15 @@ import sys
 from typing import Any
 
 from ....schemas.wire.errors import ConfigurationError, Problem, SpecError
+from ..arguments import add_output
 from ..inputs.specifications import InputFileError, read_spec
 from ..output.problems import print_problems
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("specs", metavar="SPEC", nargs="+", help="specification, a YAML file")
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:

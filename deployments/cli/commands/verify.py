@@ -1,4 +1,8 @@
-"""`robomaker verify`: runs a simulation again and says whether all states are the same."""
+"""Run a simulation again and say whether all states are the same.
+
+Exit code 0: bit-identical; 1: diverged, when and in which joint; 3: not comparable, and why.
+Neither the job nor its outputs are touched.
+"""
 
 import argparse
 import os
@@ -6,6 +10,18 @@ import sys
 
 from ....schemas.runs.verification import EXIT_CODES
 from ....schemas.settings import Settings
+from ..arguments import add_output, add_simulation
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_simulation(parser)
+    parser.add_argument(
+        "--run-program",
+        action="store_true",
+        help="run a robot application that is a program again too, instead of what was recorded of it",
+    )
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:

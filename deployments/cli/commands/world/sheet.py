@@ -1,4 +1,7 @@
-"""`robomaker world sheet`: all worlds of a generation job at a glance."""
+"""Show all worlds of a generation job at a glance.
+
+As a picture, sheet.png, and as a page, sheet.html; worlds with problems come first.
+"""
 
 import argparse
 import json
@@ -11,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from .....schemas.settings import Settings
 from .....schemas.wire.arns import ResourceArn
 from .....schemas.wire.errors import StorageError
+from ...arguments import add_open, add_output
 from ...inputs.worlds import output_file
 from ...output import browser
 
@@ -18,6 +22,14 @@ if TYPE_CHECKING:
     from .....tasks.catalog import Resource
     from .....tasks.service.service import Service
     from .....tasks.worldforge.viewer.contact_sheet import Sheet, SheetWorld
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("job", metavar="JOB", help="ARN of a world generation job")
+    parser.add_argument("--to", metavar="FOLDER", help="put both there (default: a folder in the data home)")
+    add_output(parser, "text", "json")
+    add_open(parser, "show the page in a browser (by default only on a desktop's terminal)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`robomaker world show`: a world's plan and proofs in words, and on demand in pictures."""
+"""Print a world's plan, what was proven of it, and which wishes it misses."""
 
 import argparse
 import json
@@ -6,9 +6,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ...arguments import add_output, add_world
 from ...inputs.worlds import find_world
 from ...output.world_facts import world_facts
 from ...output.world_text import print_facts
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_world(parser)
+    parser.add_argument(
+        "--pictures", metavar="FOLDER", help="put the plan, a view from above and one from inside each room there"
+    )
+    add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:

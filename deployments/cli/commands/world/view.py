@@ -1,4 +1,8 @@
-"""`robomaker world view`: a world in three dimensions, in MuJoCo's viewer or in a browser."""
+"""Show a world in 3D.
+
+In MuJoCo's viewer where there is a display; otherwise as an HTML page of one file that any
+browser shows without a network, whose path is printed.
+"""
 
 import argparse
 import os
@@ -7,8 +11,16 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from ...arguments import add_open, add_world
 from ...inputs.worlds import FoundWorld, find_world, output_file
 from ...output import browser
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_world(parser)
+    parser.add_argument("--html", metavar="FILE", help="write the page there, whether there is a display or not")
+    add_open(parser, "show the page in a browser, or do not (either makes a page)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.deployments.cli.commands import doctor
+from prefect_robomaker.deployments.cli import health
 from prefect_robomaker.schemas.settings import Settings
 
 
@@ -26,7 +26,7 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
     blocked.write_text("no folder")
     monkeypatch.setenv("ROBOMAKER_HOME", str(blocked))
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
-    monkeypatch.setattr(doctor, "check_video", lambda: doctor.Finding("video", "warning", "slow", "apt install x"))
+    monkeypatch.setattr(health, "check_video", lambda: health.Finding("video", "warning", "slow", "apt install x"))
     ended = robomaker("doctor")
     assert ended.code == 3
     assert "✗ data home" in ended.out
@@ -39,12 +39,12 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
 
 
 def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypatch) -> None:
-    def raising(*_: object) -> doctor.Finding:
+    def raising(*_: object) -> health.Finding:
         raise ImportError("libGL.so.1: cannot open shared object file")
 
     for name in ("check_physics", "check_video", "check_packages"):
-        monkeypatch.setattr(doctor, name, raising)
-    findings = {finding.subject: finding for finding in doctor.examine(settings)}
+        monkeypatch.setattr(health, name, raising)
+    findings = {finding.subject: finding for finding in health.examine(settings)}
     assert findings["video"].health == "broken"
     assert "libGL.so.1" in findings["video"].found
     assert findings["data home"].health == "ok"
@@ -52,7 +52,7 @@ def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypat
 
 def test_wrong_package_versions_are_found(monkeypatch) -> None:
     monkeypatch.setattr("importlib.metadata.requires", lambda _: ["mujoco>=900", "no-such-package-anywhere", "numpy>1"])
-    finding = doctor.check_packages()
+    finding = health.check_packages()
     assert finding.health == "broken"
     assert "mujoco is" in finding.found
     assert "not >=900" in finding.found
@@ -70,7 +70,7 @@ def test_no_server_is_said_to_run_before_one_is_started(robomaker, monkeypatch, 
 
 def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    none = doctor.check_extras()
+    none = health.check_extras()
     assert none.health == "ok"
     assert "docker is not installed; podman is not installed" in none.found
     assert "no ROS launch files" in none.found
@@ -78,6 +78,6 @@ def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkey
     for name in ("podman", "ros2"):
         (tmp_path / name).write_text("#!/bin/sh\necho 5.0\n")
         (tmp_path / name).chmod(0o755)
-    some = doctor.check_extras()
+    some = health.check_extras()
     assert f"container images by {tmp_path / 'podman'}" in some.found
     assert "ROS launch files by ros2" in some.found

@@ -1,0 +1,31 @@
+"""Arguments that several commands have, declared once so that they are called and explained the same everywhere."""
+
+import argparse
+
+
+def add_output(parser: argparse.ArgumentParser, *forms: str) -> None:
+    """Adds `--output`; the first form is the default."""
+    parser.add_argument(
+        "-o", "--output", choices=forms, default=forms[0], help=f"form of the answer (default: {forms[0]})"
+    )
+
+
+def add_open(parser: argparse.ArgumentParser, text: str) -> None:
+    """Adds `--open` and `--no-open`; neither given is `None`."""
+    parser.add_argument("--open", action=argparse.BooleanOptionalAction, default=None, help=text)
+
+
+def add_spec(parser: argparse.ArgumentParser) -> None:
+    """Adds the specification's file."""
+    parser.add_argument("spec", metavar="SPEC", help="specification, a YAML file")
+
+
+def add_world(parser: argparse.ArgumentParser) -> None:
+    """Adds the world to look at."""
+    parser.add_argument("world", metavar="WORLD", help="ARN of a world, or the folder of its bundle")
+
+
+def add_simulation(parser: argparse.ArgumentParser) -> None:
+    """Adds the simulation job to run again."""
+    text = "ARN or id of a simulation job, s3://BUCKET/PREFIX or a folder of outputs"
+    parser.add_argument("run", metavar="JOB", help=text)

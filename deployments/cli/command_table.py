@@ -1,0 +1,69 @@
+"""The table of commands: which there are and what their help says, found without importing any of them."""
+
+import argparse
+import importlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, cast
+
+COMMANDS = Path(__file__).with_name("commands")
+"""The folder of the commands."""
+
+# What newcomers need stands first in the help, in the order they need it; everything else follows by name.
+_FIRST = ("run", "validate", "plan", "report", "call")
+
+
+class CommandModule(Protocol):
+    """What the module of a command has."""
+
+    def declare(self, parser: argparse.ArgumentParser) -> None:
+        """Adds the command's arguments."""
+
+    def execute(self, arguments: argparse.Namespace) -> int:
+        """Does what the command is for and returns the exit code."""
+        ...
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command."""
+
+    name: str
+    path: Path
+    """Its module, or the folder of its commands."""
+
+    summary: str
+    """One line for the list of commands."""
+
+    description: str
+    """What its own help begins with."""
+
+    def load(self) -> CommandModule:
+        """Imports the command's module."""
+        parts = self.path.relative_to(COMMANDS.parent).with_suffix("").parts
+        return cast("CommandModule", importlib.import_module("." + ".".join(parts), __package__))
+
+
+def find_commands(folder: Path) -> list[Command]:
+    """Finds the commands in a folder, in the order in which help lists them."""
+    return sorted(_commands(folder), key=_place)
+
+
+def _commands(folder: Path) -> Iterator[Command]:
+    for path in folder.iterdir():
+        if path.is_dir() and (path / "__init__.py").is_file():
+            yield _command(path, path / "__init__.py")
+        elif path.suffix == ".py" and path.stem != "__init__":
+            yield _command(path, path)
+
+
+def _command(path: Path, source: Path) -> Command:
+    # Read, not imported: a list of commands needs the code of none. Style checks see to it that a module begins so.
+    _, description, _ = source.read_text(encoding="utf-8").split('"""', 2)
+    first = description.partition("\n")[0].rstrip(".")
+    return Command(path.stem.replace("_", "-"), path, first[0].lower() + first[1:], description.rstrip())
+
+
+def _place(command: Command) -> tuple[int, str]:
+    return _FIRST.index(command.name) if command.name in _FIRST else len(_FIRST), command.name

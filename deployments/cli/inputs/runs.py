@@ -1,0 +1,26 @@
+"""Earlier runs of specifications, by their ids."""
+
+from pathlib import Path
+
+from ....schemas.wire.errors import ConfigurationError
+
+
+def find_record(runs: Path, run: str) -> Path:
+    """Finds the record of a run.
+
+    Args:
+      runs: folder of all runs.
+      run: a run's id, or `latest`.
+
+    Raises:
+      ConfigurationError: there is no such run.
+    """
+    records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
+    if not records:
+        raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
+    if run == "latest":
+        return records[-1]
+    if found := [path for path in records if path.parent.name == run]:
+        return found[0]
+    latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
+    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")

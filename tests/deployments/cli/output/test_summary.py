@@ -1,0 +1,105 @@
+"""The block that ends a run."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from prefect_robomaker.deployments.cli.output.summary import summary_lines
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+
+
+def record(**changes: Any) -> RunRecord:
+    began = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+    jobs = [
+        JobRecord(
+            label="sim-1", arn="arn:1", status="Completed", verdict="PASS", world="g/world-1", rooms_visited=4,
+            rooms_total=4, duration_s=31, output_uri="file:///store/robomaker/quickstart/sim-1/run-1",
+        ),
+        JobRecord(
+            label="sim-2", arn="arn:2", status="Failed", failure_code="RobotApplicationCrash",
+            failure_reason="it crashed\nLast lines of logs/stderr.log:\nTraceback\nno x", output_uri="file:///store/robomaker/quickstart/sim-2/run-1",
+        ),
+        JobRecord(label="request 3", status="NotCreated", failure_code="InvalidInput", failure_reason="no role"),
+    ]  # fmt: skip
+    values: dict[str, Any] = {
+        "run_id": "night-1",
+        "name": "night",
+        "spec_path": "night.yaml",
+        "state": "broken",
+        "exit_code": 3,
+        "started_at": began,
+        "ended_at": began + timedelta(seconds=185),
+        "steps": [StepRecord(name="export", operation="CreateWorldExportJob", status="Failed", error="no bucket")],
+        "jobs": jobs,
+        "report_path": Path("/runs/night-1/report.html"),
+        "run_dir": Path("/runs/night-1"),
+    }
+    return RunRecord.model_validate(values | changes)
+
+
+def lines(shown: RunRecord) -> list[str]:
+    command = ["robomaker", "run", "my spec.yaml"]
+    return ["".join(text for text, _ in line) for line in summary_lines(shown, command)]
+
+
+def test_what_jobs_had_to_do_without_is_said_once() -> None:
+    wish = "no camera in the recording: ROBOMAKER_RECORD_CAMERA: there is no camera 'frnt'"
+    first, second, third = record().jobs
+    jobs = [first.model_copy(update={"remarks": [wish, "no video: no driver"]}), second, third]
+    assert lines(record(jobs=jobs))[9:12] == [f"  sim-1: {wish}", "  sim-1: no video: no driver", ""]
+    jobs[1] = second.model_copy(update={"remarks": [wish]})
+    assert lines(record(jobs=jobs))[9:12] == [f"  2 jobs: {wish}", "  sim-1: no video: no driver", ""]
+
+
+def test_the_final_block() -> None:
+    assert lines(record()) == [
+        "",
+        "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s",
+        "",
+        "  ✗ export (CreateWorldExportJob): no bucket",
+        "",
+        "  job        verdict     world      rooms  time",
+        "  sim-1      PASS        g/world-1  4/4    31 s",
+        "  sim-2      Failed                              RobotApplicationCrash: it crashed; its log ends with: no x",
+        "  request 3  NotCreated                          InvalidInput: no role",
+        "",
+        "  report   /runs/night-1/report.html",
+        "  outputs  file:///store/robomaker/quickstart",
+        "  record   /runs/night-1/run.json",
+        "  again    robomaker run 'my spec.yaml'",
+    ]
+
+
+def test_the_final_block_of_a_run_without_jobs() -> None:
+    shown = lines(record(jobs=[], steps=[], state="succeeded", exit_code=0))
+    assert shown[1] == "night: succeeded after 3 min 05 s"
+    assert not any("outputs" in line or "verdict" in line for line in shown)
+
+
+def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
+    jobs = [
+        JobRecord(label="sim-1", status="Canceled", verdict="NONE"),
+        JobRecord(label="sim-2", status="Failed", failure_reason="it crashed: KeyError\nLast lines of x:\nKeyError"),
+        JobRecord(label="sim-3", status="Failed", failure_reason="x" * 1000),
+    ]
+    shown = lines(record(jobs=jobs, steps=[]))
+    assert shown[1] == "night: broken, 2 broke, 1 canceled, after 3 min 05 s"
+    assert [line.split() for line in shown[4:6]] == [
+        ["sim-1", "Canceled"],
+        ["sim-2", "Failed", "it", "crashed:", "KeyError"],
+    ]
+    assert shown[6].endswith("xxx…")
+    assert len(shown[6]) < 300
+
+
+def test_a_large_batch_does_not_flood_the_terminal() -> None:
+    jobs = [JobRecord(label=f"sim-{number}", status="Completed", verdict="PASS") for number in range(1000)]
+    shown = lines(record(jobs=jobs))
+    assert len(shown) < 60
+    assert any("… and 960 more" in line for line in shown)
+
+
+def test_records_survive_being_written() -> None:
+    assert RunRecord.model_validate_json(record().model_dump_json(exclude_none=True)) == record()
+    assert json.loads(record().model_dump_json())["started_at"] == "2026-01-02T03:04:05Z"
