@@ -16,12 +16,12 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
     use_server(settings)
     from ...tasks.inspection.reports import simulation_jobs
-    from ...tasks.operations.registry import perform_flow
+    from ...flows.lookup import find_perform_flow
     from ...tasks.service.service import Service
 
     service = Service.open(settings)
     with service.activated():
-        answer = perform_flow(operation)(arn)
+        answer = find_perform_flow(operation)(arn)
     print_answer(answer, form)
     if bad := _BAD_ENDS.get(str(answer.get("status"))):
         return bad
