@@ -2,7 +2,8 @@
 
 `main.py` is the entry point, `grammar.py` the parser, `command_table.py` the table of commands, `arguments.py` the
 arguments that several commands have. `commands/` has one module per command, `inputs/` finds what people name,
-`output/` says things to people and programs. `job.py`, `prefect_server.py` and `health.py` do what commands share.
+`output/` says things to people and programs. The other modules are the work behind commands:
+`planning.py`, `job.py`, `serving.py`, `health.py`, `prefect_server.py`.
 
 May import everything below `deployments` and its neighbours `endpoint`, `performer`, `sdk`, `local_server` and
 `access_keys`. At module level it imports nothing slow: neither Prefect nor MuJoCo, so that `--help`, `validate`,

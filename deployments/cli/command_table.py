@@ -3,9 +3,8 @@
 import argparse
 import importlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
 COMMANDS = Path(__file__).with_name("commands")
 """The folder of the commands."""
@@ -25,9 +24,8 @@ class CommandModule(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Command:
-    """One command."""
+class Command(NamedTuple):
+    """One command. Not a dataclass: importing those takes longer than everything else here."""
 
     name: str
     path: Path

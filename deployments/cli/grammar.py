@@ -1,6 +1,6 @@
 """The command line's grammar: help, suggestions for misspelt words, and each command's arguments when it is chosen.
 
-argparse, because it starts three times as fast as its rivals and says what it must (docs/decisions/0002).
+argparse, because a library for it starts three times as slowly: docs/decisions/0002-command-line-grammar.md.
 """
 
 import argparse

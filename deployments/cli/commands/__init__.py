@@ -2,10 +2,10 @@
 
 A command's module has three things: a docstring, which is its help (the first line is its summary), `declare`, which
 adds its arguments to a parser, and `execute`, which does the work and returns the exit code. `command_table.py` finds
-it by its file; nothing else has to know it. It is imported when it is chosen, so it may import at its top what it
-needs, but for Prefect, MuJoCo and the engines, which `execute` imports when it gets there.
+it by its file; nothing else has to know it. It is imported when it is chosen, also for its help and for a misspelt
+option, so it imports at its top what is quick, and inside `execute` what is not: pydantic's models, rich, the tasks.
 
-May import `arguments`, `inputs`, `output`, `job`, `prefect_server` and `health`; no other command.
+May import what is beside this folder, but for `main`, `grammar` and `command_table`; no other command.
 """
 
 __all__: list[str] = []

@@ -7,18 +7,13 @@ example: docs/operations.md; its members: robomaker schema OPERATION.
 import argparse
 import os
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ....schemas.operation_groups import OPERATION_GROUPS
-from ....schemas.operations.registry import OPERATIONS
-from ....schemas.settings import Settings
-from ....schemas.specs.check import load_request
-from ....schemas.specs.model import resolve_input
 from ..arguments import add_output
-from ..inputs.operations import operation_name
-from ..inputs.specifications import read_text
-from ..job import perform
 from ..output.answers import print_answer
+
+if TYPE_CHECKING:
+    from ....schemas.settings import Settings
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +29,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Calls the operation and prints its response."""
+    from ....schemas.operations.registry import OPERATIONS
+    from ....schemas.settings import Settings
+    from ....schemas.specs.check import load_request
+    from ....schemas.specs.model import resolve_input
+    from ..inputs.operations import operation_name
+    from ..job import perform
+
     operation = operation_name(arguments.operation)
     text, name = _input(arguments.input)
     checked = load_request(text, name, operation)
@@ -50,6 +52,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _input(given: str) -> tuple[str, str]:
     """The request's text and what to call it in messages."""
+    from ..inputs.specifications import read_text
+
     if given == "-":
         return sys.stdin.read(), "standard input"
     if given.lstrip().startswith("{"):
@@ -58,7 +62,7 @@ def _input(given: str) -> tuple[str, str]:
     return read_text(path), path
 
 
-def _stored(operation: str, request: dict[str, Any], settings: Settings) -> dict[str, Any]:
+def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> dict[str, Any]:
     from ....tasks.operations.registry import call
     from ....tasks.service.service import Service
 
@@ -66,6 +70,8 @@ def _stored(operation: str, request: dict[str, Any], settings: Settings) -> dict
 
 
 def _operations_by_group() -> str:
+    from ....schemas.operation_groups import OPERATION_GROUPS
+
     width = max(len(each.name) for group in OPERATION_GROUPS.values() for each in group)
     lines = ["operations:"]
     for title, group in OPERATION_GROUPS.items():

@@ -5,12 +5,15 @@ import json
 import os
 import sys
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
-from ....schemas.settings import Settings
 from ..arguments import add_output
-from ..health import Finding, Health, examine
 
-_MARKS: dict[Health, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"), "broken": ("✗", "31")}
+if TYPE_CHECKING:
+    from ..health import Finding
+
+
+_MARKS: dict[str, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"), "broken": ("✗", "31")}
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +23,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints all findings; exit code 3 if something is broken, 0 if there are at most warnings."""
+    from ....schemas.settings import Settings
+    from ..health import examine
+
     findings = examine(Settings.from_environment(os.environ))
     if arguments.output == "json":
         document = {"schema_version": 1, "findings": [asdict(finding) for finding in findings]}
@@ -29,7 +35,7 @@ def execute(arguments: argparse.Namespace) -> int:
     return 3 if any(finding.health == "broken" for finding in findings) else 0
 
 
-def _lines(findings: list[Finding]) -> list[str]:
+def _lines(findings: "list[Finding]") -> list[str]:
     colored = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
     width = max(len(finding.subject) for finding in findings)
     lines = []

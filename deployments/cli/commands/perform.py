@@ -3,11 +3,8 @@
 import argparse
 import os
 
-from ....schemas.settings import Settings
-from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
 from ..arguments import add_output
-from ..job import perform
 
 _OPERATIONS = {
     "simulation-job": "CreateSimulationJob",
@@ -25,6 +22,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Performs the job and prints its final description; the exit code says how it ended."""
+    from ....schemas.settings import Settings
+    from ....schemas.wire.arns import ResourceArn
+    from ..job import perform
+
     kind = ResourceArn.parse(arguments.arn).kind
     if kind not in _OPERATIONS:
         raise InvalidParameterException(f"{arguments.arn} names a {kind}; jobs and batches can be performed")

@@ -5,7 +5,6 @@ import os
 import sys
 from pathlib import Path
 
-from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError
 from ..arguments import add_open, add_output
 from ..inputs.runs import find_record
@@ -22,6 +21,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the report's path, or its numbers."""
+    from ....schemas.settings import Settings
+
     junit = _checked(arguments.junit)
     settings = Settings.from_environment(os.environ)
     record_file = find_record(settings.home / "runs", arguments.run)

@@ -8,8 +8,6 @@ import os
 import sys
 from pathlib import Path
 
-from ....schemas.runs.verification import ROBOT_IN_WORDS
-from ....schemas.settings import Settings
 from ..arguments import add_output, add_simulation
 
 
@@ -23,6 +21,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the folder and says what to run."""
+    from ....schemas.runs.verification import ROBOT_IN_WORDS
+    from ....schemas.settings import Settings
     from ....tasks.inspection.replays import reproduce_run
     from ....tasks.service.service import Service
 

@@ -9,17 +9,15 @@ import os
 import shutil
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ....schemas.reports.run_record import RunRecord
-from ....schemas.settings import Settings
-from ....schemas.specs.model import CheckedSpec, is_spec_name, with_seed
 from ....schemas.wire.errors import ConfigurationError
 from ..arguments import add_open, add_output, add_spec
-from ..inputs.specifications import read_spec
 from ..output.browser import open_file, wanted
-from ..output.progress import watcher
-from ..output.summary import print_summary
-from ..prefect_server import use_server
+
+if TYPE_CHECKING:
+    from ....schemas.reports.run_record import RunRecord
+    from ....schemas.specs.model import CheckedSpec
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +34,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs the specification; the exit code says how it ended."""
+    from ....schemas.settings import Settings
+    from ..output.progress import watcher
+    from ..output.summary import print_summary
+    from ..prefect_server import use_server
+
     spec = _chosen(arguments)
     settings = Settings.from_environment(os.environ)
     if arguments.report:
@@ -74,8 +77,11 @@ def again(arguments: argparse.Namespace) -> list[str]:
     return command
 
 
-def _chosen(arguments: argparse.Namespace) -> CheckedSpec:
+def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
     """The specification, with what the options put in place of its own values."""
+    from ....schemas.specs.model import is_spec_name, with_seed
+    from ..inputs.specifications import read_spec
+
     spec = read_spec(arguments.spec)
     if arguments.name is not None:
         if not is_spec_name(arguments.name):
@@ -94,7 +100,7 @@ def _check_folder(path: Path) -> None:
         raise ConfigurationError(f"--report is {path}; it has to be a file in a folder that exists")
 
 
-def _with_report(record: RunRecord, wanted_path: str | None) -> RunRecord:
+def _with_report(record: "RunRecord", wanted_path: str | None) -> "RunRecord":
     if wanted_path is None or record.report_path is None:
         return record
     path = Path(wanted_path).absolute()

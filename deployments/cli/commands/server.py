@@ -7,10 +7,6 @@ import argparse
 import os
 import sys
 
-from ....schemas.settings import Settings
-from ...local_server import configured_api_url, server_status, stop_server
-from ..prefect_server import described, use_server
-
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
@@ -19,6 +15,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Starts, stops or shows the server; `status` exits with 3 when none runs."""
+    from ....schemas.settings import Settings
+    from ...local_server import configured_api_url, server_status, stop_server
+    from ..prefect_server import described, use_server
+
     settings = Settings.from_environment(os.environ)
     if arguments.action == "start":
         ours = configured_api_url(os.environ) is None

@@ -10,7 +10,6 @@ from typing import Any
 
 from ....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ..arguments import add_output
-from ..inputs.specifications import InputFileError, read_spec
 from ..output.problems import print_problems
 
 
@@ -22,6 +21,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Checks every file, whatever is wrong with the others; exit code 2 if any has a problem."""
+    from ..inputs.specifications import InputFileError, read_spec
+
     answers = []
     problems: list[Problem] = []
     for path in arguments.specs:

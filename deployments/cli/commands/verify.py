@@ -8,8 +8,6 @@ import argparse
 import os
 import sys
 
-from ....schemas.runs.verification import EXIT_CODES
-from ....schemas.settings import Settings
 from ..arguments import add_output, add_simulation
 
 
@@ -26,6 +24,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what came of it; the exit code says the same."""
+    from ....schemas.runs.verification import EXIT_CODES
+    from ....schemas.settings import Settings
     from ....tasks.inspection.replays import verify_run
     from ....tasks.service.service import Service
 

@@ -11,11 +11,8 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .....schemas.settings import Settings
-from .....schemas.wire.arns import ResourceArn
 from .....schemas.wire.errors import StorageError
 from ...arguments import add_open, add_output
-from ...inputs.worlds import output_file
 from ...output import browser
 
 if TYPE_CHECKING:
@@ -34,6 +31,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the sheet as a picture and as a page; prints where they are."""
+    from .....schemas.settings import Settings
+    from .....schemas.wire.arns import ResourceArn
+    from ...inputs.worlds import output_file
+
     job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
     from .....tasks.service.service import Service
     from .....tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png

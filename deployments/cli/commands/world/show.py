@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from ...arguments import add_output, add_world
-from ...inputs.worlds import find_world
-from ...output.world_facts import world_facts
-from ...output.world_text import print_facts
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +20,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what there is to say of a world; draws it if a folder for pictures is given."""
+    from ...inputs.worlds import find_world
+    from ...output.world_facts import world_facts
+    from ...output.world_text import print_facts
+
     found = find_world(arguments.world)
     facts: dict[str, Any] = world_facts(found)
     if arguments.pictures:

@@ -10,10 +10,13 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...arguments import add_open, add_world
-from ...inputs.worlds import FoundWorld, find_world, output_file
 from ...output import browser
+
+if TYPE_CHECKING:
+    from ...inputs.worlds import FoundWorld
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +28,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Shows the world; prints the page's path where that is how."""
+    from ...inputs.worlds import find_world, output_file
+
     found = find_world(arguments.world)
     if arguments.html is None and arguments.open is None and has_display() and _mujoco_viewer(found):
         return 0
@@ -49,7 +54,7 @@ def has_display(environ: Mapping[str, str] | None = None, platform: str = sys.pl
     return bool(environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY"))
 
 
-def _mujoco_viewer(found: FoundWorld) -> bool:
+def _mujoco_viewer(found: "FoundWorld") -> bool:
     """Opens MuJoCo's viewer and waits until it is closed; tells whether it worked."""
     model = found.folder / "world.xml"
     sys.stderr.write("MuJoCo's viewer is opening; this command ends when it is closed.\n")
@@ -71,5 +76,5 @@ def _mujoco_viewer(found: FoundWorld) -> bool:
     return False
 
 
-def _title(found: FoundWorld) -> str:
+def _title(found: "FoundWorld") -> str:
     return f"{found.template_name}, {found.name}" if found.template_name else found.name

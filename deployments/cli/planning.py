@@ -1,0 +1,110 @@
+"""What a specification would run, told before it runs: order, amounts, limits."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from ...schemas.specs.model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
+from ...schemas.specs.references import ReferenceMistake, parse_template
+from ...schemas.specs.text import ListNode, Node, ScalarNode, child, plain
+from .output.durations import duration
+
+_WORLD = "a world"
+_COUNTS = ("floorplanCount", "interiorCountPerFloorplan")
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """One step, before it runs."""
+
+    step: str
+    operation: str
+    needs: list[str]
+    worlds: int | None = None
+    """Worlds it makes, where the file says it."""
+
+    jobs: int | None = None
+    """Simulation jobs it makes at most, where the file says it."""
+
+    concurrency: int | None = None
+    detail: str = ""
+    """The same in words."""
+
+
+def planned(spec: CheckedSpec) -> list[PlannedStep]:
+    """The steps in the order they would run."""
+    outputs: dict[str, dict[str, Any]] = {}
+    steps = []
+    for name in spec.order:
+        step = _planned_step(spec.steps[name], outputs)
+        # As if every world succeeded: enough to count what later steps make of them.
+        worlds = [_WORLD] * (step.worlds or 0)
+        outputs[name] = {"finishedWorldsSummary": {"succeededWorlds": worlds}} if worlds else {}
+        steps.append(step)
+    return steps
+
+
+def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> PlannedStep:
+    needs = list(step.needs)
+    if step.operation == "CreateWorldGenerationJob":
+        plans, interiors = (_number(step.input, "worldCount", key) for key in _COUNTS)
+        if plans and interiors:
+            detail = f"{counted(plans * interiors, 'world')}: {counted(plans, 'floor plan')}, {interiors} × furnished"
+            return PlannedStep(step.name, step.operation, needs, worlds=plans * interiors, detail=detail)
+    if step.operation == "CreateSimulationJob":
+        return PlannedStep(step.name, step.operation, needs, jobs=1, detail=f"1 simulation job{_limit(step.input)}")
+    if step.operation == "StartSimulationJobBatch" and (requests := child(step.input, "createSimulationJobRequests")):
+        jobs, what = _size(requests, outputs)
+        concurrency = _number(step.input, "batchPolicy", "maxConcurrency")
+        together = f", {concurrency} at a time" if concurrency else ""
+        detail = what + together + _limit(_first(requests))
+        return PlannedStep(step.name, step.operation, needs, jobs=jobs, concurrency=concurrency, detail=detail)
+    return PlannedStep(step.name, step.operation, needs)
+
+
+def _first(requests: Node) -> Node | None:
+    construct = for_each_of(requests)
+    return construct.entries["value"] if construct else child(requests, 0)
+
+
+def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
+    """How many jobs, as a number where it can be told, and in words."""
+    construct = for_each_of(requests)
+    entries = _entries(construct.entries[FOR_EACH] if construct else requests, outputs)
+    if entries is None:
+        return None, f"a simulation job for each of {plain(construct.entries[FOR_EACH] if construct else requests)}"
+    each = ", one for each world" if entries and all(entry == _WORLD for entry in entries) else ""
+    return len(entries), counted(len(entries), "simulation job") + each
+
+
+def _entries(node: Node, outputs: dict[str, dict[str, Any]]) -> list[Any] | None:
+    """The entries of a list; `None` where only a run can tell."""
+    if isinstance(node, ListNode):
+        return list(node.items)
+    try:
+        found = parse_template(str(plain(node))).value(outputs)
+    except ReferenceMistake:
+        return None
+    return found if isinstance(found, list) else None
+
+
+def _number(node: Node, *keys: str) -> int | None:
+    found: Node | None = node
+    for key in keys:
+        found = child(found, key) if found is not None else None
+    value = found.value if isinstance(found, ScalarNode) else None
+    return value if isinstance(value, int) else None
+
+
+def _limit(request: Node | None) -> str:
+    seconds = _number(request, "maxJobDurationInSeconds") if request is not None else None
+    return "" if seconds is None else f", at most {duration(seconds)} each"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things in words."""
+    return f"{count} {noun}{'s' if count != 1 else ''}"
+
+
+def after(step: PlannedStep) -> str:
+    """Which steps come before it, in words."""
+    return f"after {', '.join(step.needs)}" if step.needs else ""

@@ -1,0 +1,185 @@
+"""Serving: the endpoint for SDKs, and a performer beside it that carries out the jobs they ask for."""
+
+import argparse
+import json
+import logging
+import os
+import signal
+import socket
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import ConfigurationError
+from ...tasks.service.home import prepare_home
+from ..endpoint.access_keys import read_access_keys
+from ..endpoint.origins import is_loopback
+from ..service_model.installation import data_path
+from ..worker.child import ChildPerformer, in_words
+from .prefect_server import use_server
+
+_READY_S = 120.0
+
+
+def serve(arguments: argparse.Namespace) -> int:
+    """Serves until it is told to stop."""
+    settings = Settings.from_environment(os.environ)
+    max_jobs = _max_jobs(arguments.max_jobs, settings)
+    _log_to_stderr()
+    access_keys = read_access_keys(settings.access_keys_file) if settings.access_keys_file else None
+    if access_keys is None and not is_loopback(arguments.host):
+        raise ConfigurationError(
+            f"--host is {arguments.host!r}, which others can reach, and whoever reaches it can run programs here; "
+            "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first (docs/serving.md)"
+        )
+    _check_port(arguments.host, arguments.port)
+    prefect_url = None if arguments.backend == "none" else use_server(settings).removesuffix("/api")
+    about = {"execute": arguments.backend, "max_jobs": max_jobs, "prefect_url": prefect_url}
+    _end_on_hang_up()
+    _serve(arguments, settings, access_keys, about)
+    return 0
+
+
+def _serve(
+    arguments: argparse.Namespace, settings: Settings, access_keys: Mapping[str, str] | None, about: dict[str, Any]
+) -> None:
+    if arguments.backend == "none":
+        status = {"state": "elsewhere"}
+        _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
+        return
+    prepare_home(settings)
+    performer = ChildPerformer(settings, arguments.backend, about["max_jobs"], _variables_of_jobs(arguments))
+    performer.start()
+    try:
+        if arguments.backend == "deployments":
+            performer.wait_until_ready(_READY_S)
+        _run_server(arguments, settings, access_keys, about, performer.wake, performer.status)
+    except KeyboardInterrupt:
+        performer.kill()
+        raise
+    except BaseException:
+        performer.stop()
+        raise
+    _stop(performer)
+
+
+def _run_server(
+    arguments: argparse.Namespace,
+    settings: Settings,
+    access_keys: Mapping[str, str] | None,
+    about: dict[str, Any],
+    on_submitted: Callable[[str], None],
+    performer_status: Callable[[], Mapping[str, object]],
+) -> None:
+    # Imported late, while the performer already starts.
+    from ...tasks.service.service import Service
+    from ..endpoint.access_log import write_access_log
+    from ..endpoint.application import make_application
+    from ..endpoint.server import run_server
+
+    if arguments.log_requests:
+        write_access_log()
+    application = make_application(
+        Service.open(settings), access_keys=access_keys, on_submitted=on_submitted, performer_status=performer_status
+    )
+
+    def announce(port: int) -> None:
+        facts = {"url": _url(arguments.host, port), "pid": os.getpid(), **about}
+        _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
+
+    run_server(application, arguments.host, arguments.port, ready=announce)
+
+
+def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
+    """What performers pass on to jobs, so that an SDK in a job finds this endpoint, and knows the service.
+
+    A port that is chosen when the server begins to listen is not known yet.
+    """
+    if not arguments.port:
+        return {}
+    return {"AWS_ENDPOINT_URL_ROBOMAKER": _url(arguments.host, arguments.port), "AWS_DATA_PATH": data_path(os.environ)}
+
+
+def _stop(performer: ChildPerformer) -> None:
+    """Ends the performer; a second Ctrl-C ends it at once."""
+    try:
+        interrupted = performer.stop()
+    except KeyboardInterrupt:
+        performer.kill()
+        raise
+    if interrupted:
+        sys.stderr.write(f"Interrupted: {in_words(interrupted)}; the next `robomaker serve` goes on with them.\n")
+
+
+def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: str) -> None:
+    """Says where the endpoint is and how to use it."""
+    region = settings.region
+    variables = {"AWS_ENDPOINT_URL_ROBOMAKER": facts["url"], "AWS_REGION": region, "AWS_DEFAULT_REGION": region}
+    if not signed:
+        # SDKs insist on signing; nobody looks at the signature.
+        variables |= {"AWS_ACCESS_KEY_ID": "local", "AWS_SECRET_ACCESS_KEY": "local"}
+    if form == "json":
+        sys.stdout.write(json.dumps({"schema_version": 1, **facts, "environment": variables}) + "\n")
+    else:
+        sys.stdout.write("\n".join(_lines(facts, variables, signed=signed)) + "\n")
+    sys.stdout.flush()
+
+
+def _lines(facts: Mapping[str, Any], variables: Mapping[str, str], *, signed: bool) -> list[str]:
+    lines = [f"RoboMaker answers at {facts['url']} until you press Ctrl-C.", "", "In another terminal:", ""]
+    lines += [f"  export {name}={value}" for name, value in variables.items()]
+    lines += ['  eval "$(robomaker sdk-model)"    # for SDKs that do not know RoboMaker any more']
+    if signed:
+        lines += ["", "Clients have to sign with one of the access keys in ROBOMAKER_ACCESS_KEYS_FILE."]
+    if facts["execute"] == "here":
+        last = f"Jobs are performed here, {facts['max_jobs']} at a time; {facts['prefect_url']} shows them."
+    elif facts["execute"] == "deployments":
+        last = f"Jobs are handed to the workers of {facts['prefect_url']}."
+    else:
+        last = "Jobs wait until somebody performs them: `robomaker perform ARN`, or a `robomaker serve` elsewhere."
+    return [*lines, "", last, ""]
+
+
+def _max_jobs(given: int | None, settings: Settings) -> int:
+    if given is not None and not 1 <= given <= 9999:
+        raise ConfigurationError(f"--max-jobs is {given}; it has to be a number from 1 to 9999")
+    return settings.max_jobs if given is None else given
+
+
+def _check_port(host: str, port: int) -> None:
+    """Finds out before anything is started that the port is taken."""
+    if not 0 <= port <= 65535:
+        raise ConfigurationError(f"--port is {port}; it has to be a number from 1 to 65535, or 0 for any that is free")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family) as probe:
+        # Connections of the last server that are still closing do not make its port a taken one.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise ConfigurationError(
+                f"cannot listen at {host} port {port}: {error.strerror or error}; choose another with --port or --host"
+            ) from error
+
+
+def _url(host: str, port: int) -> str:
+    """What clients on this machine reach it by."""
+    name = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)  # noqa: S104 - is told apart
+    return f"http://{name}:{port}"
+
+
+def _end_on_hang_up() -> None:
+    """A terminal that closes ends the server as Ctrl-C does, unless nohup says otherwise."""
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+
+
+def _log_to_stderr() -> None:
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", datefmt="%H:%M:%S"))
+    for name in ("prefect_robomaker", "robomaker.endpoint"):
+        logger = logging.getLogger(name)
+        logger.handlers = [handler]
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
