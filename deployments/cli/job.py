@@ -15,8 +15,8 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     from .prefect_server import use_server
 
     use_server(settings)
-    from ...tasks.inspection.reports import simulation_jobs
     from ...flows.lookup import find_perform_flow
+    from ...tasks.inspection.reports import simulation_jobs
     from ...tasks.service.service import Service
 
     service = Service.open(settings)
