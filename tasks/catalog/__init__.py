@@ -9,6 +9,8 @@ if catalog.claim(job.arn, owner, lease_s=30):
 
 It runs on SQLite, one file that many processes of one machine share, and on PostgreSQL (tried with
 15 and psycopg, which is not among this package's requirements) for several machines.
+
+May import: `schemas`.
 """
 
 from .catalog import Catalog

@@ -1,4 +1,7 @@
-"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers."""
+"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers.
+
+May import: `schemas`.
+"""
 
 from .junit import junit_xml
 from .render import render_report, write_report

@@ -1,4 +1,7 @@
-"""Object stores: a directory or an S3 endpoint, one layout."""
+"""Object stores: a directory or an S3 endpoint, one layout.
+
+May import: `schemas`.
+"""
 
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
@@ -9,7 +12,10 @@ __all__ = [
     "ArchiveLimits",
     "ObjectInfo",
     "ObjectStore",
+    "base",
     "fetch",
+    "folders",
+    "naming",
     "open_store",
     "pack_tar_gz",
     "publish",

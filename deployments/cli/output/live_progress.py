@@ -14,8 +14,8 @@ from rich.text import Text
 
 from ....schemas.reports.progress import ProgressEvent
 from .durations import duration
-from .progress import Watcher
 from .step_states import BAD_STATUSES, StepState, StepStates
+from .watcher import Watcher
 
 _BAR_WIDTH = 20
 _SHOWN_NOTES = 3

@@ -4,27 +4,19 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Self, TextIO
 
 from ....schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
 from .durations import duration
 from .step_states import StepState, StepStates
+from .watcher import Watcher
 
 _HEARTBEAT_S = 60.0
 # Counts of a large batch change many times a second.
 _LINE_EVERY_S = 1.0
 
 Clock = Callable[[], float]
-
-
-class Watcher(AbstractContextManager["Watcher"]):
-    """A listener that shows what it hears while it is entered."""
-
-    def __call__(self, event: ProgressEvent) -> None:
-        """Takes one event; from any thread."""
-        raise NotImplementedError
 
 
 def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream: TextIO | None = None) -> Watcher:
