@@ -9,7 +9,7 @@ from contracts import FOLDERS, ROOT, check_contracts
 
 PLANTED = {
     # A flat module that belongs to no room, and does all that only owners may.
-    "tasks/planted.py": "import boto3\nimport botocore\nimport minio\nimport mujoco\nimport prefect\nimport sqlalchemy\n",
+    "tasks/planted.py": "import boto3\nimport botocore\nimport minio, mujoco, prefect, sqlalchemy\n",
     "schemas/planted.py": "from ..tasks import catalog\n",
     "schemas/wire/planted.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from . import planted_too\n",
     "schemas/wire/planted_too.py": "from . import planted\n",
