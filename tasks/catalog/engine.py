@@ -6,6 +6,7 @@ import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
@@ -82,6 +83,8 @@ def _checked(url: str) -> URL:
     if parsed.get_backend_name() == "sqlite":
         if parsed.database in (None, "", ":memory:"):
             raise ConfigurationError(f"the catalog URL {url!r} names no file; write sqlite:////path/to/catalog.db")
+        # SQLAlchemy 2.0 leaves the path as it is quoted in the URL.
+        parsed = parsed.set(database=unquote(str(parsed.database)))
         Path(str(parsed.database)).parent.mkdir(parents=True, exist_ok=True)
     return parsed
 

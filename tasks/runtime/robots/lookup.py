@@ -31,7 +31,7 @@ ROBOT_VARIABLE = "ROBOMAKER_ROBOT"
 
 BUILT_IN: Mapping[str, Robot] = {"scout": SCOUT, "walker": WALKER}
 
-_PACKAGE = __name__.rsplit(".", 2)[0]
+_PACKAGE = f"{__name__.rsplit('.', 2)[0]}.applications"
 _INVALID_INPUT = "InvalidInput"
 _MAX_NAME = 60
 

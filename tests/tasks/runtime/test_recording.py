@@ -216,7 +216,7 @@ def test_a_killed_process_leaves_a_readable_file(tmp_path: Path) -> None:
     script = f"""
 import itertools, sys
 from pathlib import Path
-from prefect_robomaker.tasks.runtime import messages as ros
+from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 recorder = McapRecorder(Path({str(path)!r}))
 for i in itertools.count():

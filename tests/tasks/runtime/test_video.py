@@ -145,7 +145,7 @@ LIT_ROOM = """<mujoco><asset><material name="dull" specular="{specular}"/></asse
 <camera name="eye" pos="-2 0 1.5" xyaxes="0 -1 0 .4 0 1"/></worldbody></mujoco>"""
 DRAW_TWICE = """
 import contextlib, sys, mujoco, numpy as np
-from prefect_robomaker.tasks.runtime import cameras
+from prefect_robomaker.tasks.runtime.rendering import cameras
 from prefect_robomaker.tasks.runtime.rendering.views import choose_view
 
 model = mujoco.MjModel.from_xml_string(sys.argv[1])

@@ -80,7 +80,7 @@ def test_the_model_is_as_before_also_after_a_failure() -> None:
 
 DRAW = """
 import contextlib, sys, mujoco, numpy as np
-from prefect_robomaker.tasks.runtime import cameras
+from prefect_robomaker.tasks.runtime.rendering import cameras
 from prefect_robomaker.tasks.runtime.rendering.views import choose_view
 
 rng = np.random.default_rng(5)
