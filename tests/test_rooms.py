@@ -89,3 +89,19 @@ def test_rooms_use_only_what_other_rooms_show() -> None:
     }
 
     assert hidden == set()
+
+
+def test_names_of_modules_in_texts_are_those_of_modules() -> None:
+    """Modules that are imported by name, or started with `python -m`."""
+    named = {
+        node.value.removeprefix("prefect_robomaker.")
+        for path in MODULES.values()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and re.fullmatch(r"prefect_robomaker(\.\w+)+", node.value)
+    }
+    factories = {name for name in named if name.rpartition(".")[2].startswith("make_")}
+
+    assert {name for name in named - factories if name not in MODULES} == set()
+    assert {name for name in factories if name.rpartition(".")[0] not in MODULES} == set()

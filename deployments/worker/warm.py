@@ -28,7 +28,7 @@ _FIRST_NEEDED = (
     "prefect.flow_engine",
     "prefect.task_engine",
     "prefect_robomaker.tasks.execution.artifacts",
-    "prefect_robomaker.tasks.jobs.steps",
+    "prefect.task_runners",
     "prefect_robomaker.tasks.execution.slots",
     "prefect_robomaker.tasks.execution.task_pool",
     "prefect_robomaker.tasks.worlds.export",
