@@ -8,15 +8,15 @@ import pytest
 from prefect_robomaker.schemas.settings import Settings
 
 pytest_plugins = [
-    "endpoint_process",
-    "performer_process",
-    "prefect_server",
-    "real_engine",
-    "s3_server",
-    "service_fixtures",
-    "swing_fixtures",
+    "helpers.endpoint_process",
+    "helpers.performer_process",
+    "helpers.prefect_server",
+    "helpers.real_engine",
+    "helpers.s3_server",
+    "helpers.service_fixtures",
+    "helpers.swing_fixtures",
 ]
-pytest.register_assert_rewrite("client_checks", "client_environments")
+pytest.register_assert_rewrite("helpers")
 
 
 def pytest_configure() -> None:

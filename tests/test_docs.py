@@ -11,16 +11,16 @@ from pathlib import Path
 import boto3
 import pytest
 from botocore import xform_name
-from endpoint_process import Serve
+from helpers.endpoint_process import Serve
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
-ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-GUIDE = ROOT / "docs" / "coming-from-robomaker.md"
+PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+GUIDE = REPOSITORY / "docs" / "coming-from-robomaker.md"
 SHOWN_ENDPOINT = "http://127.0.0.1:8057"
 FOR_SDKS = "boto3.client("
 
@@ -31,7 +31,7 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def test_the_first_two_shell_blocks_set_up_and_run_and_set_up_and_test() -> None:
-    run, test = blocks(ROOT / "README.md", "bash")
+    run, test = blocks(REPOSITORY / "README.md", "bash")
 
     for command in (run, test):
         assert command.startswith("python3 -m venv .tools && ")
@@ -47,7 +47,9 @@ def test_specifications_in_the_documentation_are_right(page: Path) -> None:
             assert load_spec(text, page.name).order
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "deployments" / "specs").glob("*.yaml")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted((REPOSITORY / "deployments" / "specs").glob("*.yaml")), ids=lambda path: path.name
+)
 def test_the_example_specifications_are_right(path: Path) -> None:
     assert load_spec(path.read_text(), str(path)).order
 
@@ -103,7 +105,7 @@ def test_commands_of_the_aws_cli_name_operations_and_their_members(page: Path) -
         assert given <= known | {"--max-items", "--page-size", "--query"}, command
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, REPOSITORY / "CHANGELOG.md"], ids=lambda page: page.name)
 def test_links_to_files_lead_somewhere(page: Path) -> None:
     targets = re.findall(r"\]\(([^)#]+)", page.read_text())
 
@@ -112,7 +114,7 @@ def test_links_to_files_lead_somewhere(page: Path) -> None:
 
 
 def test_the_readme_lists_the_commands_there_are() -> None:
-    listed = set(re.findall(r"^\| `robomaker ([a-z-]+)", (ROOT / "README.md").read_text(), re.MULTILINE))
+    listed = set(re.findall(r"^\| `robomaker ([a-z-]+)", (REPOSITORY / "README.md").read_text(), re.MULTILINE))
     help_text = build_parser().format_help()
 
     assert listed == set(re.findall(r"^    ([a-z-]+) {2,}", help_text, re.MULTILINE))

@@ -1,23 +1,22 @@
 import ast
 import tomllib
-from pathlib import Path
 
 import yaml
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.tasks.operations.registry import registry
 
-ROOT = Path(__file__).parent.parent
 TOP = ("schemas", "tasks", "flows", "deployments")
 
 
 def test_every_package_folder_is_declared() -> None:
-    declared = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
+    declared = set(tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
 
     found = {
-        "prefect_robomaker." + ".".join(path.parent.relative_to(ROOT).parts)
+        "prefect_robomaker." + ".".join(path.parent.relative_to(REPOSITORY).parts)
         for top in TOP
-        for path in (ROOT / top).rglob("__init__.py")
-        if ROOT / "deployments" / "specs" not in path.parents
+        for path in (REPOSITORY / top).rglob("__init__.py")
+        if REPOSITORY / "deployments" / "specs" not in path.parents
     }
 
     assert declared == found
@@ -25,9 +24,9 @@ def test_every_package_folder_is_declared() -> None:
 
 def test_no_source_file_is_longer_than_500_lines() -> None:
     long = {
-        str(path.relative_to(ROOT)): lines
+        str(path.relative_to(REPOSITORY)): lines
         for top in (*TOP, "tests")
-        for path in (ROOT / top).rglob("*.py")
+        for path in (REPOSITORY / top).rglob("*.py")
         if (lines := len(path.read_text().splitlines())) > 500
     }
 
@@ -38,7 +37,7 @@ def test_every_pydantic_field_has_a_description() -> None:
     """`Field(...)` without `description=` anywhere in the schemas."""
     missing = [
         f"{path.name}:{node.lineno}"
-        for path in (ROOT / "schemas").rglob("*.py")
+        for path in (REPOSITORY / "schemas").rglob("*.py")
         for statement in ast.walk(ast.parse(path.read_text()))
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.value, ast.Call)
         for node in [statement.value]
@@ -49,7 +48,7 @@ def test_every_pydantic_field_has_a_description() -> None:
 
 
 def test_prefect_yaml_deploys_every_flow_and_the_specifications_it_names_exist() -> None:
-    declared = yaml.safe_load((ROOT / "deployments" / "prefect.yaml").read_text())["deployments"]
+    declared = yaml.safe_load((REPOSITORY / "deployments" / "prefect.yaml").read_text())["deployments"]
     entrypoints = {deployment["entrypoint"] for deployment in declared}
 
     expected = {"prefect_robomaker.flows.pipelines:RunPipeline"}
@@ -60,4 +59,4 @@ def test_prefect_yaml_deploys_every_flow_and_the_specifications_it_names_exist()
     assert entrypoints == expected
     for deployment in declared:
         if spec := deployment.get("parameters", {}).get("spec"):
-            assert (ROOT / spec).is_file()
+            assert (REPOSITORY / spec).is_file()

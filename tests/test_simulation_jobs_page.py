@@ -1,16 +1,16 @@
 """The page about simulation jobs: what it lists is all there is, and its example is valid."""
 
 import re
-from pathlib import Path
 from typing import get_args
 
 import pytest
 import yaml
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobErrorCode, SimulationJobStatus
 from prefect_robomaker.schemas.wire.job_configs import SimulationApplicationConfig
 
-PAGE = (Path(__file__).parents[1] / "docs" / "simulation-jobs.md").read_text()
+PAGE = (REPOSITORY / "docs" / "simulation-jobs.md").read_text()
 
 
 def choices(shape: object) -> tuple[str, ...]:

@@ -9,11 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import SpecError
 
-QUICKSTART = Path(__file__).parents[2] / "deployments" / "specs" / "quickstart.yaml"
+QUICKSTART = REPOSITORY / "deployments" / "specs" / "quickstart.yaml"
 SUCCEEDED = "${{ worlds.finishedWorldsSummary.succeededWorlds }}"
 TAGS = 'tags: {flat: "flat-${{ index }}"}'
 EXPORT = "  export:\n"

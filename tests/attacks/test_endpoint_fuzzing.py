@@ -5,16 +5,16 @@ import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
 import pytest
-from asgi import Answer, Client
+from helpers.asgi import Answer, Client
+from helpers.paths import REPOSITORY
+from helpers.request_strategies import WILD, broken, requests, spoilt
+from helpers.small_flat import BODY, ROLE
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
-from request_strategies import WILD, broken, requests, spoilt
-from small_flat import BODY, ROLE
 
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.deployments.endpoint.messages import ProtocolError
@@ -131,7 +131,7 @@ def check(answer: Answer, target: Target, errors: set[str], before: list[str]) -
     assert len(answer.headers["x-amzn-requestid"]) == 36
     assert "Traceback" not in text
     assert str(target.service.settings.home) not in text
-    assert str(Path(__file__).parents[2]) not in text
+    assert str(REPOSITORY) not in text
     if answer.status == 200:
         is_page = answer.headers["content-type"].startswith("text/html")
         assert is_page or answer.body == b"" or isinstance(answer.json, dict)

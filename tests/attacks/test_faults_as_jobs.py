@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import wait_for, working_below
-from run_processes import processes_with
+from helpers.processes import wait_for, working_below
+from helpers.run_processes import processes_with
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.jobs.job_runs import perform_job

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
+from helpers.small_flat import BODY, ROLE
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_flat import BODY, ROLE
 from sqlalchemy import create_engine, func, select
 
 from prefect_robomaker.schemas.wire.errors import ServiceError

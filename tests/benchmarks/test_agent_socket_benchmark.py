@@ -22,11 +22,12 @@ import dm_env
 import numpy as np
 import pytest
 from dm_env import specs
+from helpers.paths import REPOSITORY
 from numpy.typing import NDArray
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
-from small_flat import BODY
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
@@ -43,7 +44,7 @@ from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
-EXAMPLE = Path(__file__).parent.parent.parent / "deployments" / "specs" / "examples" / "agent_process" / "robot.c"
+EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "agent_process" / "robot.c"
 CLIENT = """
 from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 with connect() as simulation:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.paths import BUNDLES
 
 from prefect_robomaker.flows.lookup import find_perform_flow
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
@@ -23,7 +24,7 @@ def _plan(folder: Path, number: int) -> RunPlan:
     work, output = folder / str(number) / "work", folder / str(number) / "output"
     work.mkdir(parents=True)
     output.mkdir()
-    applications = Path(__file__).parent.parent / "applications"
+    applications = BUNDLES / "sleeper"
     variables = {"DURATION_S": "1"}
     return RunPlan(
         job_id=f"sim-{number:012d}",

@@ -7,10 +7,10 @@ from pathlib import Path
 from statistics import median
 
 import pytest
+from helpers.paths import REPOSITORY
 
-ROOT = Path(__file__).parent.parent.parent
 ROBOMAKER = Path(sys.executable).parent / "robomaker"
-SPEC = ROOT / "deployments" / "specs" / "quickstart.yaml"
+SPEC = REPOSITORY / "deployments" / "specs" / "quickstart.yaml"
 RUNS = 7
 
 

@@ -10,8 +10,8 @@ from statistics import median
 from typing import Any
 
 import pytest
-from endpoint_server import endpoint, http_request, load
-from processes import started, wait_for
+from helpers.endpoint_server import endpoint, http_request, load
+from helpers.processes import started, wait_for
 from sqlalchemy import create_engine, insert
 
 from prefect_robomaker.schemas.settings import Settings

@@ -18,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -34,7 +35,7 @@ from prefect_robomaker.tasks.runtime.states.provenance import ProvenanceKeeper
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
-QUICKSTART = Path(__file__).parent.parent.parent / "deployments" / "specs" / "quickstart.yaml"
+QUICKSTART = REPOSITORY / "deployments" / "specs" / "quickstart.yaml"
 ROUNDS, LAPS, LAP_STEPS, SUBSTEPS = 8, 10, 40, 25
 
 

@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from run_processes import processes_with
-from small_flat import BODY
+from helpers.run_processes import processes_with
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody

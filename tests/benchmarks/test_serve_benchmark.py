@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from endpoint_process import Serve, Served
-from processes import wait_for
-from small_flat import ROLE
+from helpers.endpoint_process import Serve, Served
+from helpers.processes import wait_for
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.tasks.service.service import Service
 

@@ -21,6 +21,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
@@ -43,7 +44,7 @@ from prefect_robomaker.tasks.runtime.robots.walker import WALKER
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
-QUICKSTART = Path(__file__).parent.parent.parent / "deployments" / "specs" / "quickstart.yaml"
+QUICKSTART = REPOSITORY / "deployments" / "specs" / "quickstart.yaml"
 Laps = NDArray[np.float64]
 ROUNDS = 6
 SUBSTEPS = 25

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from s3_server import S3Server
+from helpers.s3_server import S3Server
 
 from prefect_robomaker.tasks.storage.s3 import S3Store
 

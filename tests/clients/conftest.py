@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from client_environments import python_environment
-from endpoint_process import Served, serving
-from small_flat import BODY, ROLE
+from helpers.client_environments import python_environment
+from helpers.endpoint_process import Served, serving
+from helpers.paths import BUNDLES
+from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
@@ -37,7 +38,7 @@ def place(tmp_path_factory: pytest.TempPathFactory, prefect_server: str) -> Iter
     folder = tmp_path_factory.mktemp("clients")
     objects = folder / "home" / "objects"
     bundle = folder / "bundle"
-    shutil.copytree(Path(__file__).parents[1] / "applications", bundle, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(BUNDLES / "sleeper", bundle, ignore=shutil.ignore_patterns("__pycache__"))
     for bucket in ("applications", "results"):
         (objects / bucket).mkdir(parents=True)
     pack_tar_gz(bundle, objects / "applications" / "sleeper.tar.gz")

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from client_checks import ERRORS, check_cancels, check_simulations, check_worlds
-from client_environments import run_client
+from helpers.client_checks import ERRORS, check_cancels, check_simulations, check_worlds
+from helpers.client_environments import run_client
 
 from prefect_robomaker.deployments.cli.main import main
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import boto3
 import pytest
-from client_checks import check_cancels, check_errors, check_pages, check_simulations, check_worlds
-from client_environments import run_client
+from helpers.client_checks import check_cancels, check_errors, check_pages, check_simulations, check_worlds
+from helpers.client_environments import run_client
 
 from prefect_robomaker.deployments.cli.main import main
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from client_environments import run_client
+from helpers.client_environments import run_client
 
 _SCRIPT = str(Path(__file__).parent / "habits_client.py")
 

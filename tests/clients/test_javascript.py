@@ -6,8 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from client_checks import check_cancels, check_errors, check_pages, check_refusal, check_simulations, check_worlds
-from client_environments import node_modules, run_client
+from helpers.client_checks import (
+    check_cancels,
+    check_errors,
+    check_pages,
+    check_refusal,
+    check_simulations,
+    check_worlds,
+)
+from helpers.client_environments import node_modules, run_client
 
 _PROJECT = Path(__file__).parent / "node"
 

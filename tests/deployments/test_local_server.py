@@ -9,7 +9,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from prefect_server import server_settings
+from helpers.prefect_server import server_settings
 
 from prefect_robomaker.deployments import local_server
 from prefect_robomaker.deployments.local_server import (

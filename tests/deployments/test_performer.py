@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from processes import wait_for
+from helpers.processes import wait_for
 
 from prefect_robomaker.deployments.worker import dispatcher, jobs
 from prefect_robomaker.deployments.worker.child import in_words

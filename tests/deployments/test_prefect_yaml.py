@@ -10,16 +10,16 @@ from typing import Any
 from uuid import UUID
 
 import pytest
-from processes import process_worker, wait_for
+from helpers.paths import REPOSITORY
+from helpers.processes import process_worker, wait_for
+from helpers.small_flat import BODY, ROLE
 from ruamel.yaml import YAML
-from small_flat import BODY, ROLE
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
-ROOT = Path(__file__).parents[2]
-FILE = ROOT / "deployments" / "prefect.yaml"
+FILE = REPOSITORY / "deployments" / "prefect.yaml"
 SPEC = {
     "version": 1,
     "name": "tiny",
@@ -68,7 +68,7 @@ def test_every_operation_has_a_deployment_that_leads_to_its_flow() -> None:
         module, _, name = entry["entrypoint"].partition(":")
         assert getattr(__import__(module, fromlist=[name]), name).name == name
         if "parameters" in entry:
-            assert (ROOT / entry["parameters"]["spec"]).is_file()
+            assert (REPOSITORY / entry["parameters"]["spec"]).is_file()
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def prefect(environ: Mapping[str, str], *words: str) -> None:
     """Runs Prefect's command in the repository's root."""
     command = [sys.executable, "-m", "prefect", *words]
     run = subprocess.run(
-        command, env={**os.environ, **environ}, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+        command, env={**os.environ, **environ}, cwd=REPOSITORY, capture_output=True, text=True, check=False, timeout=120
     )
     assert run.returncode == 0, run.stdout + run.stderr
 

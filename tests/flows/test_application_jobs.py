@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from application_calls import BUCKET, Applications
+from helpers.application_calls import BUCKET, Applications
+from helpers.paths import BUNDLES
 
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
 from prefect_robomaker.tasks.operations.registry import call, registry
@@ -24,7 +25,7 @@ def watches_better(service: Service, tmp_path: Path) -> Callable[[], None]:
 
     def replace_archive() -> None:
         shutil.copytree(
-            Path(__file__).parents[1] / "applications" / "sleeper",
+            BUNDLES / "sleeper" / "sleeper",
             tmp_path / "better" / "sleeper",
             ignore=shutil.ignore_patterns("__pycache__"),
         )

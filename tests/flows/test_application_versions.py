@@ -6,7 +6,7 @@ from itertools import count
 from typing import Any
 
 import pytest
-from application_calls import BUCKET, PACKAGE, Applications, at_once
+from helpers.application_calls import BUCKET, PACKAGE, Applications, at_once
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

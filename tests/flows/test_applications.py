@@ -4,7 +4,7 @@ from functools import partial
 from typing import Any
 
 import pytest
-from application_calls import BUCKET, PACKAGE, Applications, at_once
+from helpers.application_calls import BUCKET, PACKAGE, Applications, at_once
 
 from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from small_flat import BODY, ROLE
+from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.schemas.wire.errors import IdempotentParameterMismatchException, InvalidParameterException
 from prefect_robomaker.tasks.catalog import Resource

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from application_calls import Applications
-from image_registry import image_registry
-from performer_process import AwaitStatus, PerformElsewhere
-from processes import descendants, wait_for
-from real_engine import RealEngine
-from small_flat import ROLE
+from helpers.application_calls import Applications
+from helpers.image_registry import image_registry
+from helpers.paths import REPOSITORY
+from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.processes import descendants, wait_for
+from helpers.real_engine import RealEngine
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
@@ -30,7 +31,7 @@ from prefect_robomaker.tasks.storage import pack_tar_gz
 
 pytestmark = pytest.mark.deep
 
-EXAMPLES = Path(__file__).parents[2] / "deployments" / "specs" / "examples"
+EXAMPLES = REPOSITORY / "deployments" / "specs" / "examples"
 POLITE = "trap 'echo asked to end; exit 0' TERM; echo ready; while :; do sleep 0.1; done"
 STUBBORN = "trap '' TERM; echo ready; while :; do sleep 0.1; done"
 

@@ -3,7 +3,7 @@
 from datetime import datetime
 
 import pytest
-from fleet_calls import Fleets
+from helpers.fleet_calls import Fleets
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.operations.registry import call

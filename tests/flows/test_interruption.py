@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import process_worker, started, wait_for, working_below
+from helpers.processes import process_worker, started, wait_for, working_below
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.catalog import Resource

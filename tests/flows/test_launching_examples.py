@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 import yaml
-from fake_engine import FakeEngine
-from small_flat import ROLE
+from helpers.fake_engine import FakeEngine
+from helpers.paths import REPOSITORY
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
@@ -15,7 +16,7 @@ from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
-EXAMPLES = Path(__file__).parents[2] / "deployments" / "specs" / "examples"
+EXAMPLES = REPOSITORY / "deployments" / "specs" / "examples"
 WAYS = ("factory", "installed", "script", "command")
 
 

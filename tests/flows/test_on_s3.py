@@ -8,8 +8,8 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
-from s3_server import S3Server
-from small_flat import ROLE
+from helpers.s3_server import S3Server
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_flat import BODY, ROLE
+from helpers.paths import BUNDLES
+from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.pipelines import PipelineRun, RunInterrupted, run_spec
 from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
@@ -103,7 +104,7 @@ def run(settings: Settings, prefect_server: str, events: list[ProgressEvent]) ->
 @pytest.fixture
 def archive(service: Service, tmp_path: Path) -> None:
     """The archive of the applications that sleep."""
-    source = Path(__file__).parents[1] / "applications"
+    source = BUNDLES / "sleeper"
     shutil.copytree(source, tmp_path / "bundle", ignore=shutil.ignore_patterns("__pycache__"))
     pack_tar_gz(tmp_path / "bundle", tmp_path / "sleeper.tar.gz")
     service.store.ensure_bucket("applications")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from small_flat import ROLE
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.specs.check import load_spec

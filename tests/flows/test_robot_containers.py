@@ -6,16 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from application_calls import Applications
-from fake_engine import FakeEngine
-from small_flat import ROLE
+from helpers.application_calls import Applications
+from helpers.fake_engine import FakeEngine
+from helpers.paths import REPOSITORY
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
-CARTPOLE = Path(__file__).parents[2] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 Run = Callable[..., dict[str, Any]]
 
 

@@ -5,7 +5,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from small_flat import BODY, ROLE
+from helpers.paths import REPOSITORY
+from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.flows.pipelines import run_spec
 from prefect_robomaker.schemas.reports.run_record import RunRecord
@@ -14,7 +15,7 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
-EXAMPLE = Path(__file__).parents[2] / "deployments" / "specs" / "examples" / "urdf_robot_bundle"
+EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "urdf_robot_bundle"
 WALK = {
     "version": 1,
     "name": "walk",

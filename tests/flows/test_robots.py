@@ -3,8 +3,8 @@
 from typing import Any
 
 import pytest
-from application_calls import at_once
-from fleet_calls import Fleets
+from helpers.application_calls import at_once
+from helpers.fleet_calls import Fleets
 
 from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,

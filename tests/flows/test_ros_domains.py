@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from application_calls import Applications
-from fake_engine import FakeEngine
-from small_flat import ROLE
+from helpers.application_calls import Applications
+from helpers.fake_engine import FakeEngine
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call

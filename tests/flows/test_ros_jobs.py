@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import wait_for, working_below
-from run_processes import processes_with
-from small_flat import ROLE
+from helpers.processes import wait_for, working_below
+from helpers.run_processes import processes_with
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call

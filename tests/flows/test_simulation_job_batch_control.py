@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from performer_process import AwaitStatus, PerformElsewhere
-from processes import wait_for, working_below
-from small_flat import ROLE
+from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.processes import wait_for, working_below
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.lifecycles import is_terminal
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from performer_process import AwaitStatus, PerformElsewhere
-from processes import wait_for, working_below
+from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.processes import wait_for, working_below
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException
 from prefect_robomaker.tasks.jobs import job_runs

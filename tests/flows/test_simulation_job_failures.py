@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from application_calls import Applications
+from helpers.application_calls import Applications
 
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.jobs.job_runs import perform_job

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from application_calls import Applications
-from endpoint_process import Serve
-from fake_engine import FakeEngine
-from small_flat import ROLE
+from helpers.application_calls import Applications
+from helpers.endpoint_process import Serve
+from helpers.fake_engine import FakeEngine
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH
 from prefect_robomaker.tasks.jobs.job_runs import perform_job

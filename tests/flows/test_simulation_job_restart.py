@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from performer_process import AwaitStatus, PerformElsewhere
-from processes import wait_for, working_below
+from helpers.paths import BUNDLES
+from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.processes import wait_for, working_below
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageFullError
 from prefect_robomaker.tasks.jobs import job_runs
@@ -30,7 +31,7 @@ def log_of(service: Service, place: dict[str, str]) -> str:
 
 def change_applications(service: Service, folder: Path, was: str, becomes: str) -> None:
     """Gives both applications another archive."""
-    shutil.copytree(Path(__file__).parents[1] / "applications", folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(BUNDLES / "sleeper", folder, ignore=shutil.ignore_patterns("__pycache__"))
     module = folder / "sleeper" / "__init__.py"
     module.write_text(module.read_text().replace(was, becomes))
     archive = folder.with_suffix(".tar.gz")

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import pytest
-from processes import wait_for
+from helpers.processes import wait_for
 
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.jobs import job_runs

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from small_flat import ROLE
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.flows.lookup import find_flow
 from prefect_robomaker.tasks.service.service import Service

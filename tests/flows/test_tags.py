@@ -3,8 +3,8 @@
 from typing import get_args
 
 import pytest
-from application_calls import Applications
-from fleet_calls import Fleets
+from helpers.application_calls import Applications
+from helpers.fleet_calls import Fleets
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from small_flat import BODY
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.wire.errors import InternalServerException, InvalidParameterException
 from prefect_robomaker.schemas.worlds.description import WorldDescription

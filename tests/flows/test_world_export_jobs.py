@@ -9,8 +9,8 @@ from typing import Any
 
 import mujoco
 import pytest
-from processes import wait_for
-from small_flat import ROLE
+from helpers.processes import wait_for
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.catalog import Resource

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from processes import wait_for
-from small_flat import BODY
+from helpers.processes import wait_for
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.wire.errors import (
     IdempotentParameterMismatchException,

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 import pytest
-from small_flat import BODY
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.operations.registry import call

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import pytest
-from published_model import Model, published_files
+from helpers.published_model import Model, published_files
 
 from prefect_robomaker.schemas.differences import changed_bounds, changed_members
 from prefect_robomaker.schemas.operations.registry import OPERATIONS, OperationShape

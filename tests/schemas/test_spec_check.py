@@ -8,6 +8,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.specs.check import load_request, load_spec
@@ -16,7 +17,7 @@ from prefect_robomaker.schemas.specs.model import output_model, resolve_input, w
 from prefect_robomaker.schemas.specs.text import parse, plain
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
-SPECS = Path(__file__).parents[2] / "deployments" / "specs"
+SPECS = REPOSITORY / "deployments" / "specs"
 EXAMPLES = sorted(SPECS.glob("*.yaml"))
 
 GOOD = """\

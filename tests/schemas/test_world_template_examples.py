@@ -1,13 +1,13 @@
 """The bodies that the reference shows are right."""
 
 import re
-from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 
-PAGE = Path(__file__).parents[2] / "docs" / "world-templates.md"
+PAGE = REPOSITORY / "docs" / "world-templates.md"
 EXAMPLES = re.findall(r"^```json\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
 
 

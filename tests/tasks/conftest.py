@@ -1,7 +1,7 @@
 from pathlib import Path
 
 import pytest
-from fake_engine import FakeEngine
+from helpers.fake_engine import FakeEngine
 
 
 @pytest.fixture

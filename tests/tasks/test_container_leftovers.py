@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from application_calls import Applications
-from fake_engine import FakeEngine
+from helpers.application_calls import Applications
+from helpers.fake_engine import FakeEngine
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan

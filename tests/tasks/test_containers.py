@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fake_engine import FakeEngine
+from helpers.fake_engine import FakeEngine
 
 from prefect_robomaker.schemas.runs.programs import ComputeLimits
 from prefect_robomaker.schemas.wire.errors import LaunchError

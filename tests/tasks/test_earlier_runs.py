@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.processes import wait_for, working_below
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
-from performer_process import AwaitStatus, PerformElsewhere
-from processes import wait_for, working_below
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
 from prefect_robomaker.tasks.jobs import job_runs

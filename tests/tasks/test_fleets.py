@@ -1,7 +1,7 @@
 """Who may change a fleet, and what a change that broke off leaves to the next."""
 
 import pytest
-from fleet_calls import Fleets
+from helpers.fleet_calls import Fleets
 
 from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,

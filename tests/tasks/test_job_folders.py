@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from fake_engine import FakeEngine
+from helpers.fake_engine import FakeEngine
 
 from prefect_robomaker.deployments.cli import health
 from prefect_robomaker.tasks.jobs.job_folders import clear_containers_of_the_dead

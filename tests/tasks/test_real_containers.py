@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from container_images import USER_ID
-from image_registry import ImageRegistry, image_registry
-from real_engine import RealEngine
+from helpers.container_images import USER_ID
+from helpers.image_registry import ImageRegistry, image_registry
+from helpers.real_engine import RealEngine
 
 from prefect_robomaker.schemas.runs.programs import ComputeLimits
 from prefect_robomaker.schemas.wire.errors import LaunchError

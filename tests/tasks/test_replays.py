@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from swing_fixtures import outputs_of, upload_swinger
+from helpers.swing_fixtures import outputs_of, upload_swinger
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.inspection.found_runs import found_run

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_engine import FakeEngine
-from swing_fixtures import SUITE, outputs_of
+from helpers.fake_engine import FakeEngine
+from helpers.paths import BUNDLES
+from helpers.swing_fixtures import SUITE, outputs_of
 
 from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -22,7 +23,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.environment.folders import AGENT
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
 
-ROBOT = Path(__file__).parents[1] / "pushing_robot"
+ROBOT = BUNDLES / "pushing_robot"
 WATCH = {"exitBehavior": "RESTART", "name": "watch", "command": "sleep 60"}
 Simulate = Callable[..., dict[str, Any]]
 NOT_RUN = "; with the recorded actions, the robot's program was not run"

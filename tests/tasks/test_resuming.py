@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from swing_fixtures import outputs_of
+from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.provenance import Provenance

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import wait_for
+from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.wire.errors import StorageUnavailableError
 from prefect_robomaker.tasks.jobs.job_runs import perform_job

@@ -2,11 +2,11 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 
-QUICKSTART = str(Path(__file__).parents[3] / "deployments" / "specs" / "quickstart.yaml")
+QUICKSTART = str(REPOSITORY / "deployments" / "specs" / "quickstart.yaml")
 HEAVY = ("prefect", "mujoco", "dm_control", "sqlalchemy", "boto3", "numpy", "starlette")
 PROBE = """
 import sys

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from asgi import Client
+from helpers.asgi import Client
 
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.tasks.service.service import Service

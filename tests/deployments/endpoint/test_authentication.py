@@ -9,11 +9,11 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
-from asgi import Answer, Client
 from botocore.auth import SigV4Auth
 from botocore.awsrequest import AWSRequest
 from botocore.compat import HTTPHeaders
 from botocore.credentials import Credentials
+from helpers.asgi import Answer, Client
 
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.tasks.service.service import Service

@@ -1,7 +1,7 @@
 """Web pages are kept out of a service that asks nobody for a signature."""
 
 import pytest
-from asgi import Client
+from helpers.asgi import Client
 
 from prefect_robomaker.deployments.endpoint.origins import is_local_host, is_loopback
 

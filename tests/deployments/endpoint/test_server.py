@@ -16,7 +16,7 @@ import pytest
 from botocore.auth import SigV4Auth
 from botocore.awsrequest import AWSRequest
 from botocore.credentials import Credentials
-from endpoint_server import endpoint, exchange, http_request
+from helpers.endpoint_server import endpoint, exchange, http_request
 
 from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
 from prefect_robomaker.deployments.endpoint.application import make_application

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 import pytest
-from asgi import JSON, Client
+from helpers.asgi import JSON, Client
 
 from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, make_application
 from prefect_robomaker.deployments.endpoint.failures import Failures

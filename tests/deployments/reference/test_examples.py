@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from performer_process import AwaitStatus, PerformElsewhere
+from helpers.paths import REPOSITORY
+from helpers.performer_process import AwaitStatus, PerformElsewhere
 
 from prefect_robomaker.deployments.reference.examples import ARCHIVE, EXAMPLES, MADE_BY
 from prefect_robomaker.deployments.reference.operations_page import command
@@ -18,7 +19,7 @@ from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
-BUNDLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+BUNDLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 
 
 class Walk:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from published_model import Model, published_files
+from helpers.published_model import Model, published_files
 
 from prefect_robomaker.deployments.service_model.model import paginators_model, service_model
 from prefect_robomaker.schemas.differences import DIFFERENCES

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.paths import REPOSITORY
 from PIL import Image
 
 from prefect_robomaker.schemas.reports.report import Report, ReportedFile, ReportedStep
@@ -16,7 +17,7 @@ from prefect_robomaker.tasks.reporting import render_report, summarize, write_re
 
 ATTACK = "</pre></title><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"
 _VOID = {"meta", "link", "img", "br", "hr", "input"}
-_STYLE_SHEET = Path(__file__).parents[3] / "tasks" / "reporting" / "report.css"
+_STYLE_SHEET = REPOSITORY / "tasks" / "reporting" / "report.css"
 
 
 class Document(HTMLParser):

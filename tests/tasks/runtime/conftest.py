@@ -4,14 +4,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from remote_jobs import Job
+from helpers.paths import BUNDLES
+from helpers.remote_jobs import Job
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.tasks.runtime.rendering.backends import available_video_backends
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-TROUBLE = Path(__file__).parent / "bundles" / "trouble"
+TROUBLE = BUNDLES / "trouble"
 
 
 @pytest.fixture(scope="session")

@@ -5,12 +5,12 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from dm_env import specs
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.agents import agent_client, remote_robot
@@ -19,7 +19,7 @@ from prefect_robomaker.tasks.runtime.agents.agent_protocol import RobotHello
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-PAGE = (Path(__file__).parents[3] / "docs" / "agents.md").read_text()
+PAGE = (REPOSITORY / "docs" / "agents.md").read_text()
 MakePlan = Callable[..., RunPlan]
 
 

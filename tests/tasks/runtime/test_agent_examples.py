@@ -9,13 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.storage import unpack
 
-EXAMPLES = Path(__file__).parents[3] / "deployments" / "specs" / "examples"
+EXAMPLES = REPOSITORY / "deployments" / "specs" / "examples"
 EXAMPLE = EXAMPLES / "agent_process"
 CARTPOLE = EXAMPLES / "cartpole_bundle"
 MakePlan = Callable[..., RunPlan]

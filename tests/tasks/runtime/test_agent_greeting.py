@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from remote_jobs import greeting
+from helpers.remote_jobs import greeting
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, words

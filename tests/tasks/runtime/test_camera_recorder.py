@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
 from PIL import Image
 from rosbags.highlevel import AnyReader
 
@@ -18,7 +19,7 @@ from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
 from prefect_robomaker.tasks.runtime.video.camera_settings import CameraRecording, camera_recording
 
-CARTPOLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 MODEL = """
 <mujoco>
   <worldbody>

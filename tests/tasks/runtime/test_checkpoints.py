@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.paths import BUNDLES
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
@@ -18,7 +19,7 @@ from prefect_robomaker.tasks.runtime.states import checkpoint_files, checkpoints
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-SWINGER = Path(__file__).parents[2] / "replays"
+SWINGER = BUNDLES / "swinger"
 
 
 @pytest.fixture

@@ -7,9 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from helpers.paths import BUNDLES
+from helpers.run_processes import never, processes_with
 from hypothesis import given
 from hypothesis import strategies as st
-from run_processes import never, processes_with
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, FoundFiles, ProgramPlan
@@ -19,7 +20,7 @@ from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]
 ProgramsPlan = Callable[..., RunPlan]
-TROUBLE = Path(__file__).parent / "bundles" / "trouble"
+TROUBLE = BUNDLES / "trouble"
 MB = 10**6
 SMALL = ComputeLimits(disk_bytes=20 * MB)
 FILL = """

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.second_decoder import assert_decodes_to
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from second_decoder import assert_decodes_to
 
 from prefect_robomaker.tasks.runtime.recording import display_messages as display
 from prefect_robomaker.tasks.runtime.recording import messages as ros

@@ -6,13 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.storage import unpack
 
-EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 
 
 @pytest.fixture

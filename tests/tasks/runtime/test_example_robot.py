@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
+from helpers.robot_stands import CART_MAPPING, write_robot
+from helpers.small_flat import BODY
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from robot_stands import CART_MAPPING, write_robot
-from small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.robot_yaml import ROBOT_MODELS
@@ -24,7 +25,7 @@ from prefect_robomaker.tasks.storage import unpack
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
-EXAMPLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "urdf_robot_bundle"
+EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "urdf_robot_bundle"
 APPLICATIONS = "prefect_robomaker.tasks.runtime.applications"
 MakePlan = Callable[..., RunPlan]
 
@@ -151,7 +152,7 @@ def test_the_examples_specification_is_right_and_its_model_is_as_the_urdf_says()
 
 
 def test_the_mapping_that_the_documentation_shows_is_a_right_one(unpacked: Path) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "robots.md").read_text()
+    page = (REPOSITORY / "docs" / "robots.md").read_text()
     [shown] = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (unpacked / "my_rover" / "robot.yaml").write_text(shown)
     rover = find_robot(robot("my_rover.make_agent", unpacked), {}).robot
@@ -161,7 +162,7 @@ def test_the_mapping_that_the_documentation_shows_is_a_right_one(unpacked: Path)
 
 
 def test_every_member_of_a_mapping_is_in_the_documentation() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "robots.md").read_text()
+    page = (REPOSITORY / "docs" / "robots.md").read_text()
     for model in ROBOT_MODELS.values():
         schema = model.model_json_schema()
         for shape in (schema, *schema["$defs"].values()):

@@ -11,13 +11,14 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from helpers.paths import BUNDLES
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.failure_videos import film_failure, has_failed
 
-FILMED = Path(__file__).parent / "bundles" / "filmed"
+FILMED = BUNDLES / "filmed"
 FILMS = {"video.mp4", "last-10s.mp4", "poster.png"}
 SMALL = {"ROBOMAKER_VIDEO_SIZE": "160x120", "ROBOMAKER_VIDEO_FPS": "10"}
 PlanOf = Callable[..., RunPlan]

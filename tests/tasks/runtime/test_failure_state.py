@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.runs.failure_state import FailureState
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
@@ -20,7 +21,7 @@ from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
 from prefect_robomaker.tasks.runtime.states.failure_state import FailureKeeper
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-DOCUMENTATION = Path(__file__).parents[3] / "docs" / "verdicts.md"
+DOCUMENTATION = REPOSITORY / "docs" / "verdicts.md"
 MODEL = """
 <mujoco>
   <option timestep="0.005"{option}/>

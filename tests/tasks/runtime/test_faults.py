@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from run_processes import never, processes_with, wait_until
+from helpers.run_processes import never, processes_with, wait_until
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from helpers.run_processes import children_of, is_running, never, processes_with, wait_until
 from mcap.reader import make_reader
-from run_processes import children_of, is_running, never, processes_with, wait_until
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.wire.errors import LaunchError

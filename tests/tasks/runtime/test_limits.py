@@ -8,9 +8,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from helpers.run_processes import never, processes_with
 from hypothesis import given
 from hypothesis import strategies as st
-from run_processes import never, processes_with
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan

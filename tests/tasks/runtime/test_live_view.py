@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import mujoco
 import numpy as np
 import pytest
+from helpers.paths import BUNDLES
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
@@ -24,7 +25,7 @@ from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.live_view import LiveView
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
 
-FILMED = Path(__file__).parent / "bundles" / "filmed"
+FILMED = BUNDLES / "filmed"
 MODEL = """
 <mujoco><worldbody>
   <camera name="top" pos="0 0 4"/>

@@ -3,10 +3,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.paths import BUNDLES
 
 from prefect_robomaker.tasks.runtime.episode.loading import LoadError, load_factory
 
-TROUBLE = Path(__file__).parent / "bundles" / "trouble"
+TROUBLE = BUNDLES / "trouble"
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 import pytest
-from run_processes import never
+from helpers.run_processes import never
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import PortPlan, ProgramPlan

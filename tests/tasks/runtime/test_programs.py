@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from run_processes import never, processes_with
+from helpers.run_processes import never, processes_with
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
@@ -12,7 +13,7 @@ from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenanc
 from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-CARTPOLE = Path(__file__).parents[3] / "deployments" / "specs" / "examples" / "cartpole_bundle"
+CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dm_env import specs
-from remote_jobs import ARENA, Job
+from helpers.remote_jobs import ARENA, Job
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RecordedActions, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.provenance import Provenance

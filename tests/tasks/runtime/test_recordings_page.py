@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
@@ -15,7 +16,7 @@ from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-PAGE_FOLDER = Path(__file__).parents[3] / "docs"
+PAGE_FOLDER = REPOSITORY / "docs"
 PAGE = (PAGE_FOLDER / "recordings.md").read_text()
 READING, WRITING = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dm_env import specs
-from remote_jobs import ARENA, Job, action, greeting, last_words
+from helpers.remote_jobs import ARENA, Job, action, greeting, last_words
 
 from prefect_robomaker.tasks.runtime.agents.agent_client import SimulationError
 from prefect_robomaker.tasks.runtime.agents.remote_robot import CONNECT_TIMEOUT_VARIABLE

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from remote_jobs import ARENA, Job, action, greeting, last_words
+from helpers.remote_jobs import ARENA, Job, action, greeting, last_words
 
 from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, SimulationError, words
 

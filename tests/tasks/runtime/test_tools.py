@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from run_processes import never, processes_with
+from helpers.run_processes import never, processes_with
 
 from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan, ToolEnds

@@ -11,6 +11,7 @@ import av
 import mujoco
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -263,7 +264,7 @@ def test_backends_of_this_machine() -> None:
 
 
 def test_a_run_with_video(launcher: Launcher, make_plan: Any) -> None:
-    bundle = Path(__file__).parents[3] / "deployments/specs/examples/cartpole_bundle"
+    bundle = REPOSITORY / "deployments/specs/examples/cartpole_bundle"
     plan = make_plan(path=bundle, video="always", variables={"TIME_LIMIT_S": "1"})
     plan = plan.model_copy(
         update={

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from s3_server import S3Server
+from helpers.s3_server import S3Server
 
 from prefect_robomaker.tasks.storage.base import ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore

@@ -6,8 +6,8 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from helpers.s3_server import S3Server
 from minio import Minio
-from s3_server import S3Server
 
 from prefect_robomaker.schemas.runs.manifest import Manifest
 from prefect_robomaker.tasks.storage import publish

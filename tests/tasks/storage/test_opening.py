@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from s3_server import S3Server
+from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError

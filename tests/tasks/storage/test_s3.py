@@ -16,7 +16,7 @@ import boto3
 import pytest
 from botocore.awsrequest import AWSResponse
 from botocore.exceptions import ClientError
-from s3_server import S3Server
+from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.wire.errors import (
     BucketNotFoundError,

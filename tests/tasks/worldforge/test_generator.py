@@ -1,9 +1,9 @@
 """Generated worlds: the same from the same seeds, valid for every template."""
 
 import pytest
+from helpers.template_bodies import bodies
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from template_bodies import bodies
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError

@@ -6,9 +6,9 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
@@ -99,7 +99,7 @@ def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:
 def test_a_verdict_of_fail_ends_a_waited_call_with_1(home, prefect_server: str) -> None:
     """The cartpole of the examples falls when its agent does nothing."""
     environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
-    environ["PYTHONPATH"] = str(Path(__file__).parents[4] / "deployments" / "specs" / "examples" / "cartpole_bundle")
+    environ["PYTHONPATH"] = str(REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle")
 
     def call(operation: str, request: dict, *more: str) -> subprocess.CompletedProcess[str]:
         words = ["call", operation, "--input", json.dumps(request), *more]

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.paths import REPOSITORY
 
-DOCS = Path(__file__).parents[4] / "docs"
+DOCS = REPOSITORY / "docs"
 
 
 def run_example(page: str, folder: Path, home: Path, server: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:

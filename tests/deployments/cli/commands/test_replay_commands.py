@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from swing_fixtures import outputs_of
+from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.tasks.service.service import Service
 

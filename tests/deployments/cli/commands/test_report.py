@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.paths import REPOSITORY
 from lxml import etree
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.reports.summary import ReportSummary
 
-REPOSITORY = Path(__file__).parents[4]
 SCHEMA = REPOSITORY / "tests" / "tasks" / "reporting" / "junit.xsd"
 BUNDLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 BATCH = """\

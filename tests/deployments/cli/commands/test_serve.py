@@ -12,8 +12,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from endpoint_process import Serve, Served
-from processes import alive, descendants, wait_for, working_below
+from helpers.endpoint_process import Serve, Served
+from helpers.processes import alive, descendants, wait_for, working_below
 
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -1,9 +1,10 @@
 """validate and plan."""
 
 import json
-from pathlib import Path
 
-SPECS = Path(__file__).parents[4] / "deployments" / "specs"
+from helpers.paths import REPOSITORY
+
+SPECS = REPOSITORY / "deployments" / "specs"
 WRONG = "version: 1\nname: wrong\nsteps:\n  first: {operation: DescribeWorld, input: {wrld: 1}}\n"
 
 COLUMN = WRONG.splitlines()[3].index("wrld") + 1

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_flat import BODY
+from helpers.small_flat import BODY
 
 from prefect_robomaker.deployments.cli.commands.world import view as world_view
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from client_environments import node_modules, run_client
+from helpers.client_environments import node_modules, run_client
 from rosbags.highlevel import AnyReader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan

@@ -7,10 +7,10 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from helpers.robot_stands import CART, CART_MAPPING, write_robot
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
-from robot_stands import CART, CART_MAPPING, write_robot
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment

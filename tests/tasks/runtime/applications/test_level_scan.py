@@ -4,7 +4,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from small_flat import BODY
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar

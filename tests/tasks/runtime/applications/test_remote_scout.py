@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
@@ -41,7 +42,7 @@ with connect(mode="free", real_time_factor=20) as simulation:
         simulation.act([os.urandom(1)[0] / 400, os.urandom(1)[0] / 64 - 2])
 """
 
-PAGE = Path(__file__).parents[4] / "docs" / "agents.md"
+PAGE = REPOSITORY / "docs" / "agents.md"
 
 
 def recorded(plan: RunPlan) -> list[tuple[str, int, bytes]]:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from helpers.small_flat import BODY
 from mcap.reader import make_reader
-from small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody

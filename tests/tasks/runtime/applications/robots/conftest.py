@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from robot_stands import CART_MAPPING, write_robot
+from helpers.robot_stands import CART_MAPPING, write_robot
 
 from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot import Robot

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.robot_stands import CART, CART_MAPPING, Stand, write_robot
 from hypothesis import given
 from hypothesis import strategies as st
-from robot_stands import CART, CART_MAPPING, Stand, write_robot
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan

@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from robot_stands import CART, CART_MAPPING, Stand, write_robot
+from helpers.robot_stands import CART, CART_MAPPING, Stand, write_robot
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.wire.errors import LaunchError

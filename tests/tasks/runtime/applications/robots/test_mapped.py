@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.robot_stands import CART_MAPPING, Stand, write_robot
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from robot_stands import CART_MAPPING, Stand, write_robot
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
@@ -84,7 +84,7 @@ def test_range_sensors_do_not_see_the_robot_itself(make_cart: MakeCart, make_con
 def test_the_worlds_physics_options_count_and_the_log_says_so(
     make_cart: MakeCart, make_context: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    from robot_stands import CART
+    from helpers.robot_stands import CART
 
     text = CART.replace("<worldbody>", '<option impratio="100" gravity="0 0 -1.6"/><worldbody>', 1)
     with caplog.at_level(logging.WARNING):
@@ -108,7 +108,7 @@ def test_a_footprint_that_is_too_small_and_measures_that_are_off_are_told(
 
 
 def test_a_round_robot_is_as_wide_as_its_circle(make_cart: MakeCart, caplog: pytest.LogCaptureFixture) -> None:
-    from robot_stands import CART
+    from helpers.robot_stands import CART
 
     round_cart = CART.replace('type="box" size="0.12 0.08 0.02"', 'type="cylinder" size="0.16 0.02"')
     with caplog.at_level(logging.WARNING):
@@ -183,7 +183,7 @@ def test_what_is_wrong_is_named_with_what_would_be_right(make_cart: MakeCart, me
 
 @pytest.mark.parametrize("sliding", [["knob_front", "knob_rear"], ["chassis"]])
 def test_geoms_and_bodies_slide_whatever_the_floor_is_of(make_cart: MakeCart, sliding: list[str]) -> None:
-    from robot_stands import CART
+    from helpers.robot_stands import CART
 
     # Without a priority MuJoCo takes the larger friction of the two, the floor's.
     sticky = CART.replace(' friction="0.01" priority="1"', ' friction="0.01"')
@@ -210,7 +210,7 @@ def test_a_wrong_name_is_told_with_its_line(tmp_path: Path) -> None:
 
 
 def test_a_joint_without_an_actuator_says_how_to_add_one(make_cart: MakeCart) -> None:
-    from robot_stands import CART
+    from helpers.robot_stands import CART
 
     text = CART.replace('<velocity name="left" joint="left" kv="1"/>', "")
     with pytest.raises(LaunchError, match=r"'left' has no actuator; add it: actuators: \[\{joint: left, kind: vel"):

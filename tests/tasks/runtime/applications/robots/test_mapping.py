@@ -1,7 +1,7 @@
 from pathlib import Path
 
 import pytest
-from robot_stands import CART_MAPPING
+from helpers.robot_stands import CART_MAPPING
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.wire.errors import LaunchError

@@ -7,8 +7,8 @@ import dm_env
 import mujoco
 import numpy as np
 import pytest
-from robot_stands import FLOOR, Stand
-from small_flat import BODY
+from helpers.robot_stands import FLOOR, Stand
+from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from package_installer import install_packages
+
+from helpers.package_installer import install_packages
 
 OLD_PYTHON_CLIENTS = ("boto3==1.40.60", "botocore==1.40.60", "awscli==1.42.60")
 """The last releases that have the service by themselves."""

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from application_calls import Applications
-
+from helpers.application_calls import Applications
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

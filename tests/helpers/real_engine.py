@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from container_images import write_root
 
+from helpers.container_images import write_root
 from prefect_robomaker.tasks.simulations.containers.engines import Engine, EngineError
 
 _START_WITHIN_S = 30.0

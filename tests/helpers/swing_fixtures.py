@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
+from helpers.paths import BUNDLES
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 ROLE = "arn:aws:iam::000000000000:role/test"
-SWINGER = Path(__file__).parent / "replays"
+SWINGER = BUNDLES / "swinger"
 SUITE = {"name": "General"}
 Simulate = Callable[..., dict[str, Any]]
 

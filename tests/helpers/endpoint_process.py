@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import started, wait_for
 
+from helpers.processes import started, wait_for
 from prefect_robomaker.tasks.service.service import Service
 
 COMMAND = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "serve", "--port", "0", "-o", "json"]

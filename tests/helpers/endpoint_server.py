@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from processes import started
-
+from helpers.paths import TESTS
+from helpers.processes import started
 from prefect_robomaker.schemas.settings import Settings
 
 KEYS = "ENDPOINT_ACCESS_KEYS"
@@ -30,10 +30,12 @@ def endpoint(
         "ROBOMAKER_OBJECT_STORE": settings.object_store,
         KEYS: json.dumps(keys),
         BARE: "1" if bare else "",
+        "PYTHONPATH": os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])]),
     }
+    command = [sys.executable, "-m", "helpers.endpoint_server"]
     with (
         log.open("w") as errors,
-        started([sys.executable, __file__], environ, stdout=subprocess.PIPE, stderr=errors) as server,
+        started(command, environ, stdout=subprocess.PIPE, stderr=errors) as server,
     ):
         assert server.stdout is not None
         first = server.stdout.readline()

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from package_installer import install_packages
+
+from helpers.package_installer import install_packages
 
 BOTOCORE = "botocore==1.40.60"  # the last release that has the service
 FOLDER = Path("botocore/data/robomaker/2018-06-29")

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import pytest
-from processes import started, wait_for
 
+from helpers.processes import started, wait_for
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_flat import BODY, ROLE
 
+from helpers.paths import BUNDLES
+from helpers.small_flat import BODY, ROLE
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
@@ -48,7 +49,7 @@ def sleeper(service: Service, tmp_path: Path) -> dict[str, Any]:
     """The applications of a job request that does nothing for a while."""
     archive = tmp_path / "sleeper.tar.gz"
     bundle = tmp_path / "bundle"
-    shutil.copytree(Path(__file__).parent / "applications", bundle, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(BUNDLES / "sleeper", bundle, ignore=shutil.ignore_patterns("__pycache__"))
     pack_tar_gz(bundle, archive)
     service.store.ensure_bucket("applications")
     service.store.put_file("applications", "sleeper.tar.gz", archive)
