@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.hand_written_flat import make_context as make_context  # a fixture
 from helpers.paths import BUNDLES
 from helpers.remote_jobs import Job
 

@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-_PROJECT = Path(__file__).parents[3] / "foxglove"
+_PROJECT = Path(__file__).parent / "foxglove"
 _ROBOT = "prefect_robomaker.tasks.runtime.applications.scout.make_agent"
 
 Read = tuple[str, int, Any]

@@ -11,7 +11,7 @@ from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.materials.materials import FLOORS
 from prefect_robomaker.tasks.worldforge.model.mjcf import surfaces, world_mjcf
 
-from .conftest import MakeBody
+from ..conftest import MakeBody
 
 ROBOT = """
 <mujoco model="robot">

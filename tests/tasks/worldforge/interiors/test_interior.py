@@ -21,7 +21,7 @@ from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
 from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
 from prefect_robomaker.tasks.worldforge.interiors.placement import contains
 
-from .conftest import MakeBody
+from ..conftest import MakeBody
 
 SEEDS = range(4)
 

@@ -14,7 +14,7 @@ from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import furniture_corners
 from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
 
-from .conftest import MakeBody
+from ..conftest import MakeBody
 from .test_interior import arrangement, extent, front, interior, of_kind, shared_m
 
 SEEDS = range(6)

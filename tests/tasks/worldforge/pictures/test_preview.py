@@ -12,7 +12,7 @@ from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.pictures.preview import HEIGHT, WIDTH, render_preview
 from prefect_robomaker.tasks.worldforge.pictures.preview_raster import Raster, View
 
-from .conftest import MakeBody
+from ..conftest import MakeBody
 
 VIEW = View(azimuth_deg=0.0, elevation_deg=60.0, scale=50.0, offset=(100.0, 100.0), size=(200, 200))
 
