@@ -105,7 +105,7 @@ def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], tmp_path: Path)
     write_export_zip(bundles, tmp_path / "one.zip")
     # Another process: nothing may hang on the order of sets or on what was written before.
     program = (
-        "import json, sys; from pathlib import Path; from prefect_robomaker.tasks.worldforge import export;"
+        "import json, sys; from pathlib import Path; from prefect_robomaker.tasks.worldforge.exports import export;"
         "export.write_export_zip({k: Path(v) for k, v in json.loads(sys.argv[1]).items()}, Path(sys.argv[2]))"
     )
     order = json.dumps({name: str(copies[name]) for name in reversed(bundles)})
