@@ -19,7 +19,6 @@ from prefect.exceptions import ObjectNotFound, PrefectException
 from ...schemas.wire.errors import ConfigurationError, ServiceUnavailableException
 from ...tasks.catalog import Resource
 from ...tasks.execution.claims import perform_once
-from ...tasks.execution.leases import LEASE_S
 from ...tasks.execution.retry_limit import give_up
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
@@ -30,9 +29,10 @@ DEPLOYMENT = "robomaker"
 MOST_RUNS = 3
 
 _AT_ONCE = 1000
-_CHECK_S = 10.0
-_SILENCE_S = 2 * LEASE_S
-"""How long a run may be running without performing its job before it counts as dead."""
+CHECK_S = 10.0
+"""How often a run that was handed over is looked at."""
+_SILENT_LEASES = 2
+"""How many leases long a run may be running without performing its job before it counts as dead."""
 
 _logger = logging.getLogger(__name__)
 
@@ -56,12 +56,24 @@ class Dispatcher:
       service: where the jobs are.
       lanes: which jobs; how many at once is for the work pool to limit.
       prefect: watches the server.
+      deployment: the name that the deployments have.
+      check_s: how often a run that was handed over is looked at.
     """
 
-    def __init__(self, service: Service, lanes: Sequence[Lane], prefect: PrefectWatch) -> None:
+    def __init__(
+        self,
+        service: Service,
+        lanes: Sequence[Lane],
+        prefect: PrefectWatch,
+        *,
+        deployment: str = DEPLOYMENT,
+        check_s: float = CHECK_S,
+    ) -> None:
         self._service = service
         self._lanes = lanes
         self._prefect = prefect
+        self._deployment = deployment
+        self._check_s = check_s
         self._deployments: dict[str, UUID] = {}
         self._handed: dict[str, _Handed] = {}
         self._trouble = ""
@@ -75,7 +87,7 @@ class Dispatcher:
         missing = []
         with get_client(sync_client=True) as client:
             for lane in self._lanes:
-                name = f"{registry()[lane.operation].perform_name}/{DEPLOYMENT}"
+                name = f"{registry()[lane.operation].perform_name}/{self._deployment}"
                 try:
                     self._deployments[lane.kind] = client.read_deployment_by_name(name).id
                 except ObjectNotFound:
@@ -135,14 +147,14 @@ class Dispatcher:
         except ObjectNotFound:
             self._again(job, handed, "was deleted", client)
             return
-        handed.check_at = time.monotonic() + _CHECK_S
+        handed.check_at = time.monotonic() + self._check_s
         if run.state is not None and run.state.is_final():
             if run.state.type == StateType.CANCELLED:  # somebody wants that, before a worker has begun it
                 self._service.catalog.request_cancel(job.arn)
             self._again(job, handed, f"ended as {run.state.name}: {run.state.message}", client)
         elif run.state is not None and run.state.type == StateType.RUNNING:
             handed.silent_since = handed.silent_since or time.monotonic()
-            if time.monotonic() - handed.silent_since > _SILENCE_S:
+            if time.monotonic() - handed.silent_since > _SILENT_LEASES * self._service.timing.lease_s:
                 self._again(job, handed, "has gone silent", client)
 
     def _again(self, job: Resource, handed: _Handed, why: str, client: SyncPrefectClient) -> None:
@@ -167,7 +179,7 @@ class Dispatcher:
         is_new = run.state is None or run.state.is_scheduled()
         if is_new:
             _logger.info("%s: handed over as flow run %s", job.id, run.id)
-        return _Handed(run.id, number, time.monotonic() + (_CHECK_S if is_new else 0.0))
+        return _Handed(run.id, number, time.monotonic() + (self._check_s if is_new else 0.0))
 
     def _forget_all_but(self, arns: set[str]) -> None:
         """Forgets jobs that have ended, or are performed."""

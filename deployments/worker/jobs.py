@@ -16,8 +16,7 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
 from ...tasks.execution.claims import perform_once
-from ...tasks.execution.held_leases import HELD, PerformerEnding
-from ...tasks.execution.leases import LEASE_S
+from ...tasks.execution.held_leases import HELD, HeldLeases, PerformerEnding
 from ...tasks.execution.retry_limit import give_up
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
@@ -27,7 +26,6 @@ from .prefect_watch import PrefectWatch
 MOST_TRIES = 3
 """How often performing a job may break, for other reasons than that something does not answer."""
 
-_LONGEST_PAUSE_S = 60.0
 _UNAVAILABLE = (httpx.HTTPError, PrefectException, ServiceUnavailableException)
 
 _logger = logging.getLogger(__name__)
@@ -50,11 +48,15 @@ class Jobs:
       service: where they are stored.
       changed: called when one has ended, from its thread.
       prefect: watches the server that flow runs need.
+      held: where this process notes the leases that it holds.
+      find_flow: finds the flow that performs the jobs of an operation.
     """
 
     service: Service
     changed: Callable[[], None]
     prefect: PrefectWatch
+    held: HeldLeases = field(default_factory=lambda: HELD)
+    find_flow: Callable[[str], Callable[[str], object]] = find_perform_flow
     _running: dict[str, Lane] = field(default_factory=dict)
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
@@ -73,14 +75,17 @@ class Jobs:
             return
         paused = {arn for arn, trouble in list(self._troubles.items()) if trouble.not_before > time.monotonic()}
         for job in self.service.catalog.unfinished([lane.kind], limit=free + len(paused)):
-            if free > 0 and job.arn not in paused and HELD.reserve(job.arn, self.service.catalog, LEASE_S):
+            if free > 0 and job.arn not in paused and self._reserve(job):
                 self._begin(lane, job)
                 free -= 1
 
     def renew_reservations(self) -> None:
         """Keeps the leases of jobs whose flow runs have not begun to renew them."""
         for arn in list(self._running):
-            HELD.renew_reservation(arn, self.service.catalog, LEASE_S)
+            self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
+
+    def _reserve(self, job: Resource) -> bool:
+        return self.held.reserve(job.arn, self.service.catalog, self.service.timing.lease_s)
 
     def _begin(self, lane: Lane, job: Resource) -> None:
         self._running[job.arn] = lane
@@ -106,7 +111,7 @@ class Jobs:
     def _run_flow(self, lane: Lane, arn: str) -> None:
         # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
         with self.service.activated(), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
-            find_perform_flow(lane.operation)(arn)
+            self.find_flow(lane.operation)(arn)
 
     def _log_end(self, job: Resource, duration_s: float) -> None:
         try:
@@ -126,7 +131,7 @@ class Jobs:
             _logger.debug("%s: %s", job.id, unknown)
         trouble = self._troubles.setdefault(job.arn, _Trouble())
         trouble.failures += 1
-        pause_s = min(_LONGEST_PAUSE_S, 2.0**trouble.failures)
+        pause_s = min(self.service.timing.longest_retry_pause_s, 2.0**trouble.failures)
         trouble.not_before = time.monotonic() + pause_s
         # Prefect's client has several ways of saying that its server is gone.
         if not isinstance(error, _UNAVAILABLE) and self.prefect.looked_at_now():
@@ -141,14 +146,14 @@ class Jobs:
         self._troubles.pop(job.arn, None)
         _logger.error("%s: given up: %s", job.id, reason)
         try:
-            HELD.cancel_reservation(job.arn, self.service.catalog)
+            self.held.cancel_reservation(job.arn, self.service.catalog)
             perform_once(job.arn, lane.kind, self.service, lambda lease: give_up(lease, reason, self.service))
         except RobomakerError as error:
             _logger.warning("%s: could not even be given up: %s", job.id, error)
 
     def _end(self, arn: str) -> None:
         try:
-            HELD.cancel_reservation(arn, self.service.catalog)
+            self.held.cancel_reservation(arn, self.service.catalog)
         except ServiceError as error:
             _logger.warning("a lease is not given back; it runs out by itself: %s", error)
         finally:

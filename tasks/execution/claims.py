@@ -11,15 +11,14 @@ from collections.abc import Callable
 
 from ...schemas.lifecycles import is_terminal
 from ..service.service import Service
-from . import leases as job_leases
-from .held_leases import HELD
+from .held_leases import HELD, HeldLeases
 from .leases import Lease
 from .retry_limit import give_up, why_hopeless
 
 _WAIT_S = 0.5
 
 
-def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
+def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD) -> None:
     """Runs `work` on a job unless it has ended, holding its lease meanwhile.
 
     Args:
@@ -27,15 +26,18 @@ def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], 
       kind: the resource kind it has to be.
       service: where it is stored.
       work: carries the job on from wherever it stands to a terminal state.
+      held: where this process notes the leases that it holds.
 
     Raises:
       ResourceNotFoundException: there is no such job.
     """
-    while not perform_if_idle(arn, kind, service, work):
+    while not perform_if_idle(arn, kind, service, work, held):
         time.sleep(_WAIT_S)
 
 
-def perform_if_idle(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> bool:
+def perform_if_idle(
+    arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD
+) -> bool:
     """Runs `work` on a job if it has not ended and nobody performs it.
 
     Args:
@@ -43,6 +45,7 @@ def perform_if_idle(arn: str, kind: str, service: Service, work: Callable[[Lease
       kind: the resource kind it has to be.
       service: where it is stored.
       work: carries the job on, holding its lease.
+      held: where this process notes the leases that it holds.
 
     Returns:
       Whether there is nothing to wait for: `work` was run, or the job had ended; false if another
@@ -55,8 +58,8 @@ def perform_if_idle(arn: str, kind: str, service: Service, work: Callable[[Lease
     job = service.catalog.get(arn, kind=kind)
     if is_terminal(job.kind, job.status):
         return True
-    with HELD.owner_of(arn) as owner:
-        if not service.catalog.claim(arn, owner, job_leases.LEASE_S):
+    with held.owner_of(arn) as owner:
+        if not service.catalog.claim(arn, owner, service.timing.lease_s):
             return False
         lease = Lease(job, owner, service)
         with lease.renewed():

@@ -10,10 +10,6 @@ from ...schemas.wire.errors import ServiceUnavailableException, StateConflictErr
 from ..catalog import Resource
 from ..service.service import Service
 
-LEASE_S = 30.0
-"""How long after its last sign of life a performer counts as dead."""
-_RENEWALS = 6  # how often a lease is renewed before it would run out
-
 _logger = logging.getLogger(__name__)
 
 
@@ -77,15 +73,19 @@ class Lease:
             yield
         except StateConflictError:
             with suppress(ServiceUnavailableException):
-                if not self._service.catalog.renew(self.job.arn, self._owner, LEASE_S):
+                if not self._renew_once():
                     self._lost.set()
             raise
 
     def _renew(self) -> None:
-        while not self._ended.wait(LEASE_S / _RENEWALS):
+        while not self._ended.wait(self._service.timing.renew_lease_every_s):
             try:
-                if not self._service.catalog.renew(self.job.arn, self._owner, LEASE_S):
+                if not self._renew_once():
                     self._lost.set()
                     return
             except ServiceUnavailableException as error:
                 _logger.warning("the lease of %s is not renewed: %s", self.job.arn, error)
+
+    def _renew_once(self) -> bool:
+        """Renews the lease, unless another holds it."""
+        return self._service.catalog.renew(self.job.arn, self._owner, self._service.timing.lease_s)

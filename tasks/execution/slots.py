@@ -22,7 +22,8 @@ from prefect.exceptions import ObjectNotFound
 
 _LEASE_S = 60.0  # the shortest lease the server grants
 _RENEW_S = 20.0
-_LOOK_S = 5.0
+LOOK_S = 5.0
+"""How often is looked whether the limit was changed."""
 _WAIT_S = 0.25
 
 _logger = logging.getLogger(__name__)
@@ -35,12 +36,14 @@ class Slots:
       name: name of the global concurrency limit, the batch's own.
       limit: how many slots there are.
       wanted: how many this performer can use at once.
+      look_s: seconds between two looks whether the limit was changed on the server.
     """
 
-    def __init__(self, name: str, limit: int, wanted: int) -> None:
+    def __init__(self, name: str, limit: int, wanted: int, look_s: float = LOOK_S) -> None:
         self.name = name
         self._limit = limit
         self._wanted = wanted
+        self._look_s = look_s
         self._free: list[UUID] = []
         self._used: set[UUID] = set()
         self._changed = threading.Condition()
@@ -112,7 +115,7 @@ class Slots:
     def _keep(self) -> None:
         """Keeps the leases alive and their number right, until closed."""
         renewed_at = time.monotonic()
-        while not self._closed.wait(_LOOK_S):
+        while not self._closed.wait(self._look_s):
             try:
                 if time.monotonic() - renewed_at >= _RENEW_S:
                     self._renew()

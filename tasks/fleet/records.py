@@ -29,7 +29,6 @@ ROBOT = "robot"
 DEPLOYMENT = "deployment-job"
 
 _LEASE_S = 60.0  # how long a fleet is out of reach when whoever changes it dies meanwhile
-_PATIENCE_S = 10.0
 _PAUSE_S = 0.01
 _PAGE = 500
 
@@ -45,11 +44,11 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
     Raises:
       InvalidParameterException: it is no ARN of a fleet.
       ResourceNotFoundException: there is no such fleet.
-      ThrottlingException: others have kept changing it for ten seconds.
+      ThrottlingException: others have kept changing it for `Timing.fleet_patience_s`.
     """
     ResourceArn.parse(arn, FLEET)
     owner = uuid.uuid4().hex
-    deadline = time.monotonic() + _PATIENCE_S
+    deadline = time.monotonic() + service.timing.fleet_patience_s
     while not service.catalog.claim(arn, owner, _LEASE_S):
         if time.monotonic() > deadline:
             raise ThrottlingException(f"{arn} is being changed by others; try again")
@@ -61,20 +60,21 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
             service.catalog.release(arn, owner)
 
 
-def robots_of(fleet: str, service: Service) -> list[Resource]:
+def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]:
     """The robots of a fleet, newest first.
 
     Args:
       fleet: the fleet's ARN.
       service: where they are stored.
+      page: how many are read at once.
     """
     found: list[Resource] = []
     after = None
     while True:
         filters = {"fleetName": [ResourceArn.parse(fleet, FLEET).name]}
-        page = service.catalog.list(ROBOT, filters=filters, limit=_PAGE, after=after)
-        found += [robot for robot in page.resources if robot.document["fleet"] == fleet]  # names may repeat
-        if (after := page.next_token) is None:
+        some = service.catalog.list(ROBOT, filters=filters, limit=page, after=after)
+        found += [robot for robot in some.resources if robot.document["fleet"] == fleet]  # names may repeat
+        if (after := some.next_token) is None:
             return found
 
 

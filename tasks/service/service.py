@@ -23,6 +23,7 @@ from ..storage import open_store
 from ..storage.base import ObjectStore
 from .builtin_applications import register_builtins
 from .home import prepare_home
+from .timing import Timing
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,9 @@ class Service:
     clock: Callable[[], datetime] = _utc_now
     chance: random.Random = field(default_factory=random.SystemRandom)
     """Source of ids, and of seeds that nobody gave."""
+
+    timing: Timing = field(default_factory=Timing)
+    """How long it waits for what."""
 
     report_progress: Callable[[Progress], None] = _ignore
     """Told of every change while a job operation is performed; called from several threads."""

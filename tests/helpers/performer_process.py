@@ -14,12 +14,14 @@ from prefect_robomaker.tasks.service.service import Service
 
 _PERFORM = """
 import os, sys
+from dataclasses import replace
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks import job_leases, job_runs
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
-job_leases.LEASE_S = 2.0
-job_runs.perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
+service = Service.open(Settings.from_environment(os.environ))
+perform_job(sys.argv[1], replace(service, timing=Timing(lease_s=2.0, renew_lease_every_s=0.3)))
 """
 
 PerformElsewhere = Callable[[str], AbstractContextManager["subprocess.Popen[str]"]]

@@ -23,13 +23,15 @@ ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 LONG = {"DURATION_S": "200"}
 PERFORM = """
 import os, sys
+from dataclasses import replace
 from prefect_robomaker.tasks.operations.registry import registry
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks import job_leases
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
-job_leases.LEASE_S = 3.0
-registry()["StartSimulationJobBatch"].perform(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
+service = Service.open(Settings.from_environment(os.environ))
+service = replace(service, timing=Timing(lease_s=3.0, renew_lease_every_s=0.5))
+registry()["StartSimulationJobBatch"].perform(sys.argv[1], service)
 """
 
 

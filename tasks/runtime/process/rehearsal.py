@@ -26,7 +26,7 @@ from ..states.digest import digest_of_model
 HasRun = Callable[[float], bool]
 """Waits for so many seconds for a run, and says whether there is one."""
 
-_LOADAVG = Path("/proc/loadavg")
+LOADAVG = Path("/proc/loadavg")
 _LOOK_AGAIN_S = 0.25
 _SHELVES = 12
 _BOARDS = 24
@@ -58,7 +58,7 @@ def _furnish(folder: Path) -> None:
     )
 
 
-def rehearse(room: Path | None, has_run: HasRun) -> None:
+def rehearse(room: Path | None, has_run: HasRun, is_idle: Callable[[], bool] | None = None) -> None:
     """Makes a world, senses, plans and steps once, as long as there is no run.
 
     Nothing is done while the processors have other things to do, and nothing that fails is told: the run will fail in
@@ -67,10 +67,12 @@ def rehearse(room: Path | None, has_run: HasRun) -> None:
     Args:
         room: From `rehearsal_room`.
         has_run: Asked between the parts, each of which takes some milliseconds.
+        is_idle: Whether a processor has nothing to do; absent: `has_idle_processor`.
     """
     if room is None:
         return
-    while not _has_idle_processor():
+    is_idle = is_idle or has_idle_processor
+    while not is_idle():
         if has_run(_LOOK_AGAIN_S):
             return
     folder = room / str(os.getpid())
@@ -105,13 +107,18 @@ def _parts(room: Path, folder: Path) -> Iterator[None]:
         yield
 
 
-def _has_idle_processor() -> bool:
-    """Whether fewer threads than there are processors want to run, besides this one."""
+def has_idle_processor(loadavg: Path = LOADAVG, processors: int | None = None) -> bool:
+    """Whether fewer threads than there are processors want to run, besides this one.
+
+    Args:
+        loadavg: The file in which the kernel says how many want to run.
+        processors: How many there are; absent: those of this process.
+    """
     try:
-        running = int(_LOADAVG.read_text().split()[3].split("/")[0]) - 1
+        running = int(loadavg.read_text().split()[3].split("/")[0]) - 1
     except (OSError, ValueError, IndexError):
         return False
-    return running < len(os.sched_getaffinity(0))
+    return running < (processors or len(os.sched_getaffinity(0)))
 
 
 def _mjcf() -> str:

@@ -31,7 +31,7 @@ from typing import NamedTuple
 from ..limits.processes import adopt_orphans, kill_children
 
 READY = b"ready"
-_FORK_AHEAD_AFTER_S = 0.1
+FORK_AHEAD_AFTER_S = 0.1
 """By then the run that was begun last has made its world."""
 _MODULES = (
     "PIL.PpmImagePlugin",  # maps
@@ -83,11 +83,18 @@ class _Supervisors:
     Args:
         control: The socket that carries a message for each run.
         rehearse: What processes do until there is a run for them.
+        fork_ahead_after_s: How long nothing has to happen before there is time to fork ahead.
     """
 
-    def __init__(self, control: socket.socket, rehearse: Callable[[Callable[[float], bool]], None]) -> None:
+    def __init__(
+        self,
+        control: socket.socket,
+        rehearse: Callable[[Callable[[float], bool]], None],
+        fork_ahead_after_s: float = FORK_AHEAD_AFTER_S,
+    ) -> None:
         self._control = control
         self._rehearse = rehearse
+        self._fork_ahead_after_s = fork_ahead_after_s
         self._alive: dict[int, tuple[int, int]] = {}
         """By pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
         the launcher until the run's last process is gone."""
@@ -101,7 +108,7 @@ class _Supervisors:
                 try:
                     self._standing_by = self._fork()
                 except OSError:  # no more processes for now
-                    time.sleep(_FORK_AHEAD_AFTER_S)
+                    time.sleep(self._fork_ahead_after_s)
             for pidfd in self._alive.keys() & set(ready):
                 self._bury(pidfd)
             if self._control in ready:
@@ -119,7 +126,7 @@ class _Supervisors:
         """For how long nothing has to happen before there is time to fork ahead."""
         if self._standing_by:
             return None
-        return _FORK_AHEAD_AFTER_S if self._alive else 0.0
+        return self._fork_ahead_after_s if self._alive else 0.0
 
     def _supervise(self, descriptor: int) -> None:
         """Gives a run to the supervisor that waits for one, or to a new one."""

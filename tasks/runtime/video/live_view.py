@@ -37,7 +37,8 @@ _ADDRESS = "127.0.0.1"
 _PAGE = Path(__file__).with_name("live_view.html")
 _CHECK_EVERY_S = 0.1
 """Simulated time between two looks at whether anybody watches."""
-_PATIENCE_S = 2.0
+PATIENCE_S = 2.0
+"""How long a request waits for the next picture."""
 _MAX_VIEWERS = 16
 _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 _BOUNDARY = "frame"
@@ -56,6 +57,7 @@ class LiveView:
         backend: str | None,
         settings: VideoSettings,
         clock: Callable[[], float] = time.monotonic,
+        patience_s: float = PATIENCE_S,
     ) -> None:
         """Starts the server, and says in the log and in `live-view.json` where it is.
 
@@ -64,6 +66,7 @@ class LiveView:
             backend: How to render; None: with rays.
             settings: Camera and size.
             clock: Seconds.
+            patience_s: How long a request waits for the next picture.
         """
         self.next_time_s = 0.0
         self.url: str | None = None
@@ -74,7 +77,8 @@ class LiveView:
         self._began_s = clock()
         self._file = plan.work_dir / LIVE_VIEW_FILE
         try:
-            self._server = server = _Server((_ADDRESS, plan.live_view_port or 0), self._frames, self.status)
+            address = (_ADDRESS, plan.live_view_port or 0)
+            self._server = server = _Server(address, self._frames, self.status, patience_s)
         except OSError as error:
             self.next_time_s = float("inf")
             sys.stderr.write(f"No live view: port {plan.live_view_port} of {_ADDRESS}: {error}\n")
@@ -127,9 +131,15 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     request_queue_size = _MAX_VIEWERS
 
-    def __init__(self, address: tuple[str, int], frames: LiveFrames, status: Callable[[], dict[str, Any]]) -> None:
+    def __init__(
+        self,
+        address: tuple[str, int],
+        frames: LiveFrames,
+        status: Callable[[], dict[str, Any]],
+        patience_s: float,
+    ) -> None:
         super().__init__(address, _Handler)
-        self.frames, self.status = frames, status
+        self.frames, self.status, self.patience_s = frames, status, patience_s
         self._stopped = False
         self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
 
@@ -200,7 +210,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._page.viewers.release()
 
     def _frame(self, after: int) -> None:
-        number, jpeg = self._page.frames.next_after(after, _PATIENCE_S)
+        number, jpeg = self._page.frames.next_after(after, self._page.patience_s)
         if number == after or not jpeg:
             self._answer(204, "image/jpeg", b"")
         else:
@@ -214,7 +224,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         number = 0
         while True:
-            newest, jpeg = self._page.frames.next_after(number, _PATIENCE_S)
+            newest, jpeg = self._page.frames.next_after(number, self._page.patience_s)
             if self._page.frames.closed:
                 return
             if newest == number:

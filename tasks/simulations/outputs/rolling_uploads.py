@@ -22,9 +22,6 @@ from ...storage.naming import check_key, join_key
 from .upload_configurations import Upload
 from .upload_files import take, visit_matches
 
-SWEEP_S = 5.0
-"""How often is looked for files."""
-
 _WAITING, _LEDGER = "rolling", "rolled.jsonl"
 _JOIN_S = 30.0
 
@@ -40,7 +37,7 @@ class RollingUploads:
       store: where files go.
       bucket: where they go.
       prefix: of the run's outputs.
-      sweep_s: seconds between two looks; absent: `SWEEP_S`.
+      every_s: seconds between two looks for finished files.
     """
 
     def __init__(
@@ -50,15 +47,14 @@ class RollingUploads:
         store: ObjectStore,
         bucket: str,
         prefix: str,
-        *,
-        sweep_s: float | None = None,
+        every_s: float,
     ) -> None:
         self._uploads = rolling_only(uploads)
         self._folder = folder
         self._store = store
         self._bucket = bucket
         self._prefix = prefix
-        self._sweep_s = SWEEP_S if sweep_s is None else sweep_s
+        self._every_s = every_s
         self._sweeps = 0
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._go_on, name=f"uploads to {prefix}", daemon=True)
@@ -89,7 +85,7 @@ class RollingUploads:
             self._store_one(name, path)
 
     def _go_on(self) -> None:
-        while not self._ended.wait(self._sweep_s):
+        while not self._ended.wait(self._every_s):
             try:
                 self.sweep()
             except (StorageError, OSError) as error:

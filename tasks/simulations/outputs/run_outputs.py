@@ -32,7 +32,7 @@ NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 GIVE_UP_S = 3600.0
 """How long storing is tried again and again."""
 
-_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 60.0
+_LONGEST_PAUSE_S = 60.0
 _LISTEN_EVERY_S = 0.5
 """How often it is asked in a pause whether to give up."""
 _MOST_CHANGES = 3
@@ -91,7 +91,8 @@ class RunOutputs:
 
     def rolling(self) -> RollingUploads:
         """The uploads while the run goes on."""
-        return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix)
+        every_s = self._service.timing.upload_every_s
+        return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix, every_s)
 
     def store(
         self, about: Mapping[str, Any], *, finished: bool, stopped: Callable[[], bool] = lambda: False
@@ -136,7 +137,7 @@ class RunOutputs:
 
     def _patiently(self, ask: Callable[[], object], stopped: Callable[[], bool] = lambda: False) -> None:
         """Asks the store again, with growing pauses, while it does not answer and nobody says stop."""
-        began, pause_s = time.monotonic(), _FIRST_PAUSE_S
+        began, pause_s = time.monotonic(), self._service.timing.store_pause_s
         while True:
             try:
                 ask()

@@ -4,15 +4,15 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.worker import dispatcher, jobs
 from prefect_robomaker.deployments.worker.child import in_words
-from prefect_robomaker.deployments.worker.dispatcher import Dispatcher
-from prefect_robomaker.deployments.worker.jobs import Jobs
+from prefect_robomaker.deployments.worker.dispatcher import MOST_RUNS, Dispatcher
+from prefect_robomaker.deployments.worker.jobs import MOST_TRIES, Jobs
 from prefect_robomaker.deployments.worker.pools import Lane, lanes
 from prefect_robomaker.deployments.worker.prefect_watch import PrefectWatch
 from prefect_robomaker.flows.lookup import find_perform_flow
@@ -21,6 +21,7 @@ from prefect_robomaker.schemas.wire.errors import ConfigurationError, ServiceUna
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
 Order = Callable[..., dict[str, Any]]
 
@@ -40,26 +41,30 @@ def test_interrupted_jobs_in_words() -> None:
 
 
 @pytest.fixture
-def deployments(prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+def deployment() -> str:
+    """The name of deployments that no other test uses."""
+    return f"test-{uuid.uuid4().hex[:8]}"
+
+
+@pytest.fixture
+def deployments(prefect_server: str, deployment: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A Prefect client; the deployments that perform jobs exist, without a worker."""
     from prefect.client.orchestration import get_client
 
-    name = f"test-{uuid.uuid4().hex[:8]}"
-    monkeypatch.setattr(dispatcher, "DEPLOYMENT", name)
-    monkeypatch.setattr(dispatcher, "_CHECK_S", 0.0)
     monkeypatch.setenv("PREFECT_API_URL", prefect_server)
     with get_client(sync_client=True) as client:
         for lane in lanes(1):
-            client.create_deployment(flow_id=client.create_flow(find_perform_flow(lane.operation)), name=name)
+            client.create_deployment(flow_id=client.create_flow(find_perform_flow(lane.operation)), name=deployment)
         yield client
 
 
 @pytest.fixture
-def hand_over(service: Service, deployments: Any) -> Callable[[], Dispatcher]:
+def hand_over(service: Service, deployments: Any, deployment: str) -> Callable[..., Dispatcher]:
     """Makes a dispatcher that has looked once."""
 
-    def make() -> Dispatcher:
-        made = Dispatcher(service, lanes(1), PrefectWatch(service.settings))
+    def make(timing: Timing = service.timing) -> Dispatcher:
+        watch = PrefectWatch(service.settings)
+        made = Dispatcher(replace(service, timing=timing), lanes(1), watch, deployment=deployment, check_s=0.0)
         made.prepare()
         made.look()
         return made
@@ -74,11 +79,11 @@ def runs_of(client: Any, arn: str) -> list[Any]:
     return sorted(client.read_flow_runs(flow_run_filter=wanted), key=lambda run: run.created)
 
 
-def test_missing_deployments_are_named(service: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dispatcher, "DEPLOYMENT", "nowhere")
+def test_missing_deployments_are_named(service: Service, prefect_server: str) -> None:
+    dispatcher = Dispatcher(service, lanes(1), PrefectWatch(service.settings), deployment="nowhere")
 
     with pytest.raises(ConfigurationError, match=r"no deployment PerformSimulationJob/nowhere, .*prefect --no-prompt"):
-        Dispatcher(service, lanes(1), PrefectWatch(service.settings)).prepare()
+        dispatcher.prepare()
 
 
 def test_a_job_is_handed_over_once_whoever_tries(
@@ -107,7 +112,7 @@ def test_a_run_that_ends_before_its_job_is_followed_by_another_until_the_job_is_
 
     job = call("CreateSimulationJob", order(), service)["arn"]
     made = hand_over()
-    for number in range(1, dispatcher.MOST_RUNS + 1):
+    for number in range(1, MOST_RUNS + 1):
         if number == 2:
             made = hand_over()  # one that has just started goes on where the last was
         made.look()
@@ -116,7 +121,7 @@ def test_a_run_that_ends_before_its_job_is_followed_by_another_until_the_job_is_
         deployments.set_flow_run_state(runs[-1].id, Crashed(message="the worker is gone"), force=True)
     made.look()
 
-    assert len(runs_of(deployments, job)) == dispatcher.MOST_RUNS
+    assert len(runs_of(deployments, job)) == MOST_RUNS
     described = call("DescribeSimulationJob", {"job": job}, service)
     assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
     assert "Crashed: the worker is gone" in described["failureReason"]
@@ -140,14 +145,12 @@ def test_a_run_without_a_sign_of_life_is_followed_by_another(
     service: Service,
     order: Order,
     deployments: Any,
-    hand_over: Callable[[], Dispatcher],
-    monkeypatch: pytest.MonkeyPatch,
+    hand_over: Callable[..., Dispatcher],
 ) -> None:
     from prefect.states import Running
 
-    monkeypatch.setattr(dispatcher, "_SILENCE_S", 0.2)
     job = call("CreateSimulationJob", order(), service)["arn"]
-    made = hand_over()
+    made = hand_over(Timing(lease_s=0.1))
     deployments.set_flow_run_state(runs_of(deployments, job)[0].id, Running(), force=True)
     made.look()
     assert len(runs_of(deployments, job)) == 1
@@ -171,25 +174,6 @@ class Watch(PrefectWatch):
         return self.says
 
 
-@pytest.fixture
-def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], list[str]]:
-    """Makes every flow run raise; returns the jobs it was called for."""
-
-    def make(error: Exception) -> list[str]:
-        called: list[str] = []
-
-        def flow(arn: str) -> None:
-            called.append(arn)
-            raise error
-
-        monkeypatch.setattr(jobs, "find_perform_flow", lambda _: flow)
-        monkeypatch.setattr(jobs, "HELD", HeldLeases())
-        monkeypatch.setattr(jobs, "_LONGEST_PAUSE_S", 0.01)
-        return called
-
-    return make
-
-
 @pytest.mark.parametrize(
     ("error", "prefect_answers", "given_up"),
     [
@@ -202,17 +186,27 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Exception], list[str]]:
 def test_a_job_whose_performing_breaks_is_given_up_unless_something_does_not_answer(
     service: Service,
     order: Order,
-    broken: Callable[[Exception], list[str]],
     error: Exception,
     prefect_answers: bool,
     given_up: bool,
 ) -> None:
     job = call("CreateSimulationJob", order(), service)["arn"]
-    called = broken(error)
+    called: list[str] = []
+
+    def flow(arn: str) -> None:
+        called.append(arn)
+        raise error
+
     ended = threading.Event()
-    mine = Jobs(service, changed=ended.set, prefect=Watch(service.settings, prefect_answers))
+    mine = Jobs(
+        replace(service, timing=Timing(longest_retry_pause_s=0.01)),
+        changed=ended.set,
+        prefect=Watch(service.settings, prefect_answers),
+        held=HeldLeases(),
+        find_flow=lambda _: flow,
+    )
     (lane, *_) = lanes(1)
-    for _ in range(jobs.MOST_TRIES + 2):
+    for _ in range(MOST_TRIES + 2):
         ended.clear()
         mine.begin_some(lane)
         if not mine.counts() and not ended.is_set():
@@ -222,18 +216,16 @@ def test_a_job_whose_performing_breaks_is_given_up_unless_something_does_not_ans
 
     described = call("DescribeSimulationJob", {"job": job}, service)
     if given_up:
-        assert len(called) == jobs.MOST_TRIES
+        assert len(called) == MOST_TRIES
         assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
         assert "performing it broke 3 times: RuntimeError: a defect" in described["failureReason"]
     else:
-        assert len(called) == jobs.MOST_TRIES + 2
+        assert len(called) == MOST_TRIES + 2
         assert described["status"] == "Pending"
         assert [each.arn for each in service.catalog.unfinished(["simulation-job"])] == [job]
 
 
-def test_the_oldest_jobs_begin_first_and_not_more_than_may(
-    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_oldest_jobs_begin_first_and_not_more_than_may(service: Service, order: Order) -> None:
     arns = [call("CreateSimulationJob", order(), service)["arn"] for _ in range(4)]
     go_on = threading.Event()
     begun: list[str] = []
@@ -242,9 +234,8 @@ def test_the_oldest_jobs_begin_first_and_not_more_than_may(
         begun.append(arn)
         go_on.wait(10)
 
-    monkeypatch.setattr(jobs, "find_perform_flow", lambda _: flow)
-    monkeypatch.setattr(jobs, "HELD", HeldLeases())
-    mine = Jobs(service, changed=lambda: None, prefect=Watch(service.settings, True))
+    watch = Watch(service.settings, True)
+    mine = Jobs(service, changed=lambda: None, prefect=watch, held=HeldLeases(), find_flow=lambda _: flow)
     lane = Lane("simulation-job", "CreateSimulationJob", 2)
     for _ in range(3):
         mine.begin_some(lane)

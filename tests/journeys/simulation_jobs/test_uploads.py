@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,12 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Sto
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.outputs import rolling_uploads, run_outputs
+from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]
+OFTEN = Timing(upload_every_s=0.1)
 LOCATION = {"s3Bucket": "results", "s3Prefix": "nightly"}
 AT_END, ROLLING = "UPLOAD_ON_TERMINATE", "UPLOAD_ROLLING_AUTO_REMOVE"
 WRITE = """
@@ -60,7 +62,7 @@ def simulate(service: Service) -> Simulate:
 
     def run(request: dict[str, Any]) -> dict[str, Any]:
         arn = call("CreateSimulationJob", request, service)["arn"]
-        perform_job(arn, service)
+        perform_job(arn, replace(service, timing=Timing(store_pause_s=0.01)))
         return call("DescribeSimulationJob", {"job": arn}, service)
 
     return run
@@ -136,10 +138,10 @@ for folder in ("robot", "simulation"):
     "behaviors", [(AT_END, AT_END), (AT_END, ROLLING), (ROLLING, AT_END), (ROLLING, ROLLING)], ids=" and ".join
 )
 def test_configurations_of_one_name_never_replace_each_others_files(
-    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch, behaviors: tuple[str, str]
+    service: Service, order: Order, behaviors: tuple[str, str]
 ) -> None:
     """Both applications may have one of the same name, whose folders have files of the same name."""
-    monkeypatch.setattr(rolling_uploads, "SWEEP_S", 0.1)
+    service = replace(service, timing=OFTEN)
     request = with_uploads(
         order({"DO": SAME_NAMES, "DURATION_S": "60"}), upload("mine", "/home/robomaker/simulation/*", behaviors[0])
     )
@@ -212,10 +214,8 @@ def wait_for(what: Callable[[], Any], timeout_s: float = 20) -> Any:
     return found
 
 
-def test_rolling_uploads_are_stored_and_removed_while_the_job_runs(
-    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(rolling_uploads, "SWEEP_S", 0.1)
+def test_rolling_uploads_are_stored_and_removed_while_the_job_runs(service: Service, order: Order) -> None:
+    service = replace(service, timing=OFTEN)
     request = with_uploads(order({"DO": WRITE, "DURATION_S": "60"}), upload("maps", "/home/robomaker/maps/**", ROLLING))
 
     with performing(service, request) as arn:
@@ -242,7 +242,6 @@ def test_a_store_that_does_not_answer_is_asked_again(
     service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     request = with_uploads(order({"DO": WRITE}), upload("maps", "/home/robomaker/maps/*"))
-    monkeypatch.setattr(run_outputs, "_FIRST_PAUSE_S", 0.01)
     put_files, refusals = service.store.put_files, iter([StorageUnavailableError("503 Slow Down")] * 3)
 
     def sometimes(*arguments: Any) -> Any:

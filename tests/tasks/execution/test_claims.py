@@ -1,13 +1,14 @@
 import time
+from dataclasses import replace
 
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, StateConflictError
-from prefect_robomaker.tasks.execution import leases as job_leases
 from prefect_robomaker.tasks.execution.claims import perform_if_idle, perform_once
 from prefect_robomaker.tasks.execution.leases import Lease
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
 KIND = "world-generation-job"
 
@@ -22,7 +23,7 @@ def job(service: Service, template: str) -> str:
 def test_a_performer_that_was_held_up_learns_that_another_took_over(
     service: Service, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(job_leases, "LEASE_S", 0.3)
+    service = replace(service, timing=Timing(lease_s=0.3, renew_lease_every_s=0.05))
 
     def unavailable(*_: object) -> bool:
         raise ServiceUnavailableException("the catalog does not answer")
@@ -46,12 +47,9 @@ def test_a_performer_that_was_held_up_learns_that_another_took_over(
     assert not service.catalog.claim(job, "a third", 60)
 
 
-def test_a_change_that_is_refused_tells_at_once_that_another_took_over(
-    service: Service, job: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_change_that_is_refused_tells_at_once_that_another_took_over(service: Service, job: str) -> None:
     """One that was asleep, with its machine, changes the job before it next renews its lease."""
-    monkeypatch.setattr(job_leases, "LEASE_S", 0.2)
-    monkeypatch.setattr(job_leases, "_RENEWALS", 0.001)
+    service = replace(service, timing=Timing(lease_s=0.2, renew_lease_every_s=200.0))
     was_lost = []
 
     def work(lease: Lease) -> None:
@@ -70,10 +68,8 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(
     assert was_lost == [False, True, True]
 
 
-def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(
-    service: Service, job: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(job_leases, "LEASE_S", 0.6)
+def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(service: Service, job: str) -> None:
+    service = replace(service, timing=Timing(lease_s=0.6, renew_lease_every_s=0.1))
 
     def work(lease: Lease) -> None:
         time.sleep(1.0)

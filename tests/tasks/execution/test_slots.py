@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 import pytest
 from prefect.client.orchestration import SyncPrefectClient, get_client
 
-from prefect_robomaker.tasks.execution import slots as slots_module
 from prefect_robomaker.tasks.execution.slots import Slots
 
 pytestmark = pytest.mark.usefixtures("prefect_server")
@@ -14,11 +13,6 @@ pytestmark = pytest.mark.usefixtures("prefect_server")
 def client(prefect_server: str) -> Iterator[SyncPrefectClient]:
     with get_client(sync_client=True) as client:
         yield client
-
-
-@pytest.fixture(autouse=True)
-def _look_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(slots_module, "_LOOK_S", 0.2)
 
 
 def never() -> bool:
@@ -51,7 +45,7 @@ def test_a_performer_that_takes_over_does_not_wait_for_the_slots_of_a_dead_one()
 
 
 def test_a_limit_that_is_lowered_on_the_server_is_obeyed(client: SyncPrefectClient) -> None:
-    with Slots("lowered", 2, 2) as slots:
+    with Slots("lowered", 2, 2, look_s=0.2) as slots:
         client.upsert_global_concurrency_limit_by_name("lowered", 1)
         wait_for(lambda: client.read_global_concurrency_limit_by_name("lowered").active_slots == 1)
 

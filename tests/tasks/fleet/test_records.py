@@ -1,5 +1,7 @@
 """Who may change a fleet, and what a change that broke off leaves to the next."""
 
+from dataclasses import replace
+
 import pytest
 from helpers.fleet_calls import Fleets
 
@@ -8,9 +10,9 @@ from prefect_robomaker.schemas.wire.errors import (
     ResourceNotFoundException,
     ThrottlingException,
 )
-from prefect_robomaker.tasks.fleet import records as module
 from prefect_robomaker.tasks.fleet.records import fleet_held, last_deployment, robots_of
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
 
 @pytest.fixture
@@ -28,10 +30,8 @@ def test_a_change_waits_for_the_one_before(fleets: Fleets, service: Service) -> 
     assert service.catalog.claim(yard, "the next", 1)  # it was given back
 
 
-def test_a_fleet_that_others_keep_is_to_be_asked_for_again(
-    fleets: Fleets, service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "_PATIENCE_S", 0.05)
+def test_a_fleet_that_others_keep_is_to_be_asked_for_again(service: Service) -> None:
+    fleets = Fleets(replace(service, timing=Timing(fleet_patience_s=0.05)))
     yard, rover = fleets.fleet(), fleets.robot()
     service.catalog.claim(yard, "another process", 60)
 
@@ -87,12 +87,11 @@ def test_a_change_that_broke_off_is_finished_by_the_next(
     assert {robot.status for robot in robots_of(yard, service)} == {"Registered"}
 
 
-def test_the_robots_of_a_fleet_are_found_over_many_pages(
-    fleets: Fleets, service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "_PAGE", 2)
+def test_the_robots_of_a_fleet_are_found_over_many_pages(fleets: Fleets, service: Service) -> None:
     yard, namesake = fleets.fleet("yard"), fleets.fleet("yard")
     for number in range(7):
         fleets.robot(f"robot-{number}", namesake if number % 3 == 1 else yard)
 
-    assert [robot.name for robot in robots_of(yard, service)] == ["robot-6", "robot-5", "robot-3", "robot-2", "robot-0"]
+    found = robots_of(yard, service, page=2)
+
+    assert [robot.name for robot in found] == ["robot-6", "robot-5", "robot-3", "robot-2", "robot-0"]

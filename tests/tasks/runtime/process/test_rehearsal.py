@@ -8,9 +8,8 @@ from prefect_robomaker.tasks.runtime.process import rehearsal
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 
-@pytest.fixture(autouse=True)
-def _idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rehearsal, "_has_idle_processor", lambda: True)
+def always() -> bool:
+    return True
 
 
 def test_all_that_comes_before_the_first_step_is_rehearsed(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -32,13 +31,13 @@ def test_it_ends_when_there_is_a_run_and_leaves_nothing() -> None:
     with rehearsal.rehearsal_room() as room:
         assert room is not None
         before = sorted(room.iterdir())
-        rehearsal.rehearse(room, has_run)
+        rehearsal.rehearse(room, has_run, always)
         assert sorted(room.iterdir()) == before
     assert asked == [0.0, 0.0, 0.0]
 
 
 def test_what_fails_is_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rehearsal.rehearse(tmp_path, lambda _: False)  # there is no world
+    rehearsal.rehearse(tmp_path, lambda _: False, always)  # there is no world
     assert list(tmp_path.iterdir()) == []
     assert capsys.readouterr() == ("", "")
 
@@ -47,18 +46,16 @@ def test_runs_begin_where_nothing_can_be_rehearsed(make_plan: Any, monkeypatch: 
     monkeypatch.setattr(rehearsal.tempfile, "tempdir", "/no/such/folder")
     with rehearsal.rehearsal_room() as room:
         assert room is None
-        rehearsal.rehearse(room, lambda _: False)
+        rehearsal.rehearse(room, lambda _: False, always)
     monkeypatch.setenv("TMPDIR", "/proc")
     with Launcher() as launcher:
         assert launcher.run(make_plan("Judging"), lambda: None).status == "Completed"
 
 
-def test_nothing_is_rehearsed_where_all_processors_have_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
-    monkeypatch.setattr(rehearsal, "_LOADAVG", tmp_path / "loadavg")
-    monkeypatch.setattr(rehearsal.os, "sched_getaffinity", lambda _: {0, 1})
+def test_nothing_is_rehearsed_where_all_processors_have_work(tmp_path: Path) -> None:
+    loadavg = tmp_path / "loadavg"
     for running, has_idle in ((1, True), (2, True), (3, False), (9, False)):
-        (tmp_path / "loadavg").write_text(f"0.20 0.18 0.12 {running}/80 11206\n")
-        assert rehearsal._has_idle_processor() is has_idle
-    (tmp_path / "loadavg").unlink()
-    assert not rehearsal._has_idle_processor()
+        loadavg.write_text(f"0.20 0.18 0.12 {running}/80 11206\n")
+        assert rehearsal.has_idle_processor(loadavg, processors=2) is has_idle
+    loadavg.unlink()
+    assert not rehearsal.has_idle_processor(loadavg, processors=2)

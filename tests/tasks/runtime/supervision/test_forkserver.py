@@ -20,9 +20,8 @@ def control(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
     monkeypatch.setattr(forkserver.os, "fork", refuse)
-    monkeypatch.setattr(forkserver, "_FORK_AHEAD_AFTER_S", 0.01)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    server = threading.Thread(target=forkserver._Supervisors(theirs, lambda _: None).serve)
+    server = threading.Thread(target=forkserver._Supervisors(theirs, lambda _: None, fork_ahead_after_s=0.01).serve)
     server.start()
     with ours, theirs:
         yield ours

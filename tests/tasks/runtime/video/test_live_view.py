@@ -22,7 +22,7 @@ from PIL import Image
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
-from prefect_robomaker.tasks.runtime.video.live_view import LiveView
+from prefect_robomaker.tasks.runtime.video.live_view import PATIENCE_S, LiveView
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
 
 FILMED = BUNDLES / "filmed"
@@ -38,12 +38,12 @@ MODEL = """
 class Stepping:
     """An environment that a test steps, watched by a live view."""
 
-    def __init__(self, plan: RunPlan, camera: str | None = "top") -> None:
+    def __init__(self, plan: RunPlan, camera: str | None = "top", patience_s: float = PATIENCE_S) -> None:
         model = mujoco.MjModel.from_xml_string(MODEL)
         self.physics = SimpleNamespace(model=model, data=mujoco.MjData(model))
         mujoco.mj_forward(model, self.physics.data)
         plan.work_dir.mkdir(parents=True, exist_ok=True)
-        self.view = LiveView(plan, "rays", VideoSettings(camera, (160, 120)))
+        self.view = LiveView(plan, "rays", VideoSettings(camera, (160, 120)), patience_s=patience_s)
         self.time_s = 0.0
 
     def step(self) -> None:
@@ -177,9 +177,10 @@ def test_it_answers_to_this_machine_only(stepping: Stepping) -> None:
     assert stepping.get("/status.json", Host="127.0.0.1")[0] == 200
 
 
-def test_without_a_step_there_is_no_picture(stepping: Stepping, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("prefect_robomaker.tasks.runtime.video.live_view._PATIENCE_S", 0.1)
+def test_without_a_step_there_is_no_picture(make_plan: Any) -> None:
+    stepping = Stepping(make_plan(live_view_port=0), patience_s=0.1)
     assert stepping.get("/frame.jpg")[0] == 204
+    stepping.view.close("environment")
 
 
 def test_a_port_that_is_taken_fails_nothing(make_plan: Any, capsys: pytest.CaptureFixture[str]) -> None:

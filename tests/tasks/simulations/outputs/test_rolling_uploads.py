@@ -30,7 +30,7 @@ def bags(folder: Path) -> Path:
 def rolling(service: Service, folder: Path) -> RollingUploads:
     service.store.ensure_bucket("results")
     upload = Upload("kept", Glob("/home/robomaker/bags/**"), is_rolling=True, sandbox=Sandbox(folder / "root"))
-    return RollingUploads([upload], folder, service.store, "results", "run")
+    return RollingUploads([upload], folder, service.store, "results", "run", every_s=5.0)
 
 
 def stored(service: Service) -> dict[str, bytes]:

@@ -1,0 +1,26 @@
+"""How long a service waits for what; tests pass shorter times."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times in seconds."""
+
+    lease_s: float = 30.0
+    """How long after its last sign of life a job worker counts as dead."""
+
+    renew_lease_every_s: float = 5.0
+    """How often the holder of a lease renews it."""
+
+    fleet_patience_s: float = 10.0
+    """How long a change of a fleet waits for the changes of others."""
+
+    upload_every_s: float = 5.0
+    """How often a job with rolling uploads looks for finished files."""
+
+    store_pause_s: float = 1.0
+    """How long after a store did not answer it is asked again; each further pause is twice as long."""
+
+    longest_retry_pause_s: float = 60.0
+    """The longest pause before a job is tried again whose flow run raised."""
