@@ -1,4 +1,4 @@
-"""Serving: the endpoint for SDKs, and a performer beside it that carries out the jobs they ask for."""
+"""Serving: the endpoint for SDKs, and a worker beside it that carries out the jobs they ask for."""
 
 import argparse
 import json
@@ -16,7 +16,7 @@ from ...tasks.service.home import prepare_home
 from ..endpoint.access_keys import read_access_keys
 from ..endpoint.origins import is_loopback
 from ..service_model.installation import data_path
-from ..worker.child import ChildPerformer, in_words
+from ..worker.worker_process import WorkerProcess, in_words
 from .prefect_server import use_server
 
 _READY_S = 120.0
@@ -49,19 +49,19 @@ def _serve(
         _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
         return
     prepare_home(settings)
-    performer = ChildPerformer(settings, arguments.backend, about["max_jobs"], _variables_of_jobs(arguments))
-    performer.start()
+    worker = WorkerProcess(settings, arguments.backend, about["max_jobs"], _variables_of_jobs(arguments))
+    worker.start()
     try:
         if arguments.backend == "deployments":
-            performer.wait_until_ready(_READY_S)
-        _run_server(arguments, settings, access_keys, about, performer.wake, performer.status)
+            worker.wait_until_ready(_READY_S)
+        _run_server(arguments, settings, access_keys, about, worker.wake, worker.status)
     except KeyboardInterrupt:
-        performer.kill()
+        worker.kill()
         raise
     except BaseException:
-        performer.stop()
+        worker.stop()
         raise
-    _stop(performer)
+    _stop(worker)
 
 
 def _run_server(
@@ -70,9 +70,9 @@ def _run_server(
     access_keys: Mapping[str, str] | None,
     about: dict[str, Any],
     on_submitted: Callable[[str], None],
-    performer_status: Callable[[], Mapping[str, object]],
+    worker_status: Callable[[], Mapping[str, object]],
 ) -> None:
-    # Imported late, while the performer already starts.
+    # Imported late, while the worker already starts.
     from ...tasks.service.service import Service
     from ..endpoint.access_log import write_access_log
     from ..endpoint.application import make_application
@@ -81,7 +81,7 @@ def _run_server(
     if arguments.log_requests:
         write_access_log()
     application = make_application(
-        Service.open(settings), access_keys=access_keys, on_submitted=on_submitted, performer_status=performer_status
+        Service.open(settings), access_keys=access_keys, on_submitted=on_submitted, worker_status=worker_status
     )
 
     def announce(port: int) -> None:
@@ -101,12 +101,12 @@ def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
     return {"AWS_ENDPOINT_URL_ROBOMAKER": _url(arguments.host, arguments.port), "AWS_DATA_PATH": data_path(os.environ)}
 
 
-def _stop(performer: ChildPerformer) -> None:
-    """Ends the performer; a second Ctrl-C ends it at once."""
+def _stop(worker: WorkerProcess) -> None:
+    """Ends the worker; a second Ctrl-C ends it at once."""
     try:
-        interrupted = performer.stop()
+        interrupted = worker.stop()
     except KeyboardInterrupt:
-        performer.kill()
+        worker.kill()
         raise
     if interrupted:
         sys.stderr.write(f"Interrupted: {in_words(interrupted)}; the next `robomaker serve` goes on with them.\n")

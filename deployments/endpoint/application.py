@@ -43,7 +43,7 @@ def make_application(
     *,
     access_keys: Mapping[str, str] | None = None,
     on_submitted: Callable[[str], None] = ignore,
-    performer_status: Callable[[], Mapping[str, object]] = dict,
+    worker_status: Callable[[], Mapping[str, object]] = dict,
 ) -> ASGIApp:
     """Makes the application that serves every operation over HTTP.
 
@@ -52,9 +52,9 @@ def make_application(
       access_keys: secret access keys by id; `None`: nobody has to sign, and web pages are kept out.
       on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
         several threads, before the client has its answer.
-      performer_status: what the health page shows of whoever carries the jobs out; plain JSON.
+      worker_status: what the health page shows of whoever carries the jobs out; plain JSON.
     """
-    return Endpoint(service, access_keys, on_submitted, performer_status)
+    return Endpoint(service, access_keys, on_submitted, worker_status)
 
 
 class Endpoint:
@@ -65,7 +65,7 @@ class Endpoint:
         service: Service,
         access_keys: Mapping[str, str] | None,
         on_submitted: Callable[[str], None],
-        performer_status: Callable[[], Mapping[str, object]],
+        worker_status: Callable[[], Mapping[str, object]],
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None
@@ -78,7 +78,7 @@ class Endpoint:
             None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
         )
         self._on_submitted = on_submitted
-        self._health = HealthPages(service, performer_status, is_open=access_keys is None)
+        self._health = HealthPages(service, worker_status, is_open=access_keys is None)
         self._failures = Failures(settings)
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="endpoint")
         self._arrivals = Arrivals()
@@ -130,11 +130,11 @@ class Endpoint:
             return self._failures.answer(error, None, request.id)
         self._in_progress += 1
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._workers, self._perform, request)
+            return await asyncio.get_running_loop().run_in_executor(self._workers, self._answer_request, request)
         finally:
             self._in_progress -= 1
 
-    def _perform(self, request: ServiceRequest) -> Response:
+    def _answer_request(self, request: ServiceRequest) -> Response:
         """Answers a request; in a thread of its own, since operations wait for the database."""
         operation: OperationShape | None = None
         try:

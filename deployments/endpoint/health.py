@@ -23,15 +23,13 @@ class HealthPages:
 
     Args:
       service: what is looked at.
-      performer_status: how whoever carries jobs out is; plain JSON.
+      worker_status: how whoever carries jobs out is; plain JSON.
       is_open: whether anybody may see what the service holds; otherwise only that it works.
     """
 
-    def __init__(
-        self, service: Service, performer_status: Callable[[], Mapping[str, object]], *, is_open: bool
-    ) -> None:
+    def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]], *, is_open: bool) -> None:
         self._service = service
-        self._performer_status = performer_status
+        self._worker_status = worker_status
         self._is_open = is_open
 
     def answer(self, request: ServiceRequest) -> Response | None:
@@ -49,7 +47,7 @@ class HealthPages:
         facts: dict[str, Any] = {"status": "ok", "resources": self._service.catalog.count()}
         if self._is_open:
             settings = self._service.settings
-            facts |= {"region": settings.region, "account": settings.account, "performer": self._performer_status()}
+            facts |= {"region": settings.region, "account": settings.account, "performer": self._worker_status()}
         else:
             del facts["resources"]
         if request.raw_path == "/health":

@@ -2,7 +2,7 @@
 
 ```
 robomaker serve                     this package
-  endpoint ── ChildPerformer ═════ process: WarmPerformer    runs each job as a flow run in a thread
+  endpoint ── WorkerProcess ═════ process: WarmWorker    runs each job as a flow run in a thread
               starts, wakes,       pipe     or Dispatcher    hands each job to a Prefect deployment
               watches, stops it
 ```

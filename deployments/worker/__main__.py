@@ -1,4 +1,4 @@
-"""The performer's process: `python -m prefect_robomaker.deployments.worker FD here|deployments MAX_JOBS`.
+"""The worker's process: `python -m prefect_robomaker.deployments.worker FD here|deployments MAX_JOBS`.
 
 It says how things are through the pipe FD, and ends when it is told to, when it gets SIGTERM or SIGINT,
 and when the pipe's other end closes: with whoever started it, however that happened.
@@ -16,7 +16,7 @@ from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
 from ...tasks.service.service import Service
 from .channel import STOP, Channel
-from .pools import lanes
+from .pools import job_pools
 from .prefect_watch import PrefectWatch
 
 POLL_S = 0.25
@@ -31,7 +31,7 @@ NICENESS = 5
 _STATUS_S = 1.0
 
 
-class Performer(Protocol):
+class JobWorker(Protocol):
     """What carries jobs out."""
 
     def prepare(self) -> None:
@@ -62,35 +62,35 @@ def main() -> None:
         signal.signal(number, lambda *_: _request_stop(look, stop))
     threading.Thread(target=_listen, args=(channel, look, stop), daemon=True).start()
     try:
-        performer = _make(execute, int(max_jobs), look)
-        performer.prepare()
+        worker = _make(execute, int(max_jobs), look)
+        worker.prepare()
     except RobomakerError as error:
         channel.send({"state": "failed", "error": str(error)})
         os._exit(2)
-    _perform(performer, channel, look, stop)
-    channel.send({"state": "ended", "interrupted": performer.end()})
+    _serve(worker, channel, look, stop)
+    channel.send({"state": "ended", "interrupted": worker.end()})
     os._exit(0)  # closes every pipe, which is what simulations and world builders end with
 
 
-def _make(execute: str, max_jobs: int, look: threading.Event) -> Performer:
+def _make(execute: str, max_jobs: int, look: threading.Event) -> JobWorker:
     settings = Settings.from_environment(os.environ)
     service, prefect = Service.open(settings), PrefectWatch(settings)
     prefect.start()
     if execute == "deployments":
         from .dispatcher import Dispatcher
 
-        return Dispatcher(service, lanes(max_jobs), prefect)
-    from .warm import WarmPerformer
+        return Dispatcher(service, job_pools(max_jobs), prefect)
+    from .warm_worker import WarmWorker
 
-    return WarmPerformer(service, lanes(max_jobs), prefect, look)
+    return WarmWorker(service, job_pools(max_jobs), prefect, look)
 
 
-def _perform(performer: Performer, channel: Channel, look: threading.Event, stop: threading.Event) -> None:
+def _serve(worker: JobWorker, channel: Channel, look: threading.Event, stop: threading.Event) -> None:
     told: dict[str, Any] = {}
     told_at = 0.0
     while not stop.is_set():
-        performer.look()
-        status = performer.status()
+        worker.look()
+        status = worker.status()
         # What the health page shows need not be fresher than a second.
         if status != told and time.monotonic() - told_at > (_STATUS_S if told else 0.0):
             told, told_at = status, time.monotonic()

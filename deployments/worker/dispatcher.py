@@ -22,7 +22,7 @@ from ...tasks.execution.claims import perform_once
 from ...tasks.execution.retry_limit import give_up
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
-from .pools import Lane
+from .pools import JobPool
 from .prefect_watch import PrefectWatch
 
 DEPLOYMENT = "robomaker"
@@ -54,7 +54,7 @@ class Dispatcher:
 
     Args:
       service: where the jobs are.
-      lanes: which jobs; how many at once is for the work pool to limit.
+      pools: which jobs; how many at once is for the work pool to limit.
       prefect: watches the server.
       deployment: the name that the deployments have.
       check_s: how often a run that was handed over is looked at.
@@ -63,14 +63,14 @@ class Dispatcher:
     def __init__(
         self,
         service: Service,
-        lanes: Sequence[Lane],
+        pools: Sequence[JobPool],
         prefect: PrefectWatch,
         *,
         deployment: str = DEPLOYMENT,
         check_s: float = CHECK_S,
     ) -> None:
         self._service = service
-        self._lanes = lanes
+        self._pools = pools
         self._prefect = prefect
         self._deployment = deployment
         self._check_s = check_s
@@ -86,10 +86,10 @@ class Dispatcher:
         """
         missing = []
         with get_client(sync_client=True) as client:
-            for lane in self._lanes:
-                name = f"{registry()[lane.operation].perform_name}/{self._deployment}"
+            for pool in self._pools:
+                name = f"{registry()[pool.operation].perform_name}/{self._deployment}"
                 try:
-                    self._deployments[lane.kind] = client.read_deployment_by_name(name).id
+                    self._deployments[pool.kind] = client.read_deployment_by_name(name).id
                 except ObjectNotFound:
                     missing.append(name)
                 except (httpx.HTTPError, PrefectException) as error:
@@ -105,7 +105,7 @@ class Dispatcher:
         if not self._prefect.answers:
             return
         try:
-            jobs = self._service.catalog.unfinished([lane.kind for lane in self._lanes], limit=_AT_ONCE)
+            jobs = self._service.catalog.unfinished([pool.kind for pool in self._pools], limit=_AT_ONCE)
             self._forget_all_but({job.arn for job in jobs})
             due = [job for job in jobs if self._is_due(job.arn)]
             if due:

@@ -20,7 +20,7 @@ from ...tasks.execution.held_leases import HELD, HeldLeases, PerformerEnding
 from ...tasks.execution.retry_limit import give_up
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
-from .pools import Lane
+from .pools import JobPool
 from .prefect_watch import PrefectWatch
 
 MOST_TRIES = 3
@@ -57,26 +57,26 @@ class Jobs:
     prefect: PrefectWatch
     held: HeldLeases = field(default_factory=lambda: HELD)
     find_flow: Callable[[str], Callable[[str], object]] = find_perform_flow
-    _running: dict[str, Lane] = field(default_factory=dict)
+    _running: dict[str, JobPool] = field(default_factory=dict)
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
     def counts(self) -> Counter[str]:
         """How many are under way, by kind."""
-        return Counter(lane.kind for lane in list(self._running.values()))
+        return Counter(pool.kind for pool in list(self._running.values()))
 
-    def begin_some(self, lane: Lane) -> None:
-        """Begins the oldest jobs of a lane that wait, as many as may run.
+    def begin_some(self, pool: JobPool) -> None:
+        """Begins the oldest jobs of a pool that wait, as many as may run.
 
         Raises:
           ServiceUnavailableException: the catalog does not answer.
         """
-        free = lane.at_once - self.counts()[lane.kind]
+        free = pool.at_once - self.counts()[pool.kind]
         if free <= 0:
             return
         paused = {arn for arn, trouble in list(self._troubles.items()) if trouble.not_before > time.monotonic()}
-        for job in self.service.catalog.unfinished([lane.kind], limit=free + len(paused)):
+        for job in self.service.catalog.unfinished([pool.kind], limit=free + len(paused)):
             if free > 0 and job.arn not in paused and self._reserve(job):
-                self._begin(lane, job)
+                self._begin(pool, job)
                 free -= 1
 
     def renew_reservations(self) -> None:
@@ -87,31 +87,31 @@ class Jobs:
     def _reserve(self, job: Resource) -> bool:
         return self.held.reserve(job.arn, self.service.catalog, self.service.timing.lease_s)
 
-    def _begin(self, lane: Lane, job: Resource) -> None:
-        self._running[job.arn] = lane
-        threading.Thread(target=self._perform, args=(lane, job), name=job.id, daemon=True).start()
+    def _begin(self, pool: JobPool, job: Resource) -> None:
+        self._running[job.arn] = pool
+        threading.Thread(target=self._run, args=(pool, job), name=job.id, daemon=True).start()
 
-    def _perform(self, lane: Lane, job: Resource) -> None:
+    def _run(self, pool: JobPool, job: Resource) -> None:
         began = time.monotonic()
         _logger.info("%s: begun", job.id)
         try:
             if self.service.catalog.lost_performers(job.arn):
                 mark_crashed([job.id], "its performer died; the job is performed again")
-            self._run_flow(lane, job.arn)
+            self._run_flow(pool, job.arn)
         except PerformerEnding:
             return
         except BaseException as error:
-            self._note(lane, job, error)
+            self._note(pool, job, error)
         else:
             self._troubles.pop(job.arn, None)
             self._log_end(job, time.monotonic() - began)
         finally:
             self._end(job.arn)
 
-    def _run_flow(self, lane: Lane, arn: str) -> None:
+    def _run_flow(self, pool: JobPool, arn: str) -> None:
         # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
         with self.service.activated(), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
-            self.find_flow(lane.operation)(arn)
+            self.find_flow(pool.operation)(arn)
 
     def _log_end(self, job: Resource, duration_s: float) -> None:
         try:
@@ -121,7 +121,7 @@ class Jobs:
         else:
             _logger.info("%s: %s after %.1f s", job.id, status, duration_s)
 
-    def _note(self, lane: Lane, job: Resource, error: BaseException) -> None:
+    def _note(self, pool: JobPool, job: Resource, error: BaseException) -> None:
         """Decides what becomes of a job whose flow run raised."""
         try:
             if is_terminal(job.kind, self.service.catalog.get(job.arn).status):
@@ -138,16 +138,16 @@ class Jobs:
             trouble.defects += 1
         words = f"{type(error).__name__}: {error}"
         if trouble.defects >= MOST_TRIES:
-            self._give_up(lane, job, f"performing it broke {trouble.defects} times: {words}")
+            self._give_up(pool, job, f"performing it broke {trouble.defects} times: {words}")
         else:
             _logger.warning("%s: performing it broke, and is tried again in %g s: %s", job.id, pause_s, words)
 
-    def _give_up(self, lane: Lane, job: Resource, reason: str) -> None:
+    def _give_up(self, pool: JobPool, job: Resource, reason: str) -> None:
         self._troubles.pop(job.arn, None)
         _logger.error("%s: given up: %s", job.id, reason)
         try:
             self.held.cancel_reservation(job.arn, self.service.catalog)
-            perform_once(job.arn, lane.kind, self.service, lambda lease: give_up(lease, reason, self.service))
+            perform_once(job.arn, pool.kind, self.service, lambda lease: give_up(lease, reason, self.service))
         except RobomakerError as error:
             _logger.warning("%s: could not even be given up: %s", job.id, error)
 

@@ -8,7 +8,7 @@ _EXPORTS_AT_ONCE = 2
 
 
 @dataclass(frozen=True)
-class Lane:
+class JobPool:
     """One kind of job."""
 
     kind: str
@@ -21,16 +21,16 @@ class Lane:
     """How many are performed at the same time; the others wait, oldest first."""
 
 
-def lanes(max_jobs: int) -> tuple[Lane, ...]:
+def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
     """All kinds of jobs.
 
     Args:
       max_jobs: simulation jobs at once, besides those in batches: each batch has a `maxConcurrency` of its own.
     """
     return (
-        Lane("simulation-job", "CreateSimulationJob", max_jobs),
-        Lane("simulation-job-batch", "StartSimulationJobBatch", _BATCHES_AT_ONCE),
+        JobPool("simulation-job", "CreateSimulationJob", max_jobs),
+        JobPool("simulation-job-batch", "StartSimulationJobBatch", _BATCHES_AT_ONCE),
         # Each uses all processors.
-        Lane("world-generation-job", "CreateWorldGenerationJob", _GENERATIONS_AT_ONCE),
-        Lane("world-export-job", "CreateWorldExportJob", _EXPORTS_AT_ONCE),
+        JobPool("world-generation-job", "CreateWorldGenerationJob", _GENERATIONS_AT_ONCE),
+        JobPool("world-export-job", "CreateWorldExportJob", _EXPORTS_AT_ONCE),
     )

@@ -51,7 +51,7 @@ def test_the_page_says_how_to_reach_the_service(client: Client, template: str) -
 
 def test_everything_on_the_page_is_escaped(service: Service) -> None:
     nasty = "<script>alert('x')</script>"
-    client = Client(make_application(service, access_keys=None, performer_status=lambda: {nasty: nasty}))
+    client = Client(make_application(service, access_keys=None, worker_status=lambda: {nasty: nasty}))
     page = Text(client.send("GET", "/").body.decode())
     health = client.send("GET", "/health").json
     client.close()
@@ -70,7 +70,7 @@ def test_hosts_on_the_page_are_escaped(service: Service) -> None:
 
 
 def test_strangers_learn_only_that_it_works(service: Service, template: str) -> None:
-    client = Client(make_application(service, access_keys={"a": "b"}, performer_status=lambda: {"pid": 4711}))
+    client = Client(make_application(service, access_keys={"a": "b"}, worker_status=lambda: {"pid": 4711}))
     health, page = client.send("GET", "/health"), client.send("GET", "/")
     client.close()
 

@@ -313,7 +313,7 @@ class TestFailures:
         def broken() -> dict[str, object]:
             raise ZeroDivisionError("a secret of this machine")
 
-        client = Client(make_application(service, performer_status=broken))
+        client = Client(make_application(service, worker_status=broken))
         with caplog.at_level(logging.ERROR):
             answer = client.send("GET", "/health")
         client.close()
@@ -402,7 +402,7 @@ def test_slow_senders_of_large_bodies_keep_nobody_out(
 
 def test_too_many_whole_requests_at_once_are_asked_to_come_again(service: Service) -> None:
     free = threading.Event()
-    application = make_application(service, performer_status=lambda: {"waited": free.wait(60)})
+    application = make_application(service, worker_status=lambda: {"waited": free.wait(60)})
     client = Client(application)
 
     async def meet() -> tuple[tuple[int, bytes], list[int]]:

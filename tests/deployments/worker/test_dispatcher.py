@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.worker.child import in_words
 from prefect_robomaker.deployments.worker.dispatcher import MOST_RUNS, Dispatcher
 from prefect_robomaker.deployments.worker.jobs import MOST_TRIES, Jobs
-from prefect_robomaker.deployments.worker.pools import Lane, lanes
+from prefect_robomaker.deployments.worker.pools import JobPool, job_pools
 from prefect_robomaker.deployments.worker.prefect_watch import PrefectWatch
+from prefect_robomaker.deployments.worker.worker_process import in_words
 from prefect_robomaker.flows.lookup import find_perform_flow
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ServiceUnavailableException
@@ -29,8 +29,8 @@ Order = Callable[..., dict[str, Any]]
 def test_there_is_a_lane_for_everything_that_is_performed() -> None:
     performed = {entry.name for entry in registry().values() if entry.performer}
 
-    assert {lane.operation for lane in lanes(3)} == performed
-    assert {lane.kind: lane.at_once for lane in lanes(3)}["simulation-job"] == 3
+    assert {pool.operation for pool in job_pools(3)} == performed
+    assert {pool.kind: pool.at_once for pool in job_pools(3)}["simulation-job"] == 3
 
 
 def test_interrupted_jobs_in_words() -> None:
@@ -53,8 +53,8 @@ def deployments(prefect_server: str, deployment: str, monkeypatch: pytest.Monkey
 
     monkeypatch.setenv("PREFECT_API_URL", prefect_server)
     with get_client(sync_client=True) as client:
-        for lane in lanes(1):
-            client.create_deployment(flow_id=client.create_flow(find_perform_flow(lane.operation)), name=deployment)
+        for pool in job_pools(1):
+            client.create_deployment(flow_id=client.create_flow(find_perform_flow(pool.operation)), name=deployment)
         yield client
 
 
@@ -64,7 +64,7 @@ def hand_over(service: Service, deployments: Any, deployment: str) -> Callable[.
 
     def make(timing: Timing = service.timing) -> Dispatcher:
         watch = PrefectWatch(service.settings)
-        made = Dispatcher(replace(service, timing=timing), lanes(1), watch, deployment=deployment, check_s=0.0)
+        made = Dispatcher(replace(service, timing=timing), job_pools(1), watch, deployment=deployment, check_s=0.0)
         made.prepare()
         made.look()
         return made
@@ -205,10 +205,10 @@ def test_a_job_whose_performing_breaks_is_given_up_unless_something_does_not_ans
         held=HeldLeases(),
         find_flow=lambda _: flow,
     )
-    (lane, *_) = lanes(1)
+    (pool, *_) = job_pools(1)
     for _ in range(MOST_TRIES + 2):
         ended.clear()
-        mine.begin_some(lane)
+        mine.begin_some(pool)
         if not mine.counts() and not ended.is_set():
             break
         assert ended.wait(10)
@@ -236,9 +236,9 @@ def test_the_oldest_jobs_begin_first_and_not_more_than_may(service: Service, ord
 
     watch = Watch(service.settings, True)
     mine = Jobs(service, changed=lambda: None, prefect=watch, held=HeldLeases(), find_flow=lambda _: flow)
-    lane = Lane("simulation-job", "CreateSimulationJob", 2)
+    pool = JobPool("simulation-job", "CreateSimulationJob", 2)
     for _ in range(3):
-        mine.begin_some(lane)
+        mine.begin_some(pool)
     wait_for(lambda: len(begun) == 2, "two jobs")
 
     assert set(begun) == set(arns[:2])

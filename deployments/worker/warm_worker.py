@@ -19,7 +19,7 @@ from ...tasks.execution.held_leases import HELD
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .jobs import Jobs
-from .pools import Lane
+from .pools import JobPool
 from .prefect_watch import PrefectWatch
 
 _RENEW_S = 5.0
@@ -38,20 +38,22 @@ _FIRST_NEEDED = (
 _logger = logging.getLogger(__name__)
 
 
-class WarmPerformer:
+class WarmWorker:
     """Finds jobs that nobody performs and runs them.
 
     Args:
       service: where the jobs are.
-      lanes: which jobs, and how many at once.
+      pools: which jobs, and how many at once.
       prefect: watches the server without which nothing is begun.
       look: set when there may be something to do.
     """
 
-    def __init__(self, service: Service, lanes: Sequence[Lane], prefect: PrefectWatch, look: threading.Event) -> None:
+    def __init__(
+        self, service: Service, pools: Sequence[JobPool], prefect: PrefectWatch, look: threading.Event
+    ) -> None:
         self._service = service
-        self._lanes = lanes
-        self._kinds = [lane.kind for lane in lanes]
+        self._pools = pools
+        self._kinds = [pool.kind for pool in pools]
         self._prefect = prefect
         self._jobs = Jobs(service, changed=look.set, prefect=prefect)
         self._catalog_answers = True
@@ -67,8 +69,8 @@ class WarmPerformer:
             importlib.import_module(module)
         # Also what Prefect's client imports and opens only when it is first used.
         with _logged("Prefect does not answer yet"), get_client(sync_client=True) as client:
-            for lane in self._lanes:
-                client.create_flow(find_perform_flow(lane.operation))
+            for pool in self._pools:
+                client.create_flow(find_perform_flow(pool.operation))
 
     def look(self) -> None:
         """Begins what can be begun; called several times a second."""
@@ -76,10 +78,10 @@ class WarmPerformer:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
                 self._jobs.renew_reservations()
-            # One question, most of the time, rather than one for each lane.
+            # One question, most of the time, rather than one for each pool.
             if self._prefect.answers and self._service.catalog.unfinished(self._kinds, limit=1):
-                for lane in self._lanes:
-                    self._jobs.begin_some(lane)
+                for pool in self._pools:
+                    self._jobs.begin_some(pool)
             self._note_catalog(None)
         except ServiceUnavailableException as error:
             self._note_catalog(error)
@@ -91,7 +93,7 @@ class WarmPerformer:
         return {
             "state": state if self._prefect.answers else "waiting for Prefect",
             "prefect": self._prefect.url,
-            **{lane.kind: f"{counts[lane.kind]} of at most {lane.at_once} running" for lane in self._lanes},
+            **{pool.kind: f"{counts[pool.kind]} of at most {pool.at_once} running" for pool in self._pools},
         }
 
     def end(self) -> dict[str, int]:

@@ -23,7 +23,7 @@ _LONG_LIFE_S = 60.0
 _logger = logging.getLogger(__name__)
 
 
-class ChildPerformer:
+class WorkerProcess:
     """A performer in a process of its own, which ends with this one, however that happens.
 
     Args:
