@@ -18,7 +18,7 @@ from prefect.exceptions import ObjectNotFound, PrefectException
 
 from ...schemas.wire.errors import ConfigurationError, ServiceUnavailableException
 from ...tasks.catalog import Resource
-from ...tasks.execution.claims import perform_once
+from ...tasks.execution.claims import run_under_lease
 from ...tasks.execution.retry_limit import give_up
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
@@ -166,7 +166,7 @@ class Dispatcher:
         reason = f"each of {handed.number} flow runs ended before the job did; the last one {why}"
         _logger.error("%s: given up: %s", job.id, reason)
         del self._handed[job.arn]
-        perform_once(job.arn, job.kind, self._service, lambda lease: give_up(lease, reason, self._service))
+        run_under_lease(job.arn, job.kind, self._service, lambda lease: give_up(lease, reason, self._service))
 
     def _hand_over(self, job: Resource, number: int, client: SyncPrefectClient) -> _Handed:
         run: FlowRun = client.create_flow_run_from_deployment(

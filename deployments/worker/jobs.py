@@ -15,8 +15,8 @@ from ...flows.lookup import find_perform_flow
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
-from ...tasks.execution.claims import perform_once
-from ...tasks.execution.held_leases import HELD, HeldLeases, PerformerEnding
+from ...tasks.execution.claims import run_under_lease
+from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
 from ...tasks.execution.retry_limit import give_up
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
@@ -98,7 +98,7 @@ class Jobs:
             if self.service.catalog.lost_performers(job.arn):
                 mark_crashed([job.id], "its performer died; the job is performed again")
             self._run_flow(pool, job.arn)
-        except PerformerEnding:
+        except WorkerStopping:
             return
         except BaseException as error:
             self._note(pool, job, error)
@@ -147,7 +147,7 @@ class Jobs:
         _logger.error("%s: given up: %s", job.id, reason)
         try:
             self.held.cancel_reservation(job.arn, self.service.catalog)
-            perform_once(job.arn, pool.kind, self.service, lambda lease: give_up(lease, reason, self.service))
+            run_under_lease(job.arn, pool.kind, self.service, lambda lease: give_up(lease, reason, self.service))
         except RobomakerError as error:
             _logger.warning("%s: could not even be given up: %s", job.id, error)
 

@@ -13,12 +13,12 @@ from ...schemas.lifecycles import is_terminal
 from ..service.service import Service
 from .held_leases import HELD, HeldLeases
 from .leases import Lease
-from .retry_limit import give_up, why_hopeless
+from .retry_limit import give_up, why_not_retried
 
 _WAIT_S = 0.5
 
 
-def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD) -> None:
+def run_under_lease(arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD) -> None:
     """Runs `work` on a job unless it has ended, holding its lease meanwhile.
 
     Args:
@@ -31,11 +31,11 @@ def perform_once(arn: str, kind: str, service: Service, work: Callable[[Lease], 
     Raises:
       ResourceNotFoundException: there is no such job.
     """
-    while not perform_if_idle(arn, kind, service, work, held):
+    while not run_if_unclaimed(arn, kind, service, work, held):
         time.sleep(_WAIT_S)
 
 
-def perform_if_idle(
+def run_if_unclaimed(
     arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD
 ) -> bool:
     """Runs `work` on a job if it has not ended and nobody performs it.
@@ -53,7 +53,7 @@ def perform_if_idle(
 
     Raises:
       ResourceNotFoundException: there is no such job.
-      PerformerEnding: this process is about to end.
+      WorkerStopping: this process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)
     if is_terminal(job.kind, job.status):
@@ -65,7 +65,7 @@ def perform_if_idle(
         with lease.renewed():
             if is_terminal(kind, lease.refreshed().status):
                 return True
-            if reason := why_hopeless(lease, service):
+            if reason := why_not_retried(lease, service):
                 give_up(lease, reason, service)
             else:
                 work(lease)

@@ -17,7 +17,7 @@ from ...schemas.wire.errors import RobomakerError, ServiceUnavailableException
 from ..catalog import Catalog
 
 
-class PerformerEnding(RobomakerError):
+class WorkerStopping(RobomakerError):
     """This process takes no more leases."""
 
 
@@ -55,11 +55,11 @@ class HeldLeases:
         """The name under which a job's lease is taken and held inside the block.
 
         Raises:
-          PerformerEnding: no more leases are taken.
+          WorkerStopping: no more leases are taken.
         """
         with self._lock:
             if self._closed:
-                raise PerformerEnding(f"{arn} is not begun: this performer is ending")
+                raise WorkerStopping(f"{arn} is not begun: this performer is ending")
             if arn in self._reserved:
                 owner = self._owners[arn]
             else:

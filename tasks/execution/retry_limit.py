@@ -10,16 +10,16 @@ from ...schemas.lifecycles import LIFECYCLES
 from ..service.service import Service
 from .leases import Lease
 
-MOST_LOST_PERFORMERS = 3
+MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10
 """How many a batch may lose: its jobs are found out before it is."""
 
 _EVENTS = ("terminate", "fail", "canceled")
 
 
-def why_hopeless(lease: Lease, service: Service) -> str | None:
+def why_not_retried(lease: Lease, service: Service) -> str | None:
     """Why a job is not to be begun again, if so."""
-    most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MOST_LOST_PERFORMERS
+    most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
     lost = service.catalog.lost_performers(lease.job.arn)
     if lost < most:
         return None

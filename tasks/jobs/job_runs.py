@@ -9,7 +9,7 @@ from typing import Any
 from ...schemas.runs.plan import RunOutcome, RunPlan
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import LaunchError, ServiceUnavailableException, StateConflictError, StorageError
-from ..execution.claims import perform_if_idle, perform_once
+from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.leases import Lease
 from ..execution.steps import RunStep, directly
 from ..runtime.limits.run_notes import add_note
@@ -51,7 +51,7 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step:
       run_step: how its steps `prepare`, `simulate` and `upload` are run.
     """
     clear_containers_of_the_dead(service)
-    perform_once(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
+    run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
 
 
 def stop_idle_job(arn: str, service: Service, reason: str = CANCELED) -> bool:
@@ -65,7 +65,7 @@ def stop_idle_job(arn: str, service: Service, reason: str = CANCELED) -> bool:
     Returns:
       Whether the job has ended; false if another performs it, who sees to its end.
     """
-    return perform_if_idle(arn, KIND, service, lambda lease: JobRun(lease, service).end(reason))
+    return run_if_unclaimed(arn, KIND, service, lambda lease: JobRun(lease, service).end(reason))
 
 
 @cache

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import StateConflictError
-from ..execution.claims import perform_if_idle
+from ..execution.claims import run_if_unclaimed
 from ..execution.leases import Lease
 from ..service.service import Service
 
@@ -32,7 +32,7 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
         return
     with suppress(StateConflictError):  # it has just ended, or is being cancelled already
         service.catalog.transition(arn, "cancel")
-    perform_if_idle(arn, kind, service, work)
+    run_if_unclaimed(arn, kind, service, work)
 
 
 def move_on(lease: Lease, event: str, **changes: Any) -> bool:

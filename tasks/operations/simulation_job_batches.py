@@ -15,7 +15,7 @@ from ...schemas.operations.simulation_job_batches import (
     StartSimulationJobBatchResponse,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.claims import perform_if_idle, perform_once
+from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..jobs.batch_runs import BatchRun, jobs_by_request
 from ..service.service import Service
 from ..simulations.inputs.world_rooms import check_rooms
@@ -31,7 +31,7 @@ _COUNTS = ("requestCount", "failedCount")
 
 def perform_simulation_job_batch(arn: str, service: Service) -> None:
     """Turns the batch's requests into jobs, runs them, and ends the batch."""
-    perform_once(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
+    run_under_lease(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
 
 
 @operation("StartSimulationJobBatch", perform=perform_simulation_job_batch, describe="DescribeSimulationJobBatch")
@@ -107,7 +107,7 @@ def cancel_simulation_job_batch(
     """
     service.catalog.get(request.batch, kind=KIND)
     service.catalog.request_cancel(request.batch)
-    perform_if_idle(request.batch, KIND, service, lambda lease: BatchRun(lease, service).end())
+    run_if_unclaimed(request.batch, KIND, service, lambda lease: BatchRun(lease, service).end())
     return CancelSimulationJobBatchResponse()
 
 

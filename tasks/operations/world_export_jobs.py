@@ -17,7 +17,7 @@ from ...schemas.wire.errors import (
     InvalidParameterException,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.claims import perform_once
+from ..execution.claims import run_under_lease
 from ..jobs.export_runs import run_export
 from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service
@@ -33,7 +33,7 @@ _FILTERS = {"status": "status", **{origin: origin for origin in _ORIGINS}}
 
 def perform_world_export_job(arn: str, service: Service) -> None:
     """Packs the worlds, stores the archive and ends the job."""
-    perform_once(arn, KIND, service, lambda lease: run_export(lease, service))
+    run_under_lease(arn, KIND, service, lambda lease: run_export(lease, service))
 
 
 @operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")

@@ -14,7 +14,7 @@ from ...schemas.operations.world_generation_jobs import (
     ListWorldGenerationJobsResponse,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.claims import perform_once
+from ..execution.claims import run_under_lease
 from ..jobs.generation_runs import NO_FAILURES, in_order, run_generation
 from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service
@@ -27,7 +27,7 @@ _FILTERS = {"status": "status", "templateId": "templateId"}
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
     """Generates the job's worlds that do not exist yet and ends the job."""
-    perform_once(arn, KIND, service, lambda lease: run_generation(lease, service))
+    run_under_lease(arn, KIND, service, lambda lease: run_generation(lease, service))
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")

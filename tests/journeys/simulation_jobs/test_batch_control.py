@@ -13,7 +13,7 @@ from helpers.small_flat import ROLE
 from prefect_robomaker.schemas.lifecycles import is_terminal
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.execution.claims import perform_once
+from prefect_robomaker.tasks.execution.claims import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
@@ -40,7 +40,7 @@ def describe(service: Service, arn: str) -> dict[str, Any]:
 
 def make_job(service: Service, batch: str, index: int) -> None:
     """Turns one request of a batch into a job, and leaves it to others."""
-    perform_once(batch, KIND, service, lambda lease: BatchRun(lease, service).create_job(index))
+    run_under_lease(batch, KIND, service, lambda lease: BatchRun(lease, service).create_job(index))
 
 
 def test_a_list_counts_what_became_of_the_requests(service: Service) -> None:

@@ -9,7 +9,7 @@ import pytest
 from prefect_robomaker.schemas.lifecycles import ACTIVE
 from prefect_robomaker.schemas.wire.errors import InternalServerException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.execution.claims import perform_once
+from prefect_robomaker.tasks.execution.claims import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Progress, Service
@@ -117,7 +117,7 @@ def test_a_performer_that_takes_over_makes_no_job_twice(service: Service, order:
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(), order()]}, service)
     perform = registry()["StartSimulationJobBatch"].perform
     # A performer that died after it had made the first job, and before anything else.
-    perform_once(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
+    run_under_lease(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
 
     ended = perform(batch["arn"], service)
 
@@ -208,7 +208,7 @@ def test_a_job_that_exists_already_does_not_fail_when_its_application_is_gone(
     service: Service, order: Order, prefect_server: str
 ) -> None:
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order()]}, service)
-    perform_once(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
+    run_under_lease(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
     robot = service.catalog.find("robot-application", "watcher")
     assert robot is not None
     service.catalog.delete(robot.arn)

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, StateConflictError
-from prefect_robomaker.tasks.execution.claims import perform_if_idle, perform_once
+from prefect_robomaker.tasks.execution.claims import run_if_unclaimed, run_under_lease
 from prefect_robomaker.tasks.execution.leases import Lease
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -41,7 +41,7 @@ def test_a_performer_that_was_held_up_learns_that_another_took_over(
         lease.transition("start")
 
     with pytest.raises(StateConflictError, match="another"):
-        perform_once(job, KIND, service, work)
+        run_under_lease(job, KIND, service, work)
 
     assert service.catalog.get(job).status == "Pending"
     assert not service.catalog.claim(job, "a third", 60)
@@ -63,7 +63,7 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(service: 
                 change()
             was_lost.append(lease.lost)
 
-    perform_once(job, KIND, service, work)
+    run_under_lease(job, KIND, service, work)
 
     assert was_lost == [False, True, True]
 
@@ -76,7 +76,7 @@ def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(service: Se
         assert not service.catalog.claim(job, "another", 60)
         assert not lease.lost
 
-    perform_once(job, KIND, service, work)
+    run_under_lease(job, KIND, service, work)
 
     assert service.catalog.claim(job, "another", 60)
 
@@ -85,11 +85,11 @@ def test_a_job_that_somebody_performs_is_left_to_them(service: Service, job: str
     worked = []
     assert service.catalog.claim(job, "another", 60)
 
-    assert not perform_if_idle(job, KIND, service, worked.append)
+    assert not run_if_unclaimed(job, KIND, service, worked.append)
     assert worked == []
 
     service.catalog.release(job, "another")
-    assert perform_if_idle(job, KIND, service, lambda lease: worked.append(lease.transition("cancel")))
+    assert run_if_unclaimed(job, KIND, service, lambda lease: worked.append(lease.transition("cancel")))
     service.catalog.transition(job, "canceled")
-    assert perform_if_idle(job, KIND, service, worked.append)
+    assert run_if_unclaimed(job, KIND, service, worked.append)
     assert [entry.status for entry in worked] == ["Canceling"]

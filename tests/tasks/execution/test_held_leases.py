@@ -8,10 +8,10 @@ import pytest
 
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.wire.errors import StateConflictError
-from prefect_robomaker.tasks.execution.claims import perform_once
-from prefect_robomaker.tasks.execution.held_leases import HeldLeases, PerformerEnding, owners_of
+from prefect_robomaker.tasks.execution.claims import run_under_lease
+from prefect_robomaker.tasks.execution.held_leases import HeldLeases, WorkerStopping, owners_of
 from prefect_robomaker.tasks.execution.leases import Lease
-from prefect_robomaker.tasks.execution.retry_limit import MOST_LOST_PERFORMERS
+from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_jobs import store_job
 from prefect_robomaker.tasks.service.service import Service
@@ -41,9 +41,9 @@ def test_what_is_given_back_cannot_be_changed_any_more_and_nothing_new_begins(
         lease.transition("complete")
 
     with pytest.raises(StateConflictError, match="does not hold the lease"):
-        perform_once(job, KIND, service, work, held)
-    with pytest.raises(PerformerEnding):
-        perform_once(job, KIND, service, work, held)
+        run_under_lease(job, KIND, service, work, held)
+    with pytest.raises(WorkerStopping):
+        run_under_lease(job, KIND, service, work, held)
 
     assert service.catalog.get(job).status == "Running"
     assert [each.arn for each in service.catalog.unfinished([KIND])] == [job]
@@ -57,7 +57,7 @@ def test_a_reserved_job_is_performed_under_its_reservation(service: Service, job
     assert service.catalog.unfinished([KIND]) == ()
     begun: list[str] = []
 
-    perform_once(job, KIND, service, lambda lease: begun.append(lease.job.arn), held)
+    run_under_lease(job, KIND, service, lambda lease: begun.append(lease.job.arn), held)
     held.cancel_reservation(job, service.catalog)
 
     assert begun == [job]
@@ -66,11 +66,11 @@ def test_a_reserved_job_is_performed_under_its_reservation(service: Service, job
 
 
 def test_a_job_that_takes_its_performers_along_fails(service: Service, job: str, held: HeldLeases) -> None:
-    for number in range(MOST_LOST_PERFORMERS):
+    for number in range(MAX_LOST_WORKERS):
         assert service.catalog.claim(job, f"{owners_of(os.getpid())}{number}", -1)
     begun: list[str] = []
 
-    perform_once(job, KIND, service, lambda lease: begun.append(lease.job.arn), held)
+    run_under_lease(job, KIND, service, lambda lease: begun.append(lease.job.arn), held)
 
     assert begun == []
     described = call("DescribeWorldGenerationJob", {"job": job}, service)
@@ -86,12 +86,12 @@ def test_a_batch_outlives_more_performers_and_takes_its_jobs_along_when_it_is_gi
     job = store_job(SimulationJobRequest.model_validate(order()), service, token=None, batch=(batch, 0)).arn
     for number in range(5):
         service.catalog.claim(batch, str(number), -1)
-    perform_once(batch, kind, service, lambda lease: lease.transition("start"), held)
+    run_under_lease(batch, kind, service, lambda lease: lease.transition("start"), held)
     assert service.catalog.get(batch).status == "InProgress"
     for number in range(5, 10):
         service.catalog.claim(batch, str(number), -1)
 
-    perform_once(batch, kind, service, lambda lease: lease.transition("drain"), held)
+    run_under_lease(batch, kind, service, lambda lease: lease.transition("drain"), held)
 
     assert service.catalog.get(batch).status == "Failed"
     assert service.catalog.cancel_requested(job)
@@ -101,10 +101,10 @@ def test_a_simulation_job_is_given_up_with_its_reason(
     service: Service, held: HeldLeases, order: Callable[..., dict[str, Any]]
 ) -> None:
     job = call("CreateSimulationJob", order(), service)["arn"]
-    for number in range(MOST_LOST_PERFORMERS):
+    for number in range(MAX_LOST_WORKERS):
         service.catalog.claim(job, str(number), -1)
 
-    perform_once(job, "simulation-job", service, lambda lease: lease.transition("prepare"), held)
+    run_under_lease(job, "simulation-job", service, lambda lease: lease.transition("prepare"), held)
 
     described = call("DescribeSimulationJob", {"job": job}, service)
     assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
