@@ -24,8 +24,8 @@ from prefect_robomaker.tasks.runtime.episode.progress import Progress
 from prefect_robomaker.tasks.runtime.process.child import run_child
 from prefect_robomaker.tasks.runtime.states.state_log_writer import StateLogWriter
 from prefect_robomaker.tasks.runtime.supervision.run_requests import make_request
-from prefect_robomaker.tasks.runtime.video.recorder import Filming
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
+from prefect_robomaker.tasks.runtime.video.view_renderer import ViewRenderer
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
@@ -134,7 +134,7 @@ def test_a_picture_without_opengl(world: Path, size: tuple[int, int], capsys: py
     physics = assemble(world / "world.xml")
     figures = []
     for camera in ("follow", "top", "both"):
-        filming = Filming(physics.model.ptr, VideoSettings(camera, size), "rays")
+        filming = ViewRenderer(physics.model.ptr, VideoSettings(camera, size), "rays")
         times = []
         for _ in range(5):
             began = time.thread_time()

@@ -1,4 +1,4 @@
-"""What watches a run: films it, judges it, takes notes of its state.
+"""Observers of a run: video, requirements, log of states.
 
 An observer looks at the physics from time to time and says at the end what it found. It must not change
 the run: with and without it, the same seed gives the same states.
@@ -82,10 +82,10 @@ def make_observers(
         applications: What makes environment and agent, built-in ones included.
         actions: See `ProvenanceKeeper`.
     """
-    # Films come before requirements, so that they show the state that ended the run.
-    films = _films(plan, video_backend)
+    # Videos come before requirements, so that they show the state that ended the run.
+    video_observers = _video_observers(plan, video_backend)
     keepers = [ProvenanceKeeper(plan, applications, actions), FailureKeeper(plan.output_dir)]
-    observers: list[Observer] = [*keepers, *films, RequirementsObserver(plan)]
+    observers: list[Observer] = [*keepers, *video_observers, RequirementsObserver(plan)]
     if plan.live_view_port is not None:
         observers.append(LiveView(plan, video_backend, settings_of(plan)))
     if plan.end_at_s is not None:
@@ -93,7 +93,7 @@ def make_observers(
     return observers
 
 
-def _films(plan: RunPlan, video_backend: str | None) -> list[Observer]:
+def _video_observers(plan: RunPlan, video_backend: str | None) -> list[Observer]:
     """What a video policy needs while the run goes on; the rest is made afterwards (`failure_films`)."""
     if plan.video == "none":
         return []

@@ -21,7 +21,7 @@ from ..limits.logs import log_tail
 from ..limits.run_notes import note_screens
 from ..process.run_request import RunRequest
 from ..states.checkpoint_files import wall_time_used_s
-from ..video.failure_videos import film_failure
+from ..video.failure_videos import record_failure_videos
 from .cores import Cores
 from .disk_blame import with_blame_for_disk
 from .endings import finish_outputs
@@ -133,7 +133,7 @@ class Launcher:
             timed_out=judgement.timed_out,
             finished=finished,
         )
-        film_failure(plan, outcome, stop, {**DEFAULT_VARIABLES, **kept_environment()})
+        record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **kept_environment()})
         return outcome
 
     def _connect(self) -> Connection:

@@ -47,10 +47,10 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         LaunchError: The variables ask for a video or a recording that cannot be.
     """
     plan = _with_absolute_paths(plan)
-    films_now = plan.video == "always"
+    records_video = plan.video == "always"
     if plan.video != "none":
         settings_of(plan)  # what is wrong with them is said before anything is started
-    renders_now = films_now or camera_recording(plan) is not None
+    renders_now = records_video or camera_recording(plan) is not None
     backend = best_video_backend() if renders_now or plan.live_view_port is not None else None
     variables = dict(variables_of(plan))
     if renders_now and backend in ("egl", "osmesa"):

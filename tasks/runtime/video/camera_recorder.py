@@ -21,8 +21,8 @@ from ..recording.recorder import Recorder
 from ..rendering.cameras import Image
 from ..rendering.views import CameraNameError
 from .camera_settings import CAMERA_VARIABLE, CameraRecording
-from .recorder import RAYS, Filming
 from .video_settings import VideoSettings
+from .view_renderer import RAYS, ViewRenderer
 
 TOPIC = "/camera/image_raw/compressed"
 INFO_TOPIC = "/camera/camera_info"
@@ -51,7 +51,7 @@ class CameraRecorder:
         """
         self.next_time_s = 0.0
         self._recorder, self._settings, self._backend = recorder, settings, backend or RAYS
-        self._filming: Filming | None = None
+        self._renderer: ViewRenderer | None = None
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
@@ -61,10 +61,10 @@ class CameraRecorder:
             RecordingError: The recording cannot be written.
         """
         try:
-            filming, data = self._aimed(environment)
-            picture = _jpeg(filming.picture(data))
-            view = filming.look(data, self._scene)
-            mount = find_mount(filming.model, view, self._scene, frames_of(environment, filming.model))
+            renderer, data = self._aimed(environment)
+            picture = _jpeg(renderer.picture(data))
+            view = renderer.look(data, self._scene)
+            mount = find_mount(renderer.model, view, self._scene, frames_of(environment, renderer.model))
         except CameraNameError as error:
             self.next_time_s, self._error = math.inf, str(error)
             sys.stderr.write(f"No camera in the recording: {error}.\n")
@@ -87,8 +87,8 @@ class CameraRecorder:
     def close(self, ended_by: str | None) -> Findings:
         """Frees what the driver holds; says why there are no pictures, if so."""
         del ended_by
-        if self._filming is not None:
-            self._filming.close()
+        if self._renderer is not None:
+            self._renderer.close()
         return Findings({"camera_error": self._error} if self._error else {})
 
     def state(self) -> float:
@@ -100,17 +100,17 @@ class CameraRecorder:
         del environment
         self.next_time_s = state
 
-    def _aimed(self, environment: Any) -> tuple[Filming, mujoco.MjData]:
+    def _aimed(self, environment: Any) -> tuple[ViewRenderer, mujoco.MjData]:
         """What films the environment as it is now, and its state."""
         model, data = raw_physics(environment.physics)
-        if self._filming is None or model is not self._filming.model:
-            if self._filming is not None:
-                self._filming.close()
+        if self._renderer is None or model is not self._renderer.model:
+            if self._renderer is not None:
+                self._renderer.close()
             settings = VideoSettings(camera=self._settings.camera or _default_camera(model), size=_SIZE)
-            self._filming = Filming(model, settings, self._backend, said_by=CAMERA_VARIABLE)
+            self._renderer = ViewRenderer(model, settings, self._backend, said_by=CAMERA_VARIABLE)
             # Without a renderer: only to learn where the camera stands, and how it projects.
             self._scene = mujoco.MjvScene(model, maxgeom=1)
-        return self._filming, data
+        return self._renderer, data
 
     def _publish_frames(self, mount: Mount, stamp: ros.Time, time_s: float) -> None:
         optical = ros.TransformStamped(ros.Header(stamp, CAMERA_FRAME), OPTICAL_FRAME, TO_OPTICAL)

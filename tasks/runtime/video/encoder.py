@@ -9,7 +9,7 @@ from ..rendering.cameras import Image
 from .video_files import unfinished
 
 
-class Film:
+class VideoWriter:
     """An H.264 file that has its name only when it is complete."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:

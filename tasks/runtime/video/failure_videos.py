@@ -16,10 +16,10 @@ from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE
 from ..limits.left_files import read_left
 from ..limits.run_notes import add_note
 from ..rendering.backends import best_video_backend
-from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, FilmRequest, unfinished
+from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, unfinished
 from .video_settings import settings_of
 
-FILMING_LIMIT_S = 300.0
+VIDEO_LIMIT_S = 300.0
 """Wall-clock time for the films of one run."""
 _PROGRAM = "prefect_robomaker.tasks.runtime.video.rerender"
 _REMARKS_FILE = "film.log"
@@ -27,13 +27,13 @@ _POLL_S = 0.1
 _MAX_REASON_CHARACTERS = 500
 
 
-def film_failure(
+def record_failure_videos(
     plan: RunPlan,
     outcome: RunOutcome,
     stop: Callable[[], str | None],
     environment: Mapping[str, str],
     *,
-    limit_s: float = FILMING_LIMIT_S,
+    limit_s: float = VIDEO_LIMIT_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
     """Makes the films that a run's policy asks for now that it is known how the run ended.
@@ -73,19 +73,19 @@ def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:
     return outcome.timed_out or _verdict(plan.output_dir) in ("FAIL", "ERROR")
 
 
-def _request(plan: RunPlan) -> FilmRequest:
+def _request(plan: RunPlan) -> VideoRequest:
     log_dir, output_dir = plan.work_dir.absolute() / STATE_LOG_FOLDER, plan.output_dir.absolute()
     if not log_dir.exists():
         raise FileNotFoundError("no state was noted: it failed before its first step or has no `physics`")
     settings = settings_of(plan)
-    return FilmRequest(
+    return VideoRequest(
         log_dir=log_dir,
         output_dir=output_dir,
         backend=best_video_backend(),
         camera=settings.camera,
         size=settings.size,
         rate_hz=settings.rate_hz,
-        whole_film=not (output_dir / VIDEO_FILE).exists(),
+        whole_video=not (output_dir / VIDEO_FILE).exists(),
         parent_pid=os.getpid(),
     )
 
@@ -98,7 +98,7 @@ def _verdict(output_dir: Path) -> str | None:
 
 
 def _carry_out(
-    request: FilmRequest,
+    request: VideoRequest,
     work_dir: Path,
     environment: Mapping[str, str],
     stop: Callable[[], str | None],

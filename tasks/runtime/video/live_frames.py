@@ -20,8 +20,8 @@ from PIL import Image as PillowImage
 from ..episode.physics import raw_physics
 from ..rendering.drawing import awake, work_out_places
 from ..rendering.view_culling import MODEL_BORROWED
-from .recorder import RAYS, Filming
 from .video_settings import VideoSettings
+from .view_renderer import RAYS, ViewRenderer
 
 INTERVAL_S = 0.2
 """Wall-clock time between two pictures, at least."""
@@ -155,19 +155,19 @@ class _Easel:
             self._model = awake(copy.copy(state.model))
         self._data = mujoco.MjData(self._model)
         self._camera = settings.camera
-        self._filming = Filming(self._model, settings, backend, state.camera)
+        self._renderer = ViewRenderer(self._model, settings, backend, state.camera)
 
     def draw(self, state: _State, camera: str | None) -> bytes:
         if camera != self._camera:
-            self._filming.aim(camera or state.camera, "the camera")
+            self._renderer.aim(camera or state.camera, "the camera")
             self._camera = camera
         data = self._data
         data.time = state.time_s
         data.qpos[:], data.mocap_pos[:], data.mocap_quat[:] = state.places
         work_out_places(self._model, data)
         buffer = io.BytesIO()
-        PillowImage.fromarray(self._filming.picture(data)).save(buffer, format="JPEG", quality=_JPEG_QUALITY)
+        PillowImage.fromarray(self._renderer.picture(data)).save(buffer, format="JPEG", quality=_JPEG_QUALITY)
         return buffer.getvalue()
 
     def close(self) -> None:
-        self._filming.close()
+        self._renderer.close()

@@ -1,6 +1,6 @@
 """Makes the films of a run from its log of states: a program of its own, started after a run that failed.
 
-`python -P -m prefect_robomaker.tasks.runtime.video.rerender REQUEST`, where REQUEST is a `FilmRequest` as JSON. The
+`python -P -m prefect_robomaker.tasks.runtime.video.rerender REQUEST`, where REQUEST is a `VideoRequest` as JSON. The
 clip of the last seconds comes first: it says most, should there be no time for the rest.
 """
 
@@ -25,10 +25,10 @@ from ..rendering.cameras import Image
 from ..rendering.drawing import awake, work_out_places
 from ..rendering.views import CameraNameError
 from ..states.state_log import Segment, StateLog
-from .encoder import Film
-from .recorder import Filming
-from .video_files import CLIP_FILE, POSTER_FILE, VIDEO_FILE, FilmRequest
+from .encoder import VideoWriter
+from .video_files import CLIP_FILE, POSTER_FILE, VIDEO_FILE, VideoRequest
 from .video_settings import VideoSettings
+from .view_renderer import ViewRenderer
 
 CLIP_S = 10.0
 _PR_SET_PDEATHSIG = 1
@@ -37,7 +37,7 @@ _TOLERANCE_S = 5e-7
 """Forgives rounding in sums of time steps, as the loop of a run does."""
 
 
-def make_films(request: FilmRequest) -> None:
+def write_videos(request: VideoRequest) -> None:
     """Writes `last-10s.mp4`, `poster.png` with the last moment, and `video.mp4` if it is asked for.
 
     Raises:
@@ -49,21 +49,21 @@ def make_films(request: FilmRequest) -> None:
     if not log.frames:
         raise ValueError("no state was noted")
     settings = VideoSettings(request.camera, request.size, request.rate_hz)
-    clip, film = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
+    clip, video = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
     is_short = log.end_s <= CLIP_S
     # Of a short run the clip is the film.
-    last = write_film(log, clip, settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
+    last = write_video(log, clip, settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
     poster = request.output_dir / POSTER_FILE
-    for path in (poster, film) if request.whole_film else (poster,):
+    for path in (poster, video) if request.whole_video else (poster,):
         path.unlink(missing_ok=True)  # programs may have left a link there
     PillowImage.fromarray(last).save(poster)
-    if request.whole_film and is_short:
-        shutil.copyfile(clip, film)
-    elif request.whole_film:
-        write_film(log, film, settings, request.backend)
+    if request.whole_video and is_short:
+        shutil.copyfile(clip, video)
+    elif request.whole_video:
+        write_video(log, video, settings, request.backend)
 
 
-def write_film(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
+def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
     """Writes one film of a log, from a time to its end.
 
     Args:
@@ -79,19 +79,19 @@ def write_film(log: StateLog, path: Path, settings: VideoSettings, backend: str,
     Raises:
         Exception: OpenGL does not work here, or the file cannot be written.
     """
-    film: Film | None = None
+    writer: VideoWriter | None = None
     picture: Image | None = None
     try:
         for picture in _pictures(log, settings, backend, begin_s):
-            if film is None:
-                film = Film(path, (picture.shape[1], picture.shape[0]), settings.rate_hz)
-            film.add(picture)
-        assert film is not None
+            if writer is None:
+                writer = VideoWriter(path, (picture.shape[1], picture.shape[0]), settings.rate_hz)
+            writer.add(picture)
+        assert writer is not None
         assert picture is not None
-        film.close()
+        writer.close()
     except BaseException:
-        if film is not None:
-            film.abandon()
+        if writer is not None:
+            writer.abandon()
         raise
     return picture
 
@@ -111,30 +111,30 @@ def _pictures_of(
 ) -> Iterator[Image]:
     model = awake(mujoco.MjModel.from_binary_path(str(segment.model_path)))
     data = mujoco.MjData(model)
-    # Each frame shows the first state that is not before it, as it does when filming during the run.
+    # Each frame shows the first state that is not before it, as it does when the video is recorded during the run.
     due_s = np.arange(begin, last + 1) / settings.rate_hz - _TOLERANCE_S
-    filming = Filming(model, settings, backend, camera)
+    renderer = ViewRenderer(model, settings, backend, camera)
     try:
         shown, picture = -1, None
         for index in np.searchsorted(segment.times, due_s).tolist():
             if picture is None or index != shown:
                 segment.set_state(data, index)
                 work_out_places(model, data)
-                shown, picture = index, filming.picture(data)
+                shown, picture = index, renderer.picture(data)
             yield picture
     finally:
-        filming.close()
+        renderer.close()
 
 
 def main() -> int:
     """Makes the films that the command line asks for; the last line of standard error says what went wrong."""
-    request = FilmRequest.model_validate_json(sys.argv[1])
+    request = VideoRequest.model_validate_json(sys.argv[1])
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != request.parent_pid:
         return 1
     os.nice(_NICENESS)  # runs that are still going on come first
     try:
-        make_films(request)
+        write_videos(request)
     except CameraNameError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -15,10 +15,10 @@ from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from ..rendering.cameras import Image
 from ..rendering.views import CameraNameError
-from .encoder import Film
-from .recorder import RAYS, Filming
+from .encoder import VideoWriter
 from .video_files import NO_PHYSICS, POSTER_FILE, VIDEO_FILE
 from .video_settings import DEFAULTS, VideoSettings
+from .view_renderer import RAYS, ViewRenderer
 
 POSTER_TIME_S = 2.0
 
@@ -44,21 +44,21 @@ class VideoWatcher:
         self._settings = settings
         self._error: str | None = None
         self._model: mujoco.MjModel | None = None
-        self._filming: Filming | None = None
-        self._film: Film | None = None
+        self._renderer: ViewRenderer | None = None
+        self._writer: VideoWriter | None = None
         self._poster: Image | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Takes a frame, and the same again for frames that a long control step skipped."""
         try:
             picture = self._picture(environment)
-            if self._film is None:
+            if self._writer is None:
                 size = picture.shape[1], picture.shape[0]
-                self._film = Film(self._output_dir / VIDEO_FILE, size, self._settings.rate_hz)
+                self._writer = VideoWriter(self._output_dir / VIDEO_FILE, size, self._settings.rate_hz)
             # The film begins with the run, whatever time the environment's physics begins at.
             while self.next_time_s <= time_s + 5e-7:
-                self._film.add(picture)
-                self.next_time_s = self._begins_s + self._film.frames / self._film.rate_hz
+                self._writer.add(picture)
+                self.next_time_s = self._begins_s + self._writer.frames / self._writer.rate_hz
             if self._poster is None or time_s <= self._begins_s + POSTER_TIME_S:
                 self._poster = picture
         except CameraNameError as error:
@@ -78,14 +78,14 @@ class VideoWatcher:
             Remarks for the result: `video_backend`, or `video_error` with the reason there is no video.
         """
         try:
-            if self._film is not None and self._poster is not None:
-                self._film.close()
+            if self._writer is not None and self._poster is not None:
+                self._writer.close()
                 PillowImage.fromarray(self._poster).save(self._output_dir / POSTER_FILE)
         except Exception:
             self._give_up()
-        if self._filming is not None:
-            self._filming.close()
-        if self._error is None and self._film is None:
+        if self._renderer is not None:
+            self._renderer.close()
+        if self._error is None and self._writer is None:
             if ended_by is None:
                 return Findings()  # there may have been no environment, whose failure is what counts
             self._error = NO_PHYSICS
@@ -107,13 +107,13 @@ class VideoWatcher:
 
     def _picture(self, environment: Any) -> Image:
         model, data = raw_physics(environment.physics)
-        if self._filming is None or model is not self._model:
-            if self._filming is not None:
-                self._filming.close()
+        if self._renderer is None or model is not self._model:
+            if self._renderer is not None:
+                self._renderer.close()
             self._model = model
             camera = getattr(environment, "video_camera", None)
-            self._filming = Filming(model, self._settings, self._backend, camera)
-        return self._filming.picture(data)
+            self._renderer = ViewRenderer(model, self._settings, self._backend, camera)
+        return self._renderer.picture(data)
 
     def _give_up(self) -> None:
         self.next_time_s = float("inf")
@@ -123,6 +123,6 @@ class VideoWatcher:
         self._abandon()
 
     def _abandon(self) -> None:
-        if self._film is not None:
-            self._film.abandon()
-            self._film = None
+        if self._writer is not None:
+            self._writer.abandon()
+            self._writer = None

@@ -14,7 +14,7 @@ STATE_LOG_FOLDER = "state-log"
 NO_PHYSICS = "the environment has no `physics` to film"
 
 
-class FilmRequest(Model):
+class VideoRequest(Model):
     """What films to make of a log of states."""
 
     log_dir: Path = Field(description="The log.")
@@ -23,7 +23,7 @@ class FilmRequest(Model):
     camera: str | None = Field(description="See `VideoSettings`.")
     size: tuple[int, int] | None = Field(description="See `VideoSettings`.")
     rate_hz: int = Field(description="See `VideoSettings`.")
-    whole_film: bool = Field(description="Whether `video.mp4` is made too.")
+    whole_video: bool = Field(description="Whether `video.mp4` is made too.")
     parent_pid: int = Field(description="The process with which the one that films ends.")
 
 

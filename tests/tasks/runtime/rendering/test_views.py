@@ -6,8 +6,8 @@ import pytest
 
 from prefect_robomaker.tasks.runtime.episode.robot_body import radius_of, robot_body
 from prefect_robomaker.tasks.runtime.rendering.views import CameraNameError, choose_view, choose_views, fixed_extent
-from prefect_robomaker.tasks.runtime.video.recorder import RAYS, Filming
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
+from prefect_robomaker.tasks.runtime.video.view_renderer import RAYS, ViewRenderer
 
 ROVER = """
 <body name="rover" pos="{place}" euler="0 0 {heading}">
@@ -105,7 +105,7 @@ def test_top_shows_all_that_is_fixed_and_shown_with_north_up() -> None:
     low, high = fixed_extent(model, data)
     assert np.allclose(low, [-3.1, -2, 0])
     assert np.allclose(high, [3.1, 2, 1])
-    filming = Filming(model, VideoSettings("top", (320, 240)), RAYS)
+    filming = ViewRenderer(model, VideoSettings("top", (320, 240)), RAYS)
     picture = filming.picture(data).astype(int)
     is_wall = (picture.min(axis=2) > 140) & (picture.max(axis=2) - picture.min(axis=2) < 10)
     _, columns = np.nonzero(is_wall)
@@ -148,7 +148,7 @@ def test_both_is_the_view_from_above_in_a_corner_of_the_other() -> None:
     assert small(data).elevation == -90
     pictures = []
     for name in ("follow", "both"):
-        filming = Filming(model, VideoSettings(name, (320, 240)), RAYS)
+        filming = ViewRenderer(model, VideoSettings(name, (320, 240)), RAYS)
         pictures.append(filming.picture(data))
         filming.close()
     differs = (pictures[0] != pictures[1]).any(axis=2)
@@ -160,7 +160,7 @@ def test_both_is_the_view_from_above_in_a_corner_of_the_other() -> None:
 
 def test_the_picture_in_the_corner_follows_too() -> None:
     model, data = room()
-    filming = Filming(model, VideoSettings("both", (320, 240)), RAYS)
+    filming = ViewRenderer(model, VideoSettings("both", (320, 240)), RAYS)
     before = filming.picture(data)[6:90, 206:310].copy()
     data.qpos[model.joint("arm").qposadr[0] - 7] = 1.0
     data.time = 1.0
@@ -174,4 +174,4 @@ def test_a_wish_for_a_camera_that_is_not_there_names_the_variable() -> None:
         CameraNameError,
         match="ROBOMAKER_VIDEO_CAMERA: there is no camera 'chase'; the model's cameras are: none; follow",
     ):
-        Filming(model, VideoSettings("chase"), RAYS)
+        ViewRenderer(model, VideoSettings("chase"), RAYS)

@@ -16,7 +16,7 @@ from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
-from prefect_robomaker.tasks.runtime.video.failure_videos import film_failure, has_failed
+from prefect_robomaker.tasks.runtime.video.failure_videos import has_failed, record_failure_videos
 
 FILMED = BUNDLES / "filmed"
 FILMS = {"video.mp4", "last-10s.mp4", "poster.png"}
@@ -193,7 +193,7 @@ def test_filming_ends_when_the_job_is_stopped_or_it_takes_too_long(launcher: Lau
     assert (outcome.status, outcome.timed_out) == ("Completed", False), "the run itself was over"
     assert "No film of the failure: the job was stopped (canceled)" in errors_of(plan)
     began = time.monotonic()
-    film_failure(plan, outcome, lambda: None, {}, limit_s=0.3)
+    record_failure_videos(plan, outcome, lambda: None, {}, limit_s=0.3)
     assert time.monotonic() - began < 10
     assert "No film of the failure: it took too long" in errors_of(plan)
     assert films_in(plan) == set()

@@ -1,4 +1,4 @@
-"""Filming a model: camera and views by their settings, one picture of two where both are asked for."""
+"""Rendering views of a model: camera and views by their settings, one picture of two where both are asked for."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -21,7 +21,7 @@ _INSET_EVERY_S = 0.3
 _FRAME = 245
 
 
-class Filming:
+class ViewRenderer:
     """Takes the pictures of one film of one model."""
 
     def __init__(
