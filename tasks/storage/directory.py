@@ -23,7 +23,7 @@ from ...schemas.wire.errors import (
     TransferStoppedError,
 )
 from .base import ObjectInfo, Stopped, never
-from .etags import etag_of, keep_etag
+from .etags import etag_of, store_etag
 from .failures import os_failures
 from .folders import open_regular
 from .naming import check_bucket, check_key, check_prefix
@@ -189,7 +189,7 @@ class DirectoryStore:
                     digest.update(chunk)
                     size += len(chunk)
                 target.flush()
-                keep_etag(target.fileno(), digest.hexdigest())
+                store_etag(target.fileno(), digest.hexdigest())
                 os.fsync(target.fileno())
             yield temporary, ObjectInfo(bucket, key, size, digest.hexdigest())
         finally:

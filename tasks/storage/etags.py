@@ -17,7 +17,7 @@ _REMEMBERED = 16_384
 _computed: dict[tuple[int, str], str] = {}
 
 
-def keep_etag(descriptor: int, etag: str) -> None:
+def store_etag(descriptor: int, etag: str) -> None:
     """Keeps a file's ETag with the file, where the file system can.
 
     Args:
@@ -45,7 +45,7 @@ def etag_of(descriptor: int) -> str:
         if len(_computed) >= _REMEMBERED:
             _computed.clear()
         _computed[key] = _md5(descriptor)
-        keep_etag(descriptor, _computed[key])
+        store_etag(descriptor, _computed[key])
     return _computed[key]
 
 

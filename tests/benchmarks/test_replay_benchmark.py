@@ -31,7 +31,7 @@ from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.process.observers import make_observers
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.states.checkpoints import Checkpointer, LoopState, RunParts
-from prefect_robomaker.tasks.runtime.states.provenance import ProvenanceKeeper
+from prefect_robomaker.tasks.runtime.states.provenance import ProvenanceRecorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
@@ -56,7 +56,7 @@ def plan_in(folder: Path, world: Path, **members: Any) -> RunPlan:
     )  # fmt: skip
 
 
-def physics_laps(world: Path, keeper: ProvenanceKeeper | None) -> list[float]:
+def physics_laps(world: Path, keeper: ProvenanceRecorder | None) -> list[float]:
     """CPU seconds of laps of physics from the same state, with the digest or without."""
     physics = assemble(world / "world.xml")
     model, data = physics.model.ptr, physics.data.ptr
@@ -79,7 +79,7 @@ def test_digest_against_physics(world: Path, tmp_path: Path, capsys: pytest.Capt
     bare, watched = [], []
     for number in range(ROUNDS):
         bare.append(physics_laps(world, None))
-        watched.append(physics_laps(world, ProvenanceKeeper(plan_in(tmp_path / str(number), world))))
+        watched.append(physics_laps(world, ProvenanceRecorder(plan_in(tmp_path / str(number), world))))
     alone, both = (1e6 * np.min(laps, axis=0).sum() / (LAPS * LAP_STEPS) for laps in (bare, watched))
     with capsys.disabled():
         print(

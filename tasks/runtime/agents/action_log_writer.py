@@ -100,7 +100,7 @@ class ActionLogWriter:
         return place
 
 
-class ActionKeeper:
+class ActionRecorder:
     """Keeps the actions of a run as well as it can.
 
     A log that cannot be written fails no run: it is removed, since part of one would be taken for the whole, and the

@@ -104,7 +104,7 @@ class Greeter:
             except TimeoutError:
                 if self._clock() >= deadline_s:
                     raise
-            if self._clock() >= patient_until_s and self._socket.somebody_waits():
+            if self._clock() >= patient_until_s and self._socket.has_waiting_client():
                 link.refuse(f"no greeting came within {GREETING_TIMEOUT_S:g} s, and another program has connected")
                 raise _MuteError
 

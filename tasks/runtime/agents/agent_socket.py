@@ -115,7 +115,7 @@ class AgentSocket:
             with suppress(TimeoutError):
                 return self._socket.accept()[0]
 
-    def somebody_waits(self) -> bool:
+    def has_waiting_client(self) -> bool:
         """Whether another connection is there to be accepted."""
         return bool(select.select([self._socket], [], [], 0.0)[0])
 

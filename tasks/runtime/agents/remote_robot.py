@@ -15,7 +15,7 @@ from ..episode.context import SimulationContext
 from ..episode.results import Findings
 from ..episode.stops import RunStopped
 from .action_log import ACTIONS_FILE, header_of
-from .action_log_writer import ActionKeeper
+from .action_log_writer import ActionRecorder
 from .agent_client import ACTION, ACTION_HEADER, HELLO, OBSERVATION_HEADER, PROTOCOL, VERSION, words
 from .agent_greeting import CONNECT_TIMEOUT_VARIABLE, CRASH, Greeter
 from .agent_layout import Layout
@@ -56,7 +56,7 @@ class RemoteRobot:
         self._socket: AgentSocket | None = AgentSocket(plan)
         self._link: AgentLink | None = None
         self._agent: RemoteAgent | None = None
-        self._keeper: ActionKeeper | None = None
+        self._keeper: ActionRecorder | None = None
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> RemoteAgent:
         """Waits for the robot's program and greets it.
@@ -86,7 +86,7 @@ class RemoteRobot:
             raise LaunchError(f"the program of robot application {self._robot}: {text}", CRASH)
         # Only now is it known what else the robot may say.
         self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
-        self._keeper = ActionKeeper(self._plan.output_dir / ACTIONS_FILE, header_of(hello.mode, action))
+        self._keeper = ActionRecorder(self._plan.output_dir / ACTIONS_FILE, header_of(hello.mode, action))
         self._agent = RemoteAgent(
             self._link,
             hello,

@@ -11,8 +11,8 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ..episode.results import Findings
 from ..episode.stops import RunEnded
 from ..requirements.observer import RequirementsObserver
-from ..states.failure_state import FailureKeeper
-from ..states.provenance import Actions, ProvenanceKeeper
+from ..states.failure_state import FailureRecorder
+from ..states.provenance import Actions, ProvenanceRecorder
 from ..states.state_log_writer import StateLogger
 from ..video.live_view import LiveView
 from ..video.video import VideoWatcher
@@ -80,12 +80,12 @@ def make_observers(
         plan: The run.
         video_backend: How to render; None: no video.
         applications: What makes environment and agent, built-in ones included.
-        actions: See `ProvenanceKeeper`.
+        actions: See `ProvenanceRecorder`.
     """
     # Videos come before requirements, so that they show the state that ended the run.
     video_observers = _video_observers(plan, video_backend)
-    keepers = [ProvenanceKeeper(plan, applications, actions), FailureKeeper(plan.output_dir)]
-    observers: list[Observer] = [*keepers, *video_observers, RequirementsObserver(plan)]
+    recorders = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]
+    observers: list[Observer] = [*recorders, *video_observers, RequirementsObserver(plan)]
     if plan.live_view_port is not None:
         observers.append(LiveView(plan, video_backend, settings_of(plan)))
     if plan.end_at_s is not None:

@@ -37,7 +37,7 @@ _OF_A_POSITION = (mujoco.mjtWarning.mjWARN_BADQPOS,)
 _OF_A_VELOCITY = (mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
-class FailureKeeper:
+class FailureRecorder:
     """Observes a run; counts MuJoCo's warnings, and writes the state down when the run breaks after one."""
 
     def __init__(self, output_dir: Path) -> None:
@@ -97,14 +97,14 @@ class FailureKeeper:
         mujoco.mj_forward(model, before)
         np.save(self._output_dir / FAILURE_VECTOR_FILE, kept)
         mujoco.mj_saveModel(model, str(self._output_dir / FAILURE_MODEL_FILE))
-        blamed = [_blamed_joint(model, data, kind) for kind in np.flatnonzero(counts > 0).tolist()]
+        warned = [_warned_joint(model, data, kind) for kind in np.flatnonzero(counts > 0).tolist()]
         state = FailureState(
             time_s=before.time,
             step=round(before.time / model.opt.timestep),
             began_anew=bool(data.time < before.time),
             warnings=list(_warnings(model, data, counts)),
             not_finite=_not_finite(data),
-            joints=_joints(model, before, [joint for joint in blamed if joint is not None]),
+            joints=_joints(model, before, [joint for joint in warned if joint is not None]),
             contacts=_contacts(model, before),
             control={_name(model.actuator(i).name, "actuator", i): float(before.ctrl[i]) for i in range(model.nu)},
             model_sha256=digest_of_model(model),
@@ -115,7 +115,7 @@ class FailureKeeper:
 
 def _warnings(model: mujoco.MjModel, data: mujoco.MjData, counts: NDArray[np.int64]) -> Iterator[PhysicsWarning]:
     for kind in np.flatnonzero(counts > 0).tolist():
-        joint = _blamed_joint(model, data, kind)
+        joint = _warned_joint(model, data, kind)
         yield PhysicsWarning(
             warning=_warning_name(kind),
             count=int(counts[kind]),
@@ -125,7 +125,7 @@ def _warnings(model: mujoco.MjModel, data: mujoco.MjData, counts: NDArray[np.int
         )
 
 
-def _blamed_joint(model: mujoco.MjModel, data: mujoco.MjData, kind: int) -> int | None:
+def _warned_joint(model: mujoco.MjModel, data: mujoco.MjData, kind: int) -> int | None:
     """The joint that a warning about a bad number is about."""
     place = int(data.warning[kind].lastinfo)
     if kind in map(int, _OF_A_VELOCITY) and 0 <= place < model.nv:
@@ -135,10 +135,10 @@ def _blamed_joint(model: mujoco.MjModel, data: mujoco.MjData, kind: int) -> int 
     return None
 
 
-def _joints(model: mujoco.MjModel, data: mujoco.MjData, blamed: Iterable[int]) -> list[JointState]:
+def _joints(model: mujoco.MjModel, data: mujoco.MjData, warned: Iterable[int]) -> list[JointState]:
     fastest = [int(model.dof_jntid[dof]) for dof in np.argsort(-np.abs(data.qvel))]
     states = []
-    for joint in list(dict.fromkeys([*blamed, *fastest]))[:_MOST]:
+    for joint in list(dict.fromkeys([*warned, *fastest]))[:_MOST]:
         position, velocity = _places(model, joint)
         states.append(
             JointState(

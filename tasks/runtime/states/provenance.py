@@ -39,7 +39,7 @@ Actions = Callable[[], ActionsSummary | None]
 """Says what a log of actions has once it is complete; None: there is none."""
 
 
-class ProvenanceKeeper:
+class ProvenanceRecorder:
     """Observes a run, writes `provenance.json` and `digest.bin`.
 
     The first is there from the first look on, so that a run that is killed has one too.

@@ -23,10 +23,10 @@ from ..process.run_request import RunRequest
 from ..states.checkpoint_files import wall_time_used_s
 from ..video.failure_videos import record_failure_videos
 from .cores import Cores
-from .disk_blame import with_blame_for_disk
-from .endings import finish_outputs
-from .outcomes import Exit, Judgement, judge
-from .run_requests import DEFAULT_VARIABLES, kept_environment, make_request, program_environment
+from .disk_attribution import attribute_disk_use
+from .finished_outputs import finish_outputs
+from .outcomes import Exit, Outcome, decide_outcome
+from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
 from .watch import Watch
 
 _WARM_UP_TIMEOUT_S = 120.0
@@ -121,19 +121,19 @@ class Launcher:
             _clean_up(request)
         on_stopped()
         if ended is not None and stopped_for is None:
-            ended = with_blame_for_disk(ended, plan)
-        judgement = crash.judge(stopped_for) or judge_with_log(ended, stopped_for, plan)
-        judgement, finished = finish_outputs(plan, ended, judgement, (started_at, ended_at))
+            ended = attribute_disk_use(ended, plan)
+        decided = crash.outcome(stopped_for) or decide_outcome_with_log(ended, stopped_for, plan)
+        decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
         outcome = RunOutcome(
-            status=judgement.status,
-            failure_code=judgement.failure_code,
-            failure_reason=judgement.failure_reason,
+            status=decided.status,
+            failure_code=decided.failure_code,
+            failure_reason=decided.failure_reason,
             started_at=started_at,
             ended_at=ended_at,
-            timed_out=judgement.timed_out,
+            timed_out=decided.timed_out,
             finished=finished,
         )
-        record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **kept_environment()})
+        record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **inherited_environment()})
         return outcome
 
     def _connect(self) -> Connection:
@@ -160,7 +160,7 @@ class _Server:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", _FORKSERVER, str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
-                env={**DEFAULT_VARIABLES, **kept_environment()},
+                env={**DEFAULT_VARIABLES, **inherited_environment()},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -209,25 +209,25 @@ class _FirstCrash:
     def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
         self._plan = plan
         self._on_crash = on_crash
-        self._judgement: Judgement | None = None
+        self._outcome: Outcome | None = None
 
     def on_crash(self, crashed: Exit) -> None:
         """Judges it while its log is fresh, and passes that on."""
-        self._judgement = judgement = judge_with_log(crashed, None, self._plan)
+        self._outcome = decided = decide_outcome_with_log(crashed, None, self._plan)
         if self._on_crash is not None:
-            self._on_crash(judgement.failure_code or _INTERNAL, judgement.failure_reason or "")
+            self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
-    def judge(self, stopped_for: str | None) -> Judgement | None:
+    def outcome(self, stopped_for: str | None) -> Outcome | None:
         """Returns how the run ended if something had crashed in it: failed, unless it was canceled after that."""
-        if self._judgement is None or stopped_for in (None, "duration limit"):
-            return self._judgement
-        return judge(None, stopped_for, self._plan)
+        if self._outcome is None or stopped_for in (None, "duration limit"):
+            return self._outcome
+        return decide_outcome(None, stopped_for, self._plan)
 
 
-def judge_with_log(ended: Exit | None, stopped_for: str | None, plan: RunPlan) -> Judgement:
-    """Judges an end (see `outcomes.judge`) with the log of the program that it is about."""
+def decide_outcome_with_log(ended: Exit | None, stopped_for: str | None, plan: RunPlan) -> Outcome:
+    """Decides how a run finished (see `outcomes.decide_outcome`) with the log of the program that it is about."""
     program = ended.crash.program if ended is not None and ended.crash is not None else None
-    return judge(ended, stopped_for, plan, log_tail(plan.output_dir, program))
+    return decide_outcome(ended, stopped_for, plan, log_tail(plan.output_dir, program))
 
 
 def _clean_up(request: RunRequest) -> None:

@@ -78,7 +78,7 @@ class Exit:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Outcome:
     """The part of a `RunOutcome` that has to be decided."""
 
     status: Literal["Completed", "Failed", "Canceled"]
@@ -87,9 +87,9 @@ class Judgement:
     timed_out: bool = False
 
 
-def judge(
+def decide_outcome(
     ended: Exit | None, stopped_for: str | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
-) -> Judgement:
+) -> Outcome:
     """Decides how a run ended.
 
     Args:
@@ -105,17 +105,17 @@ def judge(
     """
     if ended is not None and ended.crash is not None:
         head = f"{_subject(ended.crash, plan)} {ended.crash.what}{_about_tools(ended, plan)}"
-        return Judgement("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
+        return Outcome("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
     if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
-        return Judgement("Completed")  # a rerun ends by itself where the run was stopped
+        return Outcome("Completed")  # a rerun ends by itself where the run was stopped
     if stopped_for == "duration limit":
-        return Judgement("Completed", timed_out=True)
+        return Outcome("Completed", timed_out=True)
     if stopped_for is not None:
         code = "BatchTimedOut" if stopped_for == _BATCH_TIMEOUT else None
-        return Judgement("Canceled", code, f"The run was stopped: {stopped_for}.")
+        return Outcome("Canceled", code, f"The run was stopped: {stopped_for}.")
     if ended is None:
         reason = "The run's supervising process disappeared, perhaps killed for want of memory."
-        return Judgement("Failed", "InternalServiceError", failure_reason(reason, *log))
+        return Outcome("Failed", "InternalServiceError", failure_reason(reason, *log))
     phase = Phase(ended.report.get("phase", ended.phase))
     # An application that refuses to run on purpose (`LaunchError`) says what kind of failure that is.
     code = ended.report.get("code", _CRASH_CODES[phase.role])
@@ -126,7 +126,7 @@ def judge(
         reason = _what(ended)  # the request's fault, not the runtime's
     else:
         reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}{_about_tools(ended, plan)}"
-    return Judgement("Failed", code, failure_reason(reason, *log))
+    return Outcome("Failed", code, failure_reason(reason, *log))
 
 
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:

@@ -24,7 +24,7 @@ DEFAULT_VARIABLES = {
     "PYTHONHASHSEED": "0",
     "MUJOCO_GL": "disable",
 }
-_KEPT_VARIABLES = frozenset(
+_INHERITED_VARIABLES = frozenset(
     {
         *("PATH", "HOME", "USER", "LOGNAME", "SHELL", "LANG", "LANGUAGE", "TZ", "TMPDIR", "XDG_RUNTIME_DIR"),
         *("LD_LIBRARY_PATH", "VIRTUAL_ENV", "PYTHONPATH", "PYTHONDONTWRITEBYTECODE"),
@@ -60,7 +60,7 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         plan=plan,
         environment={
             **DEFAULT_VARIABLES,
-            **kept_environment(),
+            **inherited_environment(),
             **home,
             **variables,
             "PWD": str(plan.work_dir),
@@ -72,9 +72,9 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
     )
 
 
-def kept_environment() -> dict[str, str]:
+def inherited_environment() -> dict[str, str]:
     """This process's variables that runs may see: no credentials, no settings of services."""
-    return {key: value for key, value in os.environ.items() if key in _KEPT_VARIABLES or key.startswith("LC_")}
+    return {key: value for key, value in os.environ.items() if key in _INHERITED_VARIABLES or key.startswith("LC_")}
 
 
 def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, str]:

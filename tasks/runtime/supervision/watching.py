@@ -74,7 +74,7 @@ class Supervision:
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._is_over = False
-        self._is_ending = False
+        self._is_stopping = False
         self._is_stopped = False
         """Whether somebody else ends the run."""
         self._is_completed = False
@@ -122,7 +122,7 @@ class Supervision:
         confine(self._plan.compute, self._request.cores)
 
     def _start(self, program: Program) -> None:
-        if self._is_ending:
+        if self._is_stopping:
             return
         try:
             program.start()
@@ -145,7 +145,7 @@ class Supervision:
             self._look_who_ended(ready)
             self._run_timers()
             self._look_at_use()
-            if self._is_ending and not self._pidfds():
+            if self._is_stopping and not self._pidfds():
                 return
 
     def _pidfds(self) -> list[int]:
@@ -162,7 +162,7 @@ class Supervision:
         if "stop" not in message:
             self._is_over = True
         else:
-            self._is_ending = True
+            self._is_stopping = True
             self._ask_to_end(message["stop"])
 
     def _look_who_ended(self, ready: list[Any]) -> None:
@@ -201,7 +201,7 @@ class Supervision:
 
     def _on_run_end(self) -> None:
         exit_of_run = self._exit()
-        is_about_robot = exit_of_run.ended_by == "agent" or _blamed_role(exit_of_run.report) == "robot"
+        is_about_robot = exit_of_run.ended_by == "agent" or _failed_role(exit_of_run.report) == "robot"
         if is_about_robot and self._robot_program() is not None:
             # Unless its end, which is to come, says more.
             self._after(LAST_WORD_S, partial(self._conclude, exit_of_run))
@@ -209,7 +209,7 @@ class Supervision:
             self._conclude(exit_of_run)
 
     def _conclude(self, exit_of_run: Exit) -> None:
-        if self._is_ending or self._has_crashed:
+        if self._is_stopping or self._has_crashed:
             return
         if exit_of_run.ended_by is None and self._plan.failure_behavior == "Continue":
             self._go_on(exit_of_run)
@@ -217,7 +217,7 @@ class Supervision:
             self._end()
 
     def _on_program_end(self, program: Program, status: int) -> None:
-        if self._is_ending:
+        if self._is_stopping:
             return
         if _restarts(program):
             pause_s = program.pause(how_it_ended(status))
@@ -237,7 +237,7 @@ class Supervision:
 
     def _is_failing_by_itself(self) -> bool:
         """Whether the run's process has said that it fails, which its robot program may have noticed first."""
-        return self._run_status is None and _blamed_role(self._progress.read_report()) == "simulation"
+        return self._run_status is None and _failed_role(self._progress.read_report()) == "simulation"
 
     def _on_crash(self, crash: Crash) -> None:
         if self._plan.failure_behavior == "Continue":
@@ -255,10 +255,10 @@ class Supervision:
     def _on_excess(self, excess: Excess) -> None:
         """Ends the run at once, whatever its failure behaviour: its processes must not be there any longer."""
         self._is_over = True
-        if not self._is_ending:
-            self._blame(excess)
+        if not self._is_stopping:
+            self._attribute(excess)
 
-    def _blame(self, excess: Excess) -> None:
+    def _attribute(self, excess: Excess) -> None:
         what = f"used too much: {excess.text}"
         program = next((program for program in self._programs if program.pid == excess.session), None)
         if program is None and self._run_pid is None:
@@ -276,8 +276,8 @@ class Supervision:
 
     def _end(self) -> None:
         """Ends the run for a reason of its own."""
-        if not self._is_ending:
-            self._is_ending = True
+        if not self._is_stopping:
+            self._is_stopping = True
             self._ask_to_end("canceled")
             self._after(END_GRACE_S / 2, lambda: self._ask_to_end("canceled"))
             self._after(END_GRACE_S, self._give_up)
@@ -291,7 +291,7 @@ class Supervision:
             program.terminate()
 
     def _tell_run_that_agent_is_gone(self) -> None:
-        if not self._is_ending:
+        if not self._is_stopping:
             self._terminate_run(AGENT_GONE)
 
     def _terminate_run(self, reason: str) -> None:
@@ -318,7 +318,7 @@ class Supervision:
     def _look_at_disk(self) -> None:
         """Whatever the run left, and however it ended by itself: it has failed if that is more than it may leave."""
         if not self._is_stopped and (found := self._disk.last_look()) is not None:
-            self._blame(Excess(found, self._disk_writer or 0))
+            self._attribute(Excess(found, self._disk_writer or 0))
 
     def _clean_up(self) -> None:
         left = {pid for program in self._programs if (pid := program.clean_up()) is not None}
@@ -349,7 +349,7 @@ def _pids_of_run() -> Iterator[int]:
     return (state.pid for state in descendants_of(os.getpid()))
 
 
-def _blamed_role(report: dict[str, Any]) -> str | None:
+def _failed_role(report: dict[str, Any]) -> str | None:
     return Phase(report["phase"]).role if "error" in report else None
 
 

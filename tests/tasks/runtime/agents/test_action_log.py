@@ -29,7 +29,7 @@ from prefect_robomaker.tasks.runtime.agents.action_log import (
     chunk_of,
     header_of,
 )
-from prefect_robomaker.tasks.runtime.agents.action_log_writer import ActionKeeper, ActionLogWriter
+from prefect_robomaker.tasks.runtime.agents.action_log_writer import ActionLogWriter, ActionRecorder
 from prefect_robomaker.tasks.runtime.agents.agent_client import ACTION_HEADER
 from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
 
@@ -250,7 +250,7 @@ def test_an_hour_is_small(tmp_path: Path) -> None:
 
 
 def test_a_log_that_cannot_be_written_fails_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    keeper = ActionKeeper(tmp_path / "gone" / "actions.bin", WHEELS)
+    keeper = ActionRecorder(tmp_path / "gone" / "actions.bin", WHEELS)
     keeper.keep(bytes(16))
     keeper.close()
     assert (keeper.error or "").startswith("FileNotFoundError")
@@ -262,10 +262,10 @@ def test_of_a_log_that_does_not_fit_no_part_is_left(tmp_path: Path) -> None:
 import resource, sys
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
-from test_action_log import WHEELS, ActionKeeper
+from test_action_log import WHEELS, ActionRecorder
 import signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-keeper = ActionKeeper(Path(sys.argv[1]), WHEELS)
+keeper = ActionRecorder(Path(sys.argv[1]), WHEELS)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 for _ in range(100):
     keeper.keep(bytes(16))

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
-from prefect_robomaker.tasks.runtime.states.failure_state import FailureKeeper
+from prefect_robomaker.tasks.runtime.states.failure_state import FailureRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 DOCUMENTATION = REPOSITORY / "docs" / "verdicts.md"
@@ -59,7 +59,7 @@ class Raw(dm_env.Environment):
 
 
 def run(environment: Any, folder: Path) -> Any:
-    keeper = FailureKeeper(folder)
+    keeper = FailureRecorder(folder)
     try:
         episode = run_episode(
             lambda: environment, lambda environment: lambda timestep: None, mark=lambda phase: None,

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.tasks.runtime.episode.progress import STOP_REASONS, Phase, Progress
-from prefect_robomaker.tasks.runtime.supervision.outcomes import Exit, failure_reason, judge
+from prefect_robomaker.tasks.runtime.supervision.outcomes import Exit, decide_outcome, failure_reason
 
 Plan = Callable[..., RunPlan]
 FINISHED = Exit(0, None, Phase.FINISHING, {"ended_by": "environment"})
@@ -37,20 +37,20 @@ def test_a_last_line_that_is_too_long_keeps_its_beginning_and_its_end() -> None:
 
 def test_a_request_that_cannot_be_done_is_not_the_runtimes_failure(make_plan: Plan) -> None:
     refused = {"error": "requirement near: there is no body 'cat'", "phase": Phase.JUDGING, "code": "InvalidInput"}
-    judgement = judge(Exit(1, None, Phase.JUDGING, refused), None, make_plan())
-    assert (judgement.failure_code, judgement.failure_reason) == ("InvalidInput", refused["error"])
+    outcome = decide_outcome(Exit(1, None, Phase.JUDGING, refused), None, make_plan())
+    assert (outcome.failure_code, outcome.failure_reason) == ("InvalidInput", refused["error"])
 
 
 @pytest.mark.parametrize("stopped_for", ["duration limit", "canceled"])
 def test_an_end_just_before_the_stop_counts(make_plan: Plan, stopped_for: str) -> None:
-    judgement = judge(FINISHED, stopped_for, make_plan())
-    assert (judgement.status, judgement.timed_out) == ("Completed", False)
+    outcome = decide_outcome(FINISHED, stopped_for, make_plan())
+    assert (outcome.status, outcome.timed_out) == ("Completed", False)
 
 
 def test_a_crash_while_stopping_is_a_stop(make_plan: Plan) -> None:
     crashed = Exit(1, None, Phase.STEP, {"error": "boom", "phase": Phase.STEP})
-    assert judge(crashed, "canceled", make_plan()).status == "Canceled"
-    assert judge(crashed, "duration limit", make_plan()).timed_out
+    assert decide_outcome(crashed, "canceled", make_plan()).status == "Canceled"
+    assert decide_outcome(crashed, "duration limit", make_plan()).timed_out
 
 
 @pytest.mark.parametrize(
@@ -64,19 +64,19 @@ def test_a_crash_while_stopping_is_a_stop(make_plan: Plan) -> None:
     ],
 )  # fmt: skip
 def test_whose_signal_it_was(make_plan: Plan, phase: Phase, code: str, text: str) -> None:
-    judgement = judge(Exit(None, 11, phase, {}), None, make_plan())
-    assert judgement.failure_code == code
-    assert judgement.failure_reason == f"{text}: killed by SIGSEGV"
+    outcome = decide_outcome(Exit(None, 11, phase, {}), None, make_plan())
+    assert outcome.failure_code == code
+    assert outcome.failure_reason == f"{text}: killed by SIGSEGV"
 
 
 def test_a_success_that_was_not_finished_is_a_failure(make_plan: Plan) -> None:
-    judgement = judge(Exit(0, None, Phase.AGENT, {}), None, make_plan())
-    assert judgement.failure_code == "RobotApplicationCrash"
-    assert "ended itself with exit code 0 before the run was over" in (judgement.failure_reason or "")
+    outcome = decide_outcome(Exit(0, None, Phase.AGENT, {}), None, make_plan())
+    assert outcome.failure_code == "RobotApplicationCrash"
+    assert "ended itself with exit code 0 before the run was over" in (outcome.failure_reason or "")
 
 
 def test_a_vanished_supervisor_is_nobodys_application(make_plan: Plan) -> None:
-    assert judge(None, None, make_plan()).failure_code == "InternalServiceError"
+    assert decide_outcome(None, None, make_plan()).failure_code == "InternalServiceError"
 
 
 def test_progress_says_what_was_written() -> None:

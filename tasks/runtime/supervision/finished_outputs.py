@@ -13,15 +13,15 @@ from ..agents.agent_socket import remove_agent_socket
 from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
 from ..limits.left_files import read_left
 from ..limits.run_notes import add_note
-from .outcomes import Exit, Judgement, failure_reason, tool_in_words
+from .outcomes import Exit, Outcome, failure_reason, tool_in_words
 
 INVALID_RESULT_FILE = "result.invalid.json"
 """What an application wrote as `result.json`, if it is none."""
 
 
 def finish_outputs(
-    plan: RunPlan, ended: Exit | None, judgement: Judgement, times: tuple[datetime, datetime]
-) -> tuple[Judgement, bool]:
+    plan: RunPlan, ended: Exit | None, outcome: Outcome, times: tuple[datetime, datetime]
+) -> tuple[Outcome, bool]:
     """Makes the output folder say what happened.
 
     A run that only had programs gets a `result.json`, unless one of them wrote a valid one; one with an
@@ -30,40 +30,40 @@ def finish_outputs(
     Args:
         plan: The run.
         ended: How it ended; None when its supervisor disappeared.
-        judgement: What was made of that.
+        outcome: What was made of that.
         times: When it began and ended.
 
     Returns:
-        The judgement, which is a failure if the result of programs cannot be written; whether the outputs are whole.
+        The outcome, which is a failure if the result of programs cannot be written; whether the outputs are whole.
     """
     tools = ended.tools if ended is not None else ()
     for tool in tools:
         add_note(plan.output_dir, f"robomaker: {tool_in_words(tool, plan)}")
     if plan.has_episode:
         remove_agent_socket(plan)
-        if judgement.status == "Failed":
+        if outcome.status == "Failed":
             with suppress(OSError):  # the application may have put anything in the folder's place
                 (plan.output_dir / RESULT_FILE).unlink()
-            return judgement, False
+            return outcome, False
         is_whole = ended is not None and ended.ended_by is not None
         if is_whole and tools:
             _add_tools(plan, tools)
-        return judgement, is_whole
-    if judgement.status == "Failed":
-        return judgement, False
+        return outcome, is_whole
+    if outcome.status == "Failed":
+        return outcome, False
     try:
-        _result_of_programs(plan, judgement, times)
+        _result_of_programs(plan, outcome, times)
         if tools:
             _add_tools(plan, tools)
     except OSError as error:  # the disk is full, or an application put something in the way
-        if judgement.status == "Completed":
+        if outcome.status == "Completed":
             reason = failure_reason(f"{RESULT_FILE} cannot be written: {error}", "", ())
-            judgement = Judgement("Failed", "InternalServiceError", reason)
-        return judgement, False
-    return judgement, True
+            outcome = Outcome("Failed", "InternalServiceError", reason)
+        return outcome, False
+    return outcome, True
 
 
-def _result_of_programs(plan: RunPlan, judgement: Judgement, times: tuple[datetime, datetime]) -> None:
+def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, datetime]) -> None:
     if _is_result(plan):
         return
     path = plan.output_dir / RESULT_FILE
@@ -72,13 +72,13 @@ def _result_of_programs(plan: RunPlan, judgement: Judgement, times: tuple[dateti
         path.replace(path.with_name(INVALID_RESULT_FILE))
         extra = {"invalid_result": f"an application wrote a {RESULT_FILE} that is none; it is {INVALID_RESULT_FILE}"}
     began, ended = times
-    stopped_by = "duration limit" if judgement.timed_out else "canceled"
+    stopped_by = "duration limit" if outcome.timed_out else "canceled"
     result = RunResult(
         verdict="NONE",
         sim_time_s=0.0,
         wall_time_s=(ended - began).total_seconds(),
         real_time_factor=0.0,
-        ended_by="application" if judgement.status == "Completed" and not judgement.timed_out else stopped_by,
+        ended_by="application" if outcome.status == "Completed" and not outcome.timed_out else stopped_by,
         seed=plan.seed,
         versions=versions(),
         extra=extra | {"started_at": began.isoformat(), "ended_at": ended.isoformat()},

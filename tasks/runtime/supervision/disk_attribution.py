@@ -8,7 +8,7 @@ from ..limits.disk_walk import files_below
 from .outcomes import Crash, Exit
 
 
-def with_blame_for_disk(ended: Exit, plan: RunPlan) -> Exit:
+def attribute_disk_use(ended: Exit, plan: RunPlan) -> Exit:
     """Looks a last time at the folders of a run of containers, which are settled by now.
 
     While they run, their root may have folders that nobody else can look into.
