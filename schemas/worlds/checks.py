@@ -35,7 +35,7 @@ class RoomMeasures(Model):
     reachable_share: float = Field(description="Share of those that the robot reaches from the origin, 0 to 1.")
 
 
-class WishCount(Model):
+class PreferenceCount(Model):
     """How many wishes of the template the world grants."""
 
     satisfied: int = Field(description="Granted.")
@@ -68,7 +68,7 @@ class WorldChecks(Model):
     footprint_aspect_ratio: float | None = Field(
         default=None, description="Extent of the building along x over that along y, between centre lines of walls."
     )
-    wishes: WishCount | None = Field(default=None, description="Wishes about plan and interior together.")
+    wishes: PreferenceCount | None = Field(default=None, description="Wishes about plan and interior together.")
     free_bodies: int = Field(default=0, description="Bodies that can move: loose objects and leaves of doors.")
     settle_s: float | None = Field(
         default=None, description="Simulated seconds for which physics ran from time 0; absent if not run."

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from ..wire.base import Model
 from .checks import WorldChecks
-from .world import PassageKind, Point, RoomType, Wish
+from .world import PassageKind, Point, Preference, RoomType
 
 DESCRIPTION_FILE = "world_description.json"
 """Its name in a world bundle and in an export."""
@@ -118,7 +118,7 @@ class Proofs(Model):
     guaranteesHold: bool = Field(description="Whether none of the guarantees is broken.")
     violations: list[str] = Field(description="The guarantees that are broken, one sentence each.")
     checks: WorldChecks = Field(description="The measurements: the `checks` of `world.json`.")
-    wishes: list[Wish] = Field(description="What became of each wish of the template, with the reason.")
+    wishes: list[Preference] = Field(description="What became of each wish of the template, with the reason.")
 
 
 class WorldDescription(Model):

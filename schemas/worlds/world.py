@@ -28,7 +28,7 @@ from .checks import WorldChecks as WorldChecks
 
 Point = tuple[float, float]
 RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet"]
-WishOutcome = Literal["satisfied", "missed", "contradictory"]
+PreferenceOutcome = Literal["satisfied", "missed", "contradictory"]
 
 ROOM_TYPES: tuple[RoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
 
@@ -146,12 +146,12 @@ class Furniture(Model):
     movable: bool = Field(default=False, description="Whether it is a free body.")
 
 
-class Wish(Model):
+class Preference(Model):
     """What became of one wish of the template."""
 
     path: str = Field(description="JSON path in the template body.")
     wish: str = Field(description="The wish in words, with its value.")
-    outcome: WishOutcome = Field(description="Whether the world grants it.")
+    outcome: PreferenceOutcome = Field(description="Whether the world grants it.")
     reason: str = Field(default="", description="Why not; empty when satisfied.")
 
 
@@ -164,7 +164,7 @@ class Floorplan(Model):
     walls: list[Wall] = Field(description="All walls, cut at passages, lintels included.")
     passages: list[Passage] = Field(description="All ways between rooms.")
     windows: list[Window] = Field(default=[], description="Windows in exterior walls.")
-    wishes: list[Wish] = Field(description="What became of the wishes about the plan.")
+    wishes: list[Preference] = Field(description="What became of the wishes about the plan.")
 
 
 class World(Model):
@@ -182,5 +182,5 @@ class World(Model):
     )
     floorplan: Floorplan = Field(description="The plan, with this world's materials in its rooms.")
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
-    wishes: list[Wish] = Field(description="What became of the wishes about the interior.")
+    wishes: list[Preference] = Field(description="What became of the wishes about the interior.")
     checks: WorldChecks | None = Field(default=None, description="Measured before the world was accepted.")

@@ -6,7 +6,7 @@ from markupsafe import Markup
 from pydantic import ValidationError
 
 from ...schemas.reports.report import Report, ReportedWorld
-from ...schemas.worlds.world import Wish, World
+from ...schemas.worlds.world import Preference, World
 from . import plan
 from .frame import Frame
 from .pictures import Picture, PictureError, embed_picture, embed_svg
@@ -34,12 +34,12 @@ class WorldView:
     """Numbers of the jobs that drove here."""
 
     @property
-    def wishes(self) -> list[Wish]:
+    def wishes(self) -> list[Preference]:
         """Wishes of the template about plan and interior."""
         return [*self.content.floorplan.wishes, *self.content.wishes] if self.content else []
 
     @property
-    def unmet(self) -> list[Wish]:
+    def unmet(self) -> list[Preference]:
         """Wishes that the world does not grant."""
         return [wish for wish in self.wishes if wish.outcome != "satisfied"]
 

@@ -63,8 +63,8 @@ def generate_world(
     attempt = 0
     while attempt < MAX_ATTEMPTS and clock() - begun < MOST_CPU_S:
         sub_seed = np.random.SeedSequence(interior_seed, spawn_key=(attempt,))
-        furniture, wishes, rooms = furnish(body, plan, np.random.default_rng(sub_seed))
-        hung, door_wishes = dress_doors(body, plan, np.random.default_rng(sub_seed.spawn(1)[0]))
+        furniture, preferences, rooms = furnish(body, plan, np.random.default_rng(sub_seed))
+        hung, door_preferences = dress_doors(body, plan, np.random.default_rng(sub_seed.spawn(1)[0]))
         world = World(
             generator_version=GENERATOR_VERSION,
             template_version=body.Version,
@@ -73,7 +73,7 @@ def generate_world(
             interior_attempt=attempt,
             floorplan=hung.model_copy(update={"rooms": rooms}),
             furniture=furniture,
-            wishes=[*wishes, *door_wishes],
+            wishes=[*preferences, *door_preferences],
         )
         # A robot can push doors open: what it reaches then is what counts.
         grid = occupancy_grid(hung, furniture, leaf_outlines(hung, fully_open=True))

@@ -36,7 +36,7 @@ def world_facts(found: FoundWorld) -> dict[str, Any]:
         "proven": None if world.checks is None else not broken,
         "broken": broken,
         "proofs": proofs,
-        "wishes": _wishes(world),
+        "wishes": _preferences(world),
     }
 
 
@@ -96,12 +96,12 @@ def _passage(index: int, passage: Passage, world: World) -> dict[str, Any]:
     }
 
 
-def _wishes(world: World) -> dict[str, Any]:
-    wishes = [*world.floorplan.wishes, *world.wishes]
-    counts = Counter(wish.outcome for wish in wishes)
+def _preferences(world: World) -> dict[str, Any]:
+    preferences = [*world.floorplan.wishes, *world.wishes]
+    counts = Counter(preference.outcome for preference in preferences)
     return {
         "satisfied": counts["satisfied"],
         "missed": counts["missed"],
         "contradictory": counts["contradictory"],
-        "not_granted": [wish.model_dump() for wish in wishes if wish.outcome != "satisfied"],
+        "not_granted": [preference.model_dump() for preference in preferences if preference.outcome != "satisfied"],
     }

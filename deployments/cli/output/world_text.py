@@ -41,7 +41,7 @@ def fact_lines(facts: dict[str, Any]) -> list[Line]:
         [("proofs", "bold")],
         *_proofs(facts),
         [],
-        *_wishes(facts["wishes"]),
+        *_preferences(facts["wishes"]),
         *_pictures(facts.get("pictures", [])),
     ]
 
@@ -137,21 +137,21 @@ def _proofs(facts: dict[str, Any]) -> Iterator[Line]:
         yield [("    ", ""), (sentence, "red")]
 
 
-def _wishes(wishes: dict[str, Any]) -> Iterator[Line]:
+def _preferences(preferences: dict[str, Any]) -> Iterator[Line]:
     counts = ", ".join(
-        f"{wishes[key]} {word}"
+        f"{preferences[key]} {word}"
         for key, word in (("satisfied", "granted"), ("missed", "missed"), ("contradictory", "contradictory"))
-        if wishes[key] or key == "satisfied"
+        if preferences[key] or key == "satisfied"
     )
     yield [("wishes of the template: ", "bold"), (counts, "")]
-    for wish in wishes["not_granted"]:
+    for preference in preferences["not_granted"]:
         yield [
             ("  ✗ ", "yellow"),
-            (wish["wish"], ""),
-            ("" if wish["outcome"] == "missed" else " (contradictory)", "yellow"),
+            (preference["wish"], ""),
+            ("" if preference["outcome"] == "missed" else " (contradictory)", "yellow"),
         ]
-        yield [("    ", ""), (wish["reason"], "")]
-        yield [("    ", ""), (wish["path"], "dim")]
+        yield [("    ", ""), (preference["reason"], "")]
+        yield [("    ", ""), (preference["path"], "dim")]
 
 
 def _pictures(paths: Sequence[str]) -> Iterator[Line]:

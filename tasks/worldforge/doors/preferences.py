@@ -7,7 +7,7 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, WorldTemplateBody
 from ....schemas.templates.doorways import InteriorDoorwaySet
 from ....schemas.templates.targets import DoorwayTarget, TemplateTargetSet
-from ....schemas.worlds.world import Floorplan, Passage, Room, Wish, WishOutcome
+from ....schemas.worlds.world import Floorplan, Passage, Preference, PreferenceOutcome, Room
 from .doors import hang_doors
 from .leaves import FULLY_OPEN_PERCENT
 from .parts import FINISHES, FORMS
@@ -15,7 +15,9 @@ from .parts import FINISHES, FORMS
 _RANKS = 4
 
 
-def dress_doors(body: WorldTemplateBody, plan: Floorplan, rng: np.random.Generator) -> tuple[Floorplan, list[Wish]]:
+def dress_doors(
+    body: WorldTemplateBody, plan: Floorplan, rng: np.random.Generator
+) -> tuple[Floorplan, list[Preference]]:
     """Gives the doors of a plan their looks and their opening.
 
     All doors of a world have one finish. A door that no doorway set is for is fully open.
@@ -38,12 +40,14 @@ def dress_doors(body: WorldTemplateBody, plan: Floorplan, rng: np.random.Generat
         if passage.door is None:
             passages.append(passage)
             continue
-        wished = sets[chosen[index]].Door.InitialState.OpenPosition.Percent if index in chosen else FULLY_OPEN_PERCENT
-        percent = chance if wished == "Random" else float(wished)
+        preferred = (
+            sets[chosen[index]].Door.InitialState.OpenPosition.Percent if index in chosen else FULLY_OPEN_PERCENT
+        )
+        percent = chance if preferred == "Random" else float(preferred)
         door = passage.door.model_copy(update={"style": f"{form} {finish}", "open_percent": percent})
         passages.append(passage.model_copy(update={"door": door}))
-    wishes = [_wish(sets, index, chosen, plan) for index in range(len(sets))]
-    return plan.model_copy(update={"passages": passages}), wishes
+    preferences = [_preference(sets, index, chosen, plan) for index in range(len(sets))]
+    return plan.model_copy(update={"passages": passages}), preferences
 
 
 def choose_doorway_sets(sets: Sequence[InteriorDoorwaySet], plan: Floorplan) -> dict[int, int]:
@@ -81,12 +85,12 @@ def _has(some: TemplateTargetSet, room: Room) -> bool:
     return room.name in (some.RoomNames or []) or room.type in (some.RoomTypes or [])
 
 
-def _wish(sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[int, int], plan: Floorplan) -> Wish:
+def _preference(sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[int, int], plan: Floorplan) -> Preference:
     one_set = sets[number]
     percent = one_set.Door.InitialState.OpenPosition.Percent
     opening = "at random" if percent == "Random" else f"{percent:g} %"
     outcome, reason = _outcome(sets, number, chosen, plan)
-    return Wish(
+    return Preference(
         path=f"{INTERIOR_PATH}.Doorways.DoorwaySets[{number}]",
         wish=f"doors of {one_set.Name} open {opening}",
         outcome=outcome,
@@ -96,7 +100,7 @@ def _wish(sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[int, int
 
 def _outcome(
     sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[int, int], plan: Floorplan
-) -> tuple[WishOutcome, str]:
+) -> tuple[PreferenceOutcome, str]:
     target = sets[number].TargetSet
     rooms = {room.name: room for room in plan.rooms}
     meant = [

@@ -111,21 +111,21 @@ class Brief(NamedTuple):
         return [round(MIN_SIDES_M[kind] * UNITS_PER_M) for kind in self.types]
 
 
-def brief(wishes: TemplateFloorplan) -> Brief:
+def brief(preferences: TemplateFloorplan) -> Brief:
     """Reads the numbers out of a template."""
-    numbers = {room.Name: number for number, room in enumerate(wishes.Rooms)}
+    numbers = {room.Name: number for number, room in enumerate(preferences.Rooms)}
     counts: Counter[tuple[int, int]] = Counter()
     kinds: dict[tuple[int, int], PassageKind] = {}
-    for connection in wishes.DesiredConnections:
+    for connection in preferences.DesiredConnections:
         low, high = sorted(numbers[name] for name in connection.Location)
         counts[low, high] += 1
         kinds[low, high] = connection.ConnectionType
     return Brief(
         names=tuple(numbers),
-        types=tuple(room.Type for room in wishes.Rooms),
-        areas_m2=tuple(room.DesiredShape.Area for room in wishes.Rooms),
-        ratios=tuple(length_over_width(room.DesiredShape.AspectRatio) for room in wishes.Rooms),
-        footprint_ratio=wishes.Footprint.DesiredAspectRatio.x / wishes.Footprint.DesiredAspectRatio.y,
+        types=tuple(room.Type for room in preferences.Rooms),
+        areas_m2=tuple(room.DesiredShape.Area for room in preferences.Rooms),
+        ratios=tuple(length_over_width(room.DesiredShape.AspectRatio) for room in preferences.Rooms),
+        footprint_ratio=preferences.Footprint.DesiredAspectRatio.x / preferences.Footprint.DesiredAspectRatio.y,
         requests={pair: (kinds[pair], count) for pair, count in counts.items()},
     )
 

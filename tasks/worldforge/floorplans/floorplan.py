@@ -13,7 +13,7 @@ from .brief import EXTERIOR_WALL, Brief, brief, length_over_width
 from .connections import Way, connect
 from .partition import UNITS_PER_M, Corners, Partition, area, extent, slenderness
 from .partition_search import find_partition
-from .preferences import judge_wishes
+from .preferences import preference_report
 from .walls import Pane, Piece, build_walls, place_windows
 
 LINTEL_M = 2.1
@@ -48,10 +48,10 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     Raises:
       WorldGenerationError: no valid plan within the bounded number of attempts.
     """
-    wishes = body.floorplan
+    preferences = body.floorplan
     # The search takes thousands of small draws, for which the standard library's generator is ten times faster.
     dice = Random(int(rng.integers(2**63)))  # noqa: S311
-    numbers = brief(wishes)
+    numbers = brief(preferences)
     plan = find_partition(numbers, dice)
     ways = connect(plan, numbers, dice)
     panes = place_windows(plan, numbers, dice)
@@ -59,12 +59,12 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     origin = _origin(plan, numbers, ways, spots)
     drawn = Floorplan(
         footprint=_points(((0, 0), (plan.width, 0), (plan.width, plan.height), (0, plan.height)), origin),
-        ceiling_height_m=wishes.Ceiling.Height,
-        rooms=[_room(wishes, plan, number, spots[number], origin) for number in range(len(plan.rooms))],
+        ceiling_height_m=preferences.Ceiling.Height,
+        rooms=[_room(preferences, plan, number, spots[number], origin) for number in range(len(plan.rooms))],
         walls=[_wall(piece, numbers, origin) for piece in build_walls(plan, ways)],
         passages=[_passage(way, numbers, origin) for way in ways],
         windows=[_window(pane, numbers, origin) for pane in panes],
-        wishes=judge_wishes(wishes, numbers, plan, ways),
+        wishes=preference_report(preferences, numbers, plan, ways),
     )
     return hang_doors(drawn)[0] if body.Version == "2" else drawn
 
@@ -118,18 +118,18 @@ def _ends(horizontal: bool, at: int, start: int, end: int, origin: Spot) -> tupl
     return first, last
 
 
-def _room(wishes: TemplateFloorplan, plan: Partition, number: int, spots: Spots, origin: Spot) -> Room:
-    wish, corners = wishes.Rooms[number], plan.rooms[number]
+def _room(preferences: TemplateFloorplan, plan: Partition, number: int, spots: Spots, origin: Spot) -> Room:
+    preference, corners = preferences.Rooms[number], plan.rooms[number]
     middle = int(spots.clearance.argmax())
     return Room(
-        name=wish.Name,
-        original_name=wish.OriginalName,
-        type=wish.Type,
+        name=preference.Name,
+        original_name=preference.OriginalName,
+        type=preference.Type,
         polygon=_points(corners, origin),
         area_m2=area(corners) / UNITS_PER_M**2,
         aspect_ratio=round(slenderness(plan, number), 4),
-        desired_area_m2=wish.DesiredShape.Area,
-        desired_aspect_ratio=length_over_width(wish.DesiredShape.AspectRatio),
+        desired_area_m2=preference.DesiredShape.Area,
+        desired_aspect_ratio=length_over_width(preference.DesiredShape.AspectRatio),
         goal=_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],
     )
 

@@ -32,7 +32,7 @@ Flags = NDArray[np.bool_]
 TOLERANCE = log(1.15)
 """Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
 
-_MISSED_WISH = 0.3
+_MISSED_PREFERENCE = 0.3
 _OUTLIER = 1.5
 _AREA_WEIGHT = 0.25
 _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
@@ -115,7 +115,7 @@ def as_partition(cuts: Cuts, plan: int) -> Partition:
     )
 
 
-class BatchJudge:
+class BatchEvaluator:
     """Says what plans of rectangular rooms cost under a brief."""
 
     def __init__(self, brief: Brief) -> None:
@@ -125,10 +125,10 @@ class BatchJudge:
         self.footprint = log(brief.footprint_ratio)
         self.footprint_weight = _FOOTPRINT_WEIGHTS[min(len(types), 3)]
         self.least = np.array(brief.min_sides, dtype=float)[:, None]
-        self.wished = np.log(np.array(brief.ratios))[:, None]
+        self.preferred = np.log(np.array(brief.ratios))[:, None]
         # A little off the limit, because sides are rounded to units.
         possible = np.log(np.maximum(0.97 * self.areas / self.least**2, 1.0))
-        self.ratios = np.minimum(self.wished, possible)
+        self.ratios = np.minimum(self.preferred, possible)
         self.longer = np.array([0.5 if kind == "Hallway" else 1.0 for kind in types])[:, None]
         self.habitable = np.array([kind in HABITABLE for kind in types])[:, None]
         self.public = np.array([kind in PUBLIC for kind in types])
@@ -150,8 +150,8 @@ class BatchJudge:
         """
         off, narrow = self._off(cuts)
         off_footprint = np.abs(footprint - self.footprint)
-        cost = self.footprint_weight * (off_footprint + _MISSED_WISH * (off_footprint > TOLERANCE))
-        cost += (off + _OUTLIER * off * off + _MISSED_WISH * (off > TOLERANCE)).sum(axis=0)
+        cost = self.footprint_weight * (off_footprint + _MISSED_PREFERENCE * (off_footprint > TOLERANCE))
+        cost += (off + _OUTLIER * off * off + _MISSED_PREFERENCE * (off > TOLERANCE)).sum(axis=0)
         cost += _AREA_WEIGHT * np.abs(areas).sum(axis=0)
         return cost + (_TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
 
@@ -162,7 +162,7 @@ class BatchJudge:
         # A hallway that is longer than wished is still a good hallway.
         return np.where(off > 0, off * self.longer, -off), np.maximum(0.0, self.least - sides.min(axis=0))
 
-    def judge(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
+    def evaluate(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
         """Everything about plans that were cut exactly; the arguments are those of `shapes`."""
         spans = self._spans(cuts)
         doors = (spans - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
@@ -180,7 +180,7 @@ class BatchJudge:
         ways[:, self.pairs[0], self.pairs[1]] = ways[:, self.pairs[1], self.pairs[0]] = fits.T
         sides = cuts.high - cuts.low
         ratios = np.abs(np.log(sides[0] / np.maximum(sides[1], 0.1)))
-        misses[1:1] = [*(np.abs(ratios - self.wished) > RATIO_TOLERANCE)]
+        misses[1:1] = [*(np.abs(ratios - self.preferred) > RATIO_TOLERANCE)]
         reached = np.all(_closure(ways)[:, 0], axis=1)
         cost = self.shapes(cuts, footprint, areas) + _MISSED_CONNECTION * missed + _NOT_CONNECTED * ~reached
         cost += _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)

@@ -26,7 +26,7 @@ _LEAST_STEPS = 20
 _TOLERANCE = log(1.15)
 """Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
 
-_MISSED_WISH = 0.3
+_MISSED_PREFERENCE = 0.3
 _OUTLIER = 1.5
 _MISSED_CONNECTION = 2.5
 _NOT_CONNECTED = 9.0
@@ -46,7 +46,7 @@ _RATIO_SHARE = 0.1
 _PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
 
-class Judge:
+class PlanEvaluator:
     """Says what a partition costs under a brief; 0 is perfect."""
 
     def __init__(self, brief: Brief) -> None:
@@ -77,7 +77,7 @@ class Judge:
 
     def _shapes(self, plan: Partition) -> float:
         off = abs(log(plan.width / plan.height) - self.log_footprint)
-        cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_WISH if off > _TOLERANCE else 0.0))
+        cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_PREFERENCE if off > _TOLERANCE else 0.0))
         for room, corners in enumerate(plan.rooms):
             kind = self.brief.types[room]
             if plan.arms[room] < self.min_sides[room]:
@@ -88,7 +88,7 @@ class Judge:
             if kind == "Hallway" and off > 0:
                 off /= 2  # a hallway that is longer than wished is still a good hallway
             off = abs(off)
-            cost += off + _OUTLIER * off * off + (_MISSED_WISH if off > _TOLERANCE else 0.0)
+            cost += off + _OUTLIER * off * off + (_MISSED_PREFERENCE if off > _TOLERANCE else 0.0)
             if len(corners) > 4:
                 cost += _BENT.get(kind, _BENT_OTHERWISE)
             if kind in HABITABLE:
@@ -160,14 +160,14 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
     Raises:
       WorldGenerationError: `below` is not given, and no valid partition was met in `MAX_CLIMBS` hill climbs.
     """
-    judge = Judge(brief)
+    evaluator = PlanEvaluator(brief)
     valid: dict[Partition, float] = {}
     for climb in range(MAX_CLIMBS):
         if climb >= _CLIMBS and (valid or below is not None):
             break
-        steps = _climb(judge, dice, any_footprint=climb >= _CLIMBS)
+        steps = _climb(evaluator, dice, any_footprint=climb >= _CLIMBS)
         for plan in sorted(steps, key=lambda plan: steps[plan])[:_TOP]:
-            if judge.is_valid(plan) and (below is None or (judge.is_bent(plan) and steps[plan] < below)):
+            if evaluator.is_valid(plan) and (below is None or (evaluator.is_bent(plan) and steps[plan] < below)):
                 valid[plan] = steps[plan]
     if valid:
         return min(valid, key=lambda plan: valid[plan])
@@ -179,24 +179,24 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
     )
 
 
-def _climb(judge: Judge, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
+def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
     """Improves one random slicing tree by small changes; steps back are taken less and less.
 
     Args:
-      judge: says what is better.
+      evaluator: says what is better.
       dice: the source of chance.
       any_footprint: begin with any outline, where the desired one has led nowhere.
 
     Returns:
       The partitions on the way, with their costs.
     """
-    brief = judge.brief
+    brief = evaluator.brief
     count = len(brief.areas_m2)
-    ratios = _footprint_ratios(judge)
+    ratios = _footprint_ratios(evaluator)
     expression = _random_tree(dice.sample(range(count), count), dice)
     ratio = dice.choice(ratios) if any_footprint else brief.footprint_ratio
-    plan = _cut(judge, expression, ratio)
-    cost = judge.cost(plan)
+    plan = _cut(evaluator, expression, ratio)
+    cost = evaluator.cost(plan)
     taken = {plan: cost}
     steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * count**2)
     for step in range(steps):
@@ -205,29 +205,29 @@ def _climb(judge: Judge, dice: Random, *, any_footprint: bool) -> dict[Partition
             changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
         else:
             changed = _changed(expression, dice)
-        plan = _cut(judge, changed, changed_ratio)
+        plan = _cut(evaluator, changed, changed_ratio)
         limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
-        changed_cost = judge.cost(plan, limit)
+        changed_cost = evaluator.cost(plan, limit)
         if changed_cost <= limit:
             expression, ratio, cost = changed, changed_ratio, changed_cost
             taken[plan] = cost
     return taken
 
 
-def _footprint_ratios(judge: Judge) -> list[float]:
+def _footprint_ratios(evaluator: PlanEvaluator) -> list[float]:
     """Outlines to try when the desired one does not suit the rooms."""
-    desired = judge.brief.footprint_ratio
-    if len(judge.possible_ratios) == 1:
-        ratio = judge.possible_ratios[0]
+    desired = evaluator.brief.footprint_ratio
+    if len(evaluator.possible_ratios) == 1:
+        ratio = evaluator.possible_ratios[0]
         return [desired, ratio, 1 / ratio]
     return [desired, *_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS)]
 
 
-def _cut(judge: Judge, expression: Sequence[int], ratio: float) -> Partition:
-    brief = judge.brief
+def _cut(evaluator: PlanEvaluator, expression: Sequence[int], ratio: float) -> Partition:
+    brief = evaluator.brief
     square_units = sum(brief.areas_m2) * UNITS_PER_M**2
     width = round(sqrt(square_units * ratio))
-    return partition(expression, brief.areas_m2, judge.possible_ratios, width, round(square_units / width))
+    return partition(expression, brief.areas_m2, evaluator.possible_ratios, width, round(square_units / width))
 
 
 def _random_tree(rooms: list[int], dice: Random) -> list[int]:

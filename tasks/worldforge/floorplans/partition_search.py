@@ -67,7 +67,7 @@ def _choice(best: Shortlist, dice: Random) -> int:
 
     None of them misses the footprint or a requested connection that the best one grants.
     """
-    rooms = len(best.judge.areas)
+    rooms = len(best.evaluator.areas)
     kept = np.delete(best.misses, range(1, rooms + 1), axis=0)
     fine = np.flatnonzero(~(kept & ~kept[:, :1]).any(axis=0) & (best.cost <= best.cost[0] + _ODD_MARGIN))
     if dice.random() < _ODD_SHARE:
@@ -81,14 +81,14 @@ def _choice(best: Shortlist, dice: Random) -> int:
 
 def _bent(best: Shortlist, number: int, dice: Random) -> Partition:
     """A plan with its sides a little longer and shorter, as long as that breaks no wish that it grants."""
-    rooms = len(best.judge.areas)
+    rooms = len(best.evaluator.areas)
     columns = np.full(_DRAWS + 1, number)
     plain = best.variants.take(columns)
     shifts = np.array([[dice.gauss(0, 1) for _ in range(rooms + 1)] for _ in range(_DRAWS)] + [[0.0] * (rooms + 1)]).T
     areas = np.clip(plain.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
     variants = Variants(plain.trees, areas, plain.footprint + _BENT_FOOTPRINT * shifts[rooms])
-    cuts = variants.cut(best.judge, exact=True)
-    nature = best.judge.judge(cuts, variants.footprint, variants.areas)
+    cuts = variants.cut(best.evaluator, exact=True)
+    nature = best.evaluator.evaluate(cuts, variants.footprint, variants.areas)
     granted = ~(nature.misses & ~best.misses[:, columns]).any(axis=0)
     fine = nature.valid & granted & (nature.cost <= best.cost[number] + _WORSE)
     return as_partition(cuts, int(fine.argmax()))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....schemas.worlds.world import PassageKind, RoomType
 from .brief import Brief
-from .partition_batch import BatchJudge, Cuts, Flags, Floats, cut
+from .partition_batch import BatchEvaluator, Cuts, Flags, Floats, cut
 from .partition_trees import Trees, all_trees
 
 AREA_MARGIN = 0.07
@@ -40,15 +40,15 @@ class Variants(NamedTuple):
         """Some of the plans, in the order given."""
         return Variants(self.trees.take(columns), self.areas[:, columns], self.footprint[columns])
 
-    def cut(self, judge: BatchJudge, *, exact: bool = False) -> Cuts:
+    def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
         """Cuts all of them."""
-        return cut(self.trees, judge.areas * np.exp(self.areas), np.exp(self.footprint), exact=exact)
+        return cut(self.trees, evaluator.areas * np.exp(self.areas), np.exp(self.footprint), exact=exact)
 
 
 class Shortlist(NamedTuple):
     """Plans for a brief, best first, none without a way to every room or with a room that is too narrow."""
 
-    judge: BatchJudge
+    evaluator: BatchEvaluator
     variants: Variants
     cost: Floats
     misses: Flags
@@ -72,41 +72,41 @@ def _shortlist(
     requests: tuple[tuple[tuple[int, int], tuple[PassageKind, int]], ...],
 ) -> Shortlist:
     brief = Brief(names, types, areas_m2, ratios, footprint_ratio, dict(requests))
-    judge = BatchJudge(brief)
-    start = _beginnings(judge, all_trees(len(types)), few=len(types) <= _FEW_ROOMS)
-    refined = _refined(judge, start)
-    nature = judge.judge(refined.cut(judge, exact=True), refined.footprint, refined.areas)
+    evaluator = BatchEvaluator(brief)
+    start = _beginnings(evaluator, all_trees(len(types)), few=len(types) <= _FEW_ROOMS)
+    refined = _refined(evaluator, start)
+    nature = evaluator.evaluate(refined.cut(evaluator, exact=True), refined.footprint, refined.areas)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]
     tried = all_trees(len(types)).plans
-    return Shortlist(judge, refined.take(order), nature.cost[order], nature.misses[:, order], tried)
+    return Shortlist(evaluator, refined.take(order), nature.cost[order], nature.misses[:, order], tried)
 
 
-def _beginnings(judge: BatchJudge, trees: Trees, *, few: bool) -> Variants:
+def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Variants:
     """The most promising trees with the areas wished for."""
-    footprints = judge.footprint + np.array([0.0, *(_OTHER_FOOTPRINTS if few else ())])
+    footprints = evaluator.footprint + np.array([0.0, *(_OTHER_FOOTPRINTS if few else ())])
     columns = np.tile(np.arange(trees.plans), len(footprints))
     every = Variants(
         trees.take(columns) if few else trees,
-        np.zeros((len(judge.areas), len(columns))),
+        np.zeros((len(evaluator.areas), len(columns))),
         np.repeat(footprints, trees.plans),
     )
     if len(columns) <= _REFINED:
         return every
-    cuts = every.cut(judge, exact=True)
-    cost = judge.shapes(cuts, every.footprint, every.areas)
+    cuts = every.cut(evaluator, exact=True)
+    cost = evaluator.shapes(cuts, every.footprint, every.areas)
     best = np.argsort(np.round(cost, 6), kind="stable")[: 4 * _REFINED]
     some = every.take(best)
-    nature = judge.judge(Cuts(cuts.low[..., best], cuts.high[..., best]), some.footprint, some.areas)
+    nature = evaluator.evaluate(Cuts(cuts.low[..., best], cuts.high[..., best]), some.footprint, some.areas)
     return some.take(np.argsort(nature.cost, kind="stable")[:_REFINED])
 
 
-def _refined(judge: BatchJudge, start: Variants) -> Variants:
+def _refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
     """Bends areas, within their margin, and outlines, one at a time, as long as it makes the shapes better."""
     trees, areas, footprint = start.trees, start.areas.copy(), start.footprint.copy()
     rooms, plans = areas.shape
     twice = trees.take(np.tile(np.arange(plans), 2))
-    cost = judge.shapes(start.cut(judge), footprint, areas)
+    cost = evaluator.shapes(start.cut(evaluator), footprint, areas)
     for step in _STEPS:
         for number in range(-1, rooms):
             tried_areas, tried_footprint = np.tile(areas, 2), np.tile(footprint, 2)
@@ -116,7 +116,7 @@ def _refined(judge: BatchJudge, start: Variants) -> Variants:
             else:
                 tried_areas[number] = np.clip(tried_areas[number] + shift, -AREA_MARGIN, AREA_MARGIN)
             tried = Variants(twice, tried_areas, tried_footprint)
-            costs = judge.shapes(tried.cut(judge), tried_footprint, tried_areas).reshape(2, plans)
+            costs = evaluator.shapes(tried.cut(evaluator), tried_footprint, tried_areas).reshape(2, plans)
             # Rounded: another machine's last digit has to make no difference.
             side = (np.round(costs[1] - costs[0], 6) < 0).astype(int)
             better = np.flatnonzero(np.round(costs.min(axis=0) - cost, 6) < 0)

@@ -4,7 +4,7 @@ from collections import Counter
 from itertools import combinations
 
 from ....schemas.templates.body import FLOORPLAN_PATH, DesiredConnection, TemplateAspectRatio, TemplateFloorplan
-from ....schemas.worlds.world import Wish
+from ....schemas.worlds.world import Preference
 from .brief import (
     DOOR_CLEARANCE,
     DOOR_WIDTH,
@@ -18,98 +18,99 @@ from .brief import (
 )
 from .connections import Pair, Way, shared_walls
 from .partition import UNIT_M, Partition, area, slenderness
-from .rivals import rival_wishes
+from .rivals import competing_preferences
 
 AREA_TOLERANCE = 0.1
 """Share of the desired area by which a room may be off."""
 
 
-def judge_wishes(wishes: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]) -> list[Wish]:
-    """One `Wish` for the footprint, the ceiling, every area, every aspect ratio and every connection."""
-    report = [_footprint(wishes, brief, plan), _ceiling(wishes)]
-    for number in range(len(wishes.Rooms)):
-        report += [_area(wishes, plan, number), _ratio(wishes, brief, plan, number)]
+def preference_report(
+    preferences: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]
+) -> list[Preference]:
+    """One `Preference` for the footprint, the ceiling, every area, every aspect ratio and every connection."""
+    report = [_footprint(preferences, brief, plan), _ceiling(preferences)]
+    for number in range(len(preferences.Rooms)):
+        report += [_area(preferences, plan, number), _ratio(preferences, brief, plan, number)]
     left = Counter(way.pair for way in ways if way.requested)
-    for index, connection in enumerate(wishes.DesiredConnections):
+    for index, connection in enumerate(preferences.DesiredConnections):
         low, high = sorted(brief.names.index(name) for name in connection.Location)
         report.append(_connection(connection, index, (low, high), brief, plan, left))
         left[low, high] -= 1
     return report
 
 
-def _footprint(wishes: TemplateFloorplan, brief: Brief, plan: Partition) -> Wish:
+def _footprint(preferences: TemplateFloorplan, brief: Brief, plan: Partition) -> Preference:
     ratio = plan.width / plan.height
-    wish = Wish(
+    preference = Preference(
         path=f"{FLOORPLAN_PATH}.Footprint.DesiredAspectRatio",
-        wish=f"footprint with aspect ratio {_colon(wishes.Footprint.DesiredAspectRatio)}",
+        wish=f"footprint with aspect ratio {_colon(preferences.Footprint.DesiredAspectRatio)}",
         outcome="satisfied",
     )
     if deviation(ratio, brief.footprint_ratio) <= RATIO_TOLERANCE:
-        return wish
-    if len(wishes.Rooms) == 1:
+        return preference
+    if len(preferences.Rooms) == 1:
         # The one room is the footprint; its own wish was taken.
-        reason = (
-            f"the only room fills the footprint and is wished to be {_colon(wishes.Rooms[0].DesiredShape.AspectRatio)}"
-        )
-        return wish.model_copy(update={"outcome": "contradictory", "reason": reason})
+        room_ratio = _colon(preferences.Rooms[0].DesiredShape.AspectRatio)
+        reason = f"the only room fills the footprint and is wished to be {room_ratio}"
+        return preference.model_copy(update={"outcome": "contradictory", "reason": reason})
     reason = f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}, to come nearer to the wishes of the rooms"
-    return wish.model_copy(update={"outcome": "missed", "reason": reason})
+    return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
-def _ceiling(wishes: TemplateFloorplan) -> Wish:
-    return Wish(
+def _ceiling(preferences: TemplateFloorplan) -> Preference:
+    return Preference(
         path=f"{FLOORPLAN_PATH}.Ceiling.Height",
-        wish=f"ceiling {wishes.Ceiling.Height:g} m above the floor",
+        wish=f"ceiling {preferences.Ceiling.Height:g} m above the floor",
         outcome="satisfied",
     )
 
 
-def _area(wishes: TemplateFloorplan, plan: Partition, number: int) -> Wish:
-    room = wishes.Rooms[number]
-    wish = Wish(
+def _area(preferences: TemplateFloorplan, plan: Partition, number: int) -> Preference:
+    room = preferences.Rooms[number]
+    preference = Preference(
         path=f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.Area",
         wish=f"{room.Name} of {room.DesiredShape.Area:g} m2",
         outcome="satisfied",
     )
     actual = area(plan.rooms[number]) * UNIT_M**2
     if abs(actual / room.DesiredShape.Area - 1) <= AREA_TOLERANCE:
-        return wish
+        return preference
     reason = f"it became {actual:.1f} m2 instead of {room.DesiredShape.Area:g} m2"
-    return wish.model_copy(update={"outcome": "missed", "reason": reason})
+    return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
-def _ratio(wishes: TemplateFloorplan, brief: Brief, plan: Partition, number: int) -> Wish:
-    room = wishes.Rooms[number]
+def _ratio(preferences: TemplateFloorplan, brief: Brief, plan: Partition, number: int) -> Preference:
+    room = preferences.Rooms[number]
     desired = length_over_width(room.DesiredShape.AspectRatio)
-    wish = Wish(
+    preference = Preference(
         path=f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.AspectRatio",
         wish=f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}",
         outcome="satisfied",
     )
     actual = slenderness(plan, number)
     if deviation(actual, desired) <= RATIO_TOLERANCE:
-        return wish
+        return preference
     least, width = MIN_SIDES_M[room.Type], (room.DesiredShape.Area / desired) ** 0.5
     if width < least:
         cause = (
             f"at {room.DesiredShape.Area:g} m2 it would be {width:.2f} m wide, and this type is at least {least:g} m"
         )
-        return wish.model_copy(update={"outcome": "contradictory", "reason": cause})
-    reason = f"it became {actual:.2f} instead of {desired:.2f}; {rival_wishes(brief, plan, number)}"
-    return wish.model_copy(update={"outcome": "missed", "reason": reason})
+        return preference.model_copy(update={"outcome": "contradictory", "reason": cause})
+    reason = f"it became {actual:.2f} instead of {desired:.2f}; {competing_preferences(brief, plan, number)}"
+    return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
 def _connection(
     connection: DesiredConnection, index: int, pair: Pair, brief: Brief, plan: Partition, left: Counter[Pair]
-) -> Wish:
+) -> Preference:
     one, other = connection.Location
-    wish = Wish(
+    preference = Preference(
         path=f"{FLOORPLAN_PATH}.DesiredConnections[{index}]",
         wish=f"{connection.ConnectionType} between {one} and {other}",
         outcome="satisfied",
     )
     if left[pair] > 0:
-        return wish
+        return preference
     walls = shared_walls(plan).get(pair, [])
     needed = (
         OPENING_WIDTH if connection.ConnectionType == "Opening" else DOOR_WIDTH + 2 * DOOR_CLEARANCE
@@ -121,12 +122,12 @@ def _connection(
             if longest < needed + INTERIOR_WALL
             else f"their shared wall of {longest * UNIT_M:.2f} m has no room for another doorway"
         )
-        return wish.model_copy(update={"outcome": "missed", "reason": reason})
+        return preference.model_copy(update={"outcome": "missed", "reason": reason})
     if impossible := _impossible(set(brief.requests), pair):
         names = ", ".join(brief.names[room] for room in impossible)
         reason = f"the rooms {names} cannot all touch each other as wished, whatever the plan of rectangular rooms"
-        return wish.model_copy(update={"outcome": "contradictory", "reason": reason})
-    return wish.model_copy(update={"outcome": "missed", "reason": "the two rooms share no wall in this plan"})
+        return preference.model_copy(update={"outcome": "contradictory", "reason": reason})
+    return preference.model_copy(update={"outcome": "missed", "reason": "the two rooms share no wall in this plan"})
 
 
 def _impossible(requests: set[Pair], pair: Pair) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from .partition import Partition, slenderness
 from .partition_shortlist import shortlist
 
 
-def rival_wishes(brief: Brief, plan: Partition, room: int) -> str:
+def competing_preferences(brief: Brief, plan: Partition, room: int) -> str:
     """Says at whose expense a room's aspect ratio could have been granted.
 
     Args:
@@ -29,9 +29,9 @@ def rival_wishes(brief: Brief, plan: Partition, room: int) -> str:
     return "a plan that grants it was found, and this one was drawn for variety or for how its rooms lie together"
 
 
-def _misses(brief: Brief, plan: Partition, wishes: int) -> np.ndarray:
+def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
     """Which shape wishes the plan itself misses; requested ways count as granted."""
-    missed = np.zeros(wishes, bool)
+    missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     for number, ratio in enumerate(brief.ratios):
         missed[1 + number] = abs(log(slenderness(plan, number) / ratio)) > RATIO_TOLERANCE

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from ....schemas.templates.targets import RoomTarget
-from ....schemas.worlds.world import Room, WishOutcome
+from ....schemas.worlds.world import PreferenceOutcome, Room
 
 
 class TargetedSet(Protocol):
@@ -55,12 +55,12 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
-) -> tuple[WishOutcome, str]:
+) -> tuple[PreferenceOutcome, str]:
     """What becomes of the wishes of a set without rooms: there are none, or other sets have them."""
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet
-        wished = [target] if isinstance(target, str) else target.RoomNames or target.RoomTypes or []
-        return "missed", f"the plan has no room {', '.join(wished)}"
+        preferred = [target] if isinstance(target, str) else target.RoomNames or target.RoomTypes or []
+        return "missed", f"the plan has no room {', '.join(preferred)}"
     others = sorted({sets[chosen[room.name]].Name for room in wanted})
     return "contradictory", f"its rooms follow {', '.join(others)}"

@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 
 from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
-from ....schemas.worlds.world import Floorplan, Furniture, Room, Wish
+from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.targets import choose_sets, why_unused
 from ..furniture.arrangement import COVERAGE, KITCHEN_RUN, Density, usual_types
 from ..materials.surfaces import choose_surfaces
@@ -22,7 +22,7 @@ _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
 
 def furnish(
     body: WorldTemplateBody, floorplan: Floorplan, rng: np.random.Generator
-) -> tuple[list[Furniture], list[Wish], list[Room]]:
+) -> tuple[list[Furniture], list[Preference], list[Room]]:
     """Furnishes a floor plan; the same arguments and generator state give the same interior.
 
     Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
@@ -35,7 +35,7 @@ def furnish(
     Returns:
       Furniture and loose objects; what became of each wish; the rooms with materials and goals.
     """
-    rooms, wishes = choose_surfaces(body, floorplan.rooms, rng)
+    rooms, preferences = choose_surfaces(body, floorplan.rooms, rng)
     arrangements = body.interior.Furniture.FurnitureArrangements
     chosen = choose_sets(arrangements, rooms)
     names: Counter[str] = Counter()
@@ -60,8 +60,8 @@ def furnish(
         furniture += [*work.items, *things]
         done[room.name] = work
     for index in range(len(arrangements)):
-        wishes += _wishes(arrangements, index, chosen, done)
-    return furniture, wishes, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
+        preferences += _preferences(arrangements, index, chosen, done)
+    return furniture, preferences, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
 
 
 def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
@@ -83,42 +83,44 @@ def _kinds(arrangement: FurnitureArrangement | None, room: Room) -> Sequence[str
     return arrangement.SampleSet.ModelTypes
 
 
-def _wishes(
+def _preferences(
     arrangements: Sequence[FurnitureArrangement], index: int, chosen: dict[str, int], done: dict[str, RoomFurnishing]
-) -> list[Wish]:
+) -> list[Preference]:
     """One wish per listed kind: satisfied when every room of the arrangement has it."""
     arrangement = arrangements[index]
     if arrangement.SampleSet is None:
         return []
     rooms = [work for name, work in done.items() if chosen.get(name) == index]
-    wishes = _density_wishes(arrangement, index, rooms) if arrangement.SampleSet.ModelTypes else []
+    preferences = _density_preferences(arrangement, index, rooms) if arrangement.SampleSet.ModelTypes else []
     for number, kind in enumerate(arrangement.SampleSet.ModelTypes):
         reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
         outcome = "missed" if reason else "satisfied"
         if not rooms:
             outcome, reason = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
-        wishes.append(
-            Wish(
+        preferences.append(
+            Preference(
                 path=f"{_PATH}[{index}].SampleSet.ModelTypes[{number}]",
                 wish=f"{kind} in {arrangement.Name}",
                 outcome=outcome,
                 reason=reason,
             )
         )
-    return wishes
+    return preferences
 
 
-def _density_wishes(arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]) -> list[Wish]:
+def _density_preferences(
+    arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]
+) -> list[Preference]:
     """The wished density: satisfied when every room is about as full as that; nothing for a set without rooms."""
     density = arrangement.DesiredSpatialDensity
-    wished = COVERAGE[density]
+    preferred = COVERAGE[density]
     # A piece more or less is no different density.
-    short = [work for work in rooms if work.covered_share < 0.9 * wished]
-    found = [f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {wished:.0%}" for work in short]
+    short = [work for work in rooms if work.covered_share < 0.9 * preferred]
+    found = [f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {preferred:.0%}" for work in short]
     if not rooms:
         return []
     return [
-        Wish(
+        Preference(
             path=f"{_PATH}[{index}].DesiredSpatialDensity",
             wish=f"{density} furniture in {arrangement.Name}",
             outcome="missed" if found else "satisfied",

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....schemas.templates.body import INTERIOR_PATH, FloorMaterialSet, WallMaterialSet, WorldTemplateBody
-from ....schemas.worlds.world import Room, RoomType, Wish
+from ....schemas.worlds.world import Preference, Room, RoomType
 from ..floorplans.targets import choose_sets, why_unused
 from .materials import FLOORS, USUAL_FLOORS, USUAL_WALLS, WALLS, Material
 
@@ -16,7 +16,7 @@ _SAME_FINISH_SHARE = 0.7
 
 def choose_surfaces(
     body: WorldTemplateBody, rooms: Sequence[Room], rng: np.random.Generator
-) -> tuple[list[Room], list[Wish]]:
+) -> tuple[list[Room], list[Preference]]:
     """Gives every room a floor and a wall material, each in one of its finishes.
 
     Args:
@@ -27,8 +27,8 @@ def choose_surfaces(
     Returns:
       The rooms with their materials, and what became of each listed material.
     """
-    floors, floor_wishes = _choose("Flooring", body.interior.Flooring.MaterialSets, USUAL_FLOORS, rooms, rng)
-    walls, wall_wishes = _choose("Walls", body.interior.Walls.MaterialSets, USUAL_WALLS, rooms, rng)
+    floors, floor_preferences = _choose("Flooring", body.interior.Flooring.MaterialSets, USUAL_FLOORS, rooms, rng)
+    walls, wall_preferences = _choose("Walls", body.interior.Walls.MaterialSets, USUAL_WALLS, rooms, rng)
     floor_finishes, wall_finishes = _finishes(floors, FLOORS, rng), _finishes(walls, WALLS, rng)
     finished = [
         room.model_copy(
@@ -41,7 +41,7 @@ def choose_surfaces(
         )
         for room in rooms
     ]
-    return finished, floor_wishes + wall_wishes
+    return finished, floor_preferences + wall_preferences
 
 
 def _choose(
@@ -50,7 +50,7 @@ def _choose(
     usual: dict[RoomType, tuple[str, ...]],
     rooms: Sequence[Room],
     rng: np.random.Generator,
-) -> tuple[dict[str, str], list[Wish]]:
+) -> tuple[dict[str, str], list[Preference]]:
     chosen = choose_sets(sets, rooms)
     materials: dict[str, str] = {}
     for index, one_set in enumerate(sets):
@@ -63,8 +63,12 @@ def _choose(
     for room in rooms:
         if room.name not in materials:
             materials[room.name] = str(rng.choice(usual[room.type]))
-    wishes = [wish for index in range(len(sets)) for wish in _wishes(part, sets, index, chosen, materials, rooms)]
-    return materials, wishes
+    preferences = [
+        preference
+        for index in range(len(sets))
+        for preference in _preferences(part, sets, index, chosen, materials, rooms)
+    ]
+    return materials, preferences
 
 
 def _finishes(chosen: dict[str, str], table: dict[str, Material], rng: np.random.Generator) -> dict[str, str]:
@@ -77,32 +81,32 @@ def _finishes(chosen: dict[str, str], table: dict[str, Material], rng: np.random
     return finishes
 
 
-def _wishes(
+def _preferences(
     part: str,
     sets: MaterialSets,
     index: int,
     chosen: dict[str, int],
     materials: dict[str, str],
     rooms: Sequence[Room],
-) -> list[Wish]:
+) -> list[Preference]:
     one_set = sets[index]
     if one_set.SampleSet is None:
         return []
     mine = [room.name for room in rooms if chosen.get(room.name) == index]
     present = {materials[name] for name in mine}
-    wishes: list[Wish] = []
+    preferences: list[Preference] = []
     for number, material in enumerate(one_set.SampleSet.MaterialTypes):
         outcome, reason = "satisfied", ""
         if not mine:
             outcome, reason = why_unused(one_set, sets, chosen, rooms)
         elif material not in present:
             outcome, reason = "missed", f"{len(one_set.SampleSet.MaterialTypes)} materials for {len(mine)} rooms"
-        wishes.append(
-            Wish(
+        preferences.append(
+            Preference(
                 path=f"{INTERIOR_PATH}.{part}.MaterialSets[{index}].SampleSet.MaterialTypes[{number}]",
                 wish=f"{material} in {one_set.Name}",
                 outcome=outcome,
                 reason=reason,
             )
         )
-    return wishes
+    return preferences

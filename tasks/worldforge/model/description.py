@@ -43,8 +43,8 @@ def _proofs(world: World) -> Proofs | None:
     if world.checks is None:
         return None
     broken = violations(world.checks)
-    wishes = [*world.floorplan.wishes, *world.wishes]
-    return Proofs(guaranteesHold=not broken, violations=broken, checks=world.checks, wishes=wishes)
+    preferences = [*world.floorplan.wishes, *world.wishes]
+    return Proofs(guaranteesHold=not broken, violations=broken, checks=world.checks, wishes=preferences)
 
 
 def _room(room: Room) -> DescribedRoom:

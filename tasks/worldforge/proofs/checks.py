@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.worlds.checks import RoomMeasures, RoomWay, WishCount, WorldChecks
+from ....schemas.worlds.checks import PreferenceCount, RoomMeasures, RoomWay, WorldChecks
 from ....schemas.worlds.world import Floorplan, Passage, Room, World
 from ..doors.leaves import FULLY_OPEN_PERCENT, leaf_outlines
 from ..geometry.occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
@@ -71,7 +71,7 @@ def check_world(
         narrowest_passage_m=min((way.clear_width_m for way in ways), default=None),
         room_graph=ways,
         footprint_aspect_ratio=_aspect(plan),
-        wishes=_wishes(world),
+        wishes=_preferences(world),
         free_bodies=int(model.njnt),
         settle_s=settle_s,
         settled_share=None if drift is None else round(float(np.mean(drift < MAX_DRIFT_M)) if len(drift) else 1.0, 4),
@@ -192,9 +192,9 @@ def _aspect(plan: Floorplan) -> float:
     return round((max(xs) - min(xs)) / (max(ys) - min(ys)), 4)
 
 
-def _wishes(world: World) -> WishCount:
-    count = Counter(wish.outcome for wish in (*world.floorplan.wishes, *world.wishes))
-    return WishCount(satisfied=count["satisfied"], missed=count["missed"], contradictory=count["contradictory"])
+def _preferences(world: World) -> PreferenceCount:
+    count = Counter(preference.outcome for preference in (*world.floorplan.wishes, *world.wishes))
+    return PreferenceCount(satisfied=count["satisfied"], missed=count["missed"], contradictory=count["contradictory"])
 
 
 def _origin_clear(grid: OccupancyGrid) -> bool:

@@ -37,7 +37,7 @@ class SheetWorld:
     """Names, as the template has them."""
     area_m2: float = 0.0
     pieces: int = 0
-    missed_wishes: int = 0
+    missed_preferences: int = 0
     problems: tuple[str, ...] = ()
     """Broken guarantees, or why it cannot be read."""
     preview: bytes | None = None
@@ -83,7 +83,7 @@ def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> She
         rooms=tuple(room.original_name or room.name for room in plan.rooms),
         area_m2=sum(room.area_m2 for room in plan.rooms),
         pieces=len(world.furniture),
-        missed_wishes=sum(wish.outcome != "satisfied" for wish in (*plan.wishes, *world.wishes)),
+        missed_preferences=sum(preference.outcome != "satisfied" for preference in (*plan.wishes, *world.wishes)),
         problems=broken,
         preview=preview,
     )
@@ -150,7 +150,7 @@ def _measures(world: SheetWorld) -> str:
     if not world.rooms:
         return ""
     # Pillow's own font has no raised 2.
-    return f"{world.area_m2:.0f} sq m, {world.pieces} things, wishes missed: {world.missed_wishes}"
+    return f"{world.area_m2:.0f} sq m, {world.pieces} things, wishes missed: {world.missed_preferences}"
 
 
 def _verdict_line(world: SheetWorld) -> str:

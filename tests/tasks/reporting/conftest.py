@@ -17,10 +17,10 @@ from prefect_robomaker.schemas.worlds.world import (
     Floorplan,
     Furniture,
     Passage,
+    Preference,
     Room,
     Wall,
     Window,
-    Wish,
     World,
 )
 
@@ -120,7 +120,7 @@ def build_world(rename: dict[str, str] | None = None) -> World:
                 Window(start=(-1.2, 3.0), end=(0.6, 3.0), room=names["Living_Room"]),
                 Window(start=(-3.0, -5.6), end=(-3.0, -4.4), room=names["Bedroom"]),
             ],
-            wishes=[Wish(path="$.Floorplan.Rooms[0].Area", wish="area 12 m²", outcome="satisfied")],
+            wishes=[Preference(path="$.Floorplan.Rooms[0].Area", wish="area 12 m²", outcome="satisfied")],
         ),
         furniture=[
             Furniture(
@@ -130,7 +130,9 @@ def build_world(rename: dict[str, str] | None = None) -> World:
             for index, (kind, room, x, y, degrees, width, depth) in enumerate(PIECES)
         ],
         wishes=[
-            Wish(path="$.Interior.Furniture[3]", wish="2 to 4 plants", outcome="missed", reason="no free wall is left")
+            Preference(
+                path="$.Interior.Furniture[3]", wish="2 to 4 plants", outcome="missed", reason="no free wall is left"
+            )
         ],
     )  # fmt: skip
 

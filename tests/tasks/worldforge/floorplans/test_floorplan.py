@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point
 from prefect_robomaker.tasks.worldforge.floorplans import partition_climb
 from prefect_robomaker.tasks.worldforge.floorplans.brief import MIN_SIDES_M
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchJudge, Cuts, Floats, Nature
+from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchEvaluator, Cuts, Floats, Nature
 
 UNIT = 0.05
 
@@ -367,12 +367,12 @@ def test_the_ceiling_is_as_wished() -> None:
 
 
 def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(BatchJudge, "judge", nothing_is_valid)
+    monkeypatch.setattr(BatchEvaluator, "evaluate", nothing_is_valid)
     monkeypatch.setattr(partition_climb, "MAX_CLIMBS", 0)
     with pytest.raises(WorldGenerationError, match="no partition of 65 m2 into 4 rooms"):
         generate(template([room(name, "Living", 16.25) for name in "ABCD"]))
 
 
-def nothing_is_valid(judge: BatchJudge, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
+def nothing_is_valid(evaluator: BatchEvaluator, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
     plans = len(footprint)
     return Nature(np.zeros(plans), np.zeros(plans, bool), np.zeros((5, plans), bool))

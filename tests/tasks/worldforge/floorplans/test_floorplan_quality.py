@@ -26,11 +26,11 @@ FLATS: tuple[tuple[RoomType, ...], ...] = (
     ("Living", "Dining", "Kitchen", "Hallway", "Bedroom", "Bathroom"),
 )
 
-Wish = tuple[RoomType, float, float]
+Preference = tuple[RoomType, float, float]
 """Type, area and length over width of a room."""
 
 
-def template(rooms: list[Wish], footprint: tuple[float, float]) -> WorldTemplateBody:
+def template(rooms: list[Preference], footprint: tuple[float, float]) -> WorldTemplateBody:
     wishes = [
         {
             "Name": f"{kind} {number}",

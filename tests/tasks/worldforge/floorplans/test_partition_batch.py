@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.worldforge.floorplans.brief import Brief, shared_spans
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Partition, area, contacts
-from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchJudge, as_partition, cut
+from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchEvaluator, as_partition, cut
 from prefect_robomaker.tasks.worldforge.floorplans.partition_trees import all_trees
 
 
@@ -39,10 +39,10 @@ def test_all_plans_are_there_once_mirror_images_aside(rooms: int, plans: int) ->
 
 def test_a_plan_is_valid_when_doors_join_its_rooms() -> None:
     areas = [26.0, 14.0, 16.0, 10.0]
-    judge, trees = BatchJudge(brief(areas)), all_trees(4)
+    evaluator, trees = BatchEvaluator(brief(areas)), all_trees(4)
     footprint = np.full(trees.plans, np.log(4 / 3))
-    cuts = cut(trees, np.tile(judge.areas, trees.plans), np.exp(footprint), exact=True)
-    nature = judge.judge(cuts, footprint, np.zeros((4, trees.plans)))
+    cuts = cut(trees, np.tile(evaluator.areas, trees.plans), np.exp(footprint), exact=True)
+    nature = evaluator.evaluate(cuts, footprint, np.zeros((4, trees.plans)))
     for number in range(trees.plans):
         plan = as_partition(cuts, number)
         assert nature.valid[number] == (min(plan.arms) >= 44 and joined(plan))

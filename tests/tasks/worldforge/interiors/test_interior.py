@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
-from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, Room, Wish
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, Preference, Room
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import usual_types
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES
@@ -26,7 +26,7 @@ from ..conftest import MakeBody
 SEEDS = range(4)
 
 
-def interior(body: WorldTemplateBody, seed: int) -> tuple[Floorplan, list[Furniture], list[Wish]]:
+def interior(body: WorldTemplateBody, seed: int) -> tuple[Floorplan, list[Furniture], list[Preference]]:
     plan = generate_floorplan(body, np.random.default_rng(seed))
     furniture, wishes, rooms = furnish(body, plan, np.random.default_rng(seed))
     return plan.model_copy(update={"rooms": rooms}), furniture, wishes
