@@ -2,85 +2,85 @@
 
 from .behaviour import decided, differs
 
-_ORDERS = "CreateSimulationJob StartSimulationJobBatch"
+_JOB_REQUESTS = "CreateSimulationJob StartSimulationJobBatch"
 
 SIMULATIONS = (
     differs(
         "Roles",
-        f"{_ORDERS} CreateWorldExportJob",
+        f"{_JOB_REQUESTS} CreateWorldExportJob",
         known="Jobs had the rights of `iamRole`.",
         here="It is recorded, not assumed: jobs run as whoever performs them, without any of their variables that "
         "hold credentials. Batches do without it.",
     ),
     differs(
         "What runs",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="Two containers on one host, or two bundles with roslaunch.",
         here="Python factories that speak `dm_env`, on MuJoCo, in one process; programs of their own; containers.",
     ),
     differs(
         "One application is enough",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="A job had a robot application, a simulation application, or both.",
         here="The one that is missing is the built-in `scout` or `indoor-navigation`; a program may be alone.",
     ),
     differs(
         "Same seed, same run",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="There was no seed, and no video.",
         here="`seed` and `video`, or the tags `robomaker:seed` and `robomaker:video`.",
     ),
     differs(
         "Verdicts",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="A job that ran was `Completed`; whether the robot did well was for its own code to say.",
         here="`requirements`, or the launch variable `ROBOMAKER_REQUIREMENTS`, say what a run is judged by. The "
         "verdict is in `result.json` and in reports; the job is `Completed` all the same. See [Verdicts](verdicts.md).",
     ),
     differs(
         "Network",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="`vpcConfig` and `portForwardingConfig` gave a job an address and open ports.",
         here="`vpcConfig` is echoed. A job port answers on 127.0.0.1 of the machine that performs the job, with or "
         "without `vpcConfig`; `enableOnPublicIp` changes nothing.",
     ),
     differs(
         "Simulation units",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="A unit was a virtual processor and 2 GB of memory on a host of the job's own.",
         here="As many processors, or as many as there are, and 2 GiB of memory each, at most. `GPU_AND_CPU` needs a "
         "GPU where the job is performed, else it fails with `InvalidInput`.",
     ),
     differs(
         "Usual tools",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="`useDefaultTools` and `useDefaultApplications` started rviz, rqt, a terminal and rosbag record.",
         here="They are accepted and start nothing: every run is recorded anyway, and there is no screen.",
     ),
     differs(
         "Logs",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="CloudWatch, group `/aws/robomaker/SimulationJobs`.",
         here="Files in `logs/` of the job's outputs, one pair for the simulation and for each program, and Prefect's "
         "flow runs.",
     ),
     differs(
         "Commands, scripts and launch files",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="`launchConfig.command` replaced an image's command; bundles were started with roslaunch.",
         here="A command is a process in the application's folder, also without an image; a `.py` file is run as a "
         "script; `.launch` files need ROS on this machine. [What is started](simulation-jobs.md#what-is-started).",
     ),
     differs(
         "Container images",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="Every application was one, pulled from ECR.",
         here="docker or podman runs them where jobs are performed; without either the job fails with `InvalidInput`. "
         "They share the machine's network and processors, not its folders.",
     ),
     differs(
         "Jobs side by side",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="Each job had a host of its own.",
         here="Jobs share the machine and its network, so programs that listen need ports of their own. What roslaunch "
         "starts has a ROS 1 master of its job's own, and every job has a `ROS_DOMAIN_ID`, unless its variables set "
@@ -88,27 +88,27 @@ SIMULATIONS = (
     ),
     differs(
         "Folders of a job",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="`/home/robomaker`, `/var/log` and `/opt/robomaker/datasources` of a container.",
         here="Programs without a container find them below `$ROBOMAKER_JOB_ROOT`, and `$HOME` is the first of them.",
     ),
     differs(
         "Tools",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="Their output went to CloudWatch, their windows to viewers.",
         here="Their output is `logs/<application>-<tool>.stdout.log` and `.stderr.log`; `streamUI` shows no windows. "
         "The same tool is started again after a pause that grows from half a second to thirty.",
     ),
     decided(
         "Paths of uploads",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="What follows the configuration's name was not documented.",
         here="The path below the glob's fixed folder: `/var/log/nav/**` keeps `/var/log/nav/a/b.log` as "
         "`<name>/a/b.log`.",
     ),
     decided(
         "Files that are being written",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="`UPLOAD_ROLLING_AUTO_REMOVE` uploads and deletes every five seconds; what happens to a file that is "
         "open was not documented.",
         here="It is left until it is closed, or the job ends. A file that still changes when all code has stopped "
@@ -116,65 +116,65 @@ SIMULATIONS = (
     ),
     decided(
         "Default uploads",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="The guide adds them to own ones unless they are refused; the API names no default.",
         here="So does this; alone they are there for `useDefaultUploadConfigurations: true`. `ros-logs` is "
         "`/home/robomaker/.ros/log/**`, `ros-bags` `.ros/bag/**`, `gazebo-logs` `.gazebo/**`.",
     ),
     decided(
         "Where data is in a destination",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="The folder is replaced; whether keys keep their folders was not documented.",
         here="Files keep their whole key below it; an archive is unpacked into it. Everything is read-only.",
     ),
     decided(
         "Going on after a crash",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="`failureBehavior: Continue` left the host running; how the job ended then was not documented.",
         here="`RunningFailed` with its code and reason, while the rest goes on. At the duration limit it becomes "
         "`Failed`, when it is cancelled `Canceled`; a restart forgets the crash.",
     ),
     decided(
         "Images that break the rules",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="VOLUME and EXPOSE made a job fail with an unnamed 4XX code.",
         here="`InvalidInput`.",
     ),
     decided(
         "How long a job may take",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="14 days or 8, depending on the page; the console asked for 5 minutes at least.",
         here="1 second to 14 days of wall-clock time; reaching it is a normal end.",
     ),
-    decided("Default of `failureBehavior`", _ORDERS, known="Not documented.", here="`Fail`."),
+    decided("Default of `failureBehavior`", _JOB_REQUESTS, known="Not documented.", here="`Fail`."),
     decided(
         "Empty locations and lists",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="A released client sends `outputLocation: {}`, `worldConfigs: []` and `tools: []`.",
         here="They mean nothing was given; outputs go to the configured bucket then.",
     ),
     decided(
         "No application at all",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="The model asks for neither application.",
         here="At least one has to be given.",
     ),
     decided(
         "What `$LATEST` runs",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="ETags of archives were read when an application was made or updated.",
         here="`$LATEST` takes the archive as it is when the job starts. A numbered version whose archive has changed "
         "fails the job with `RobotApplicationVersionMismatchedEtag` or `SimulationApplicationVersionMismatchedEtag`.",
     ),
     decided(
         "Data that changes",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="ETags are told; what a change means was not documented.",
         here="A job whose data has changed between order and start fails with `MismatchedEtag`.",
     ),
     decided(
         "When a job ends by itself",
-        _ORDERS,
+        _JOB_REQUESTS,
         known="What a program that ends well means was not documented; jobs often cancelled themselves.",
         here="The end of the episode, `StopIteration`, or exit code 0 of an application that is a program ends the job "
         "as `Completed`. It can still cancel itself. `Terminated` is never used.",

@@ -39,7 +39,7 @@ from ..wire.operation_shape import (
 from .robots import FleetMaxResults, RobotStatus
 
 DEFAULT_ROBOT_TIMEOUT_S = 5 * 3600
-"""How long a deployment waits for one robot if its order does not say."""
+"""How long a deployment waits for one robot if its request does not say."""
 
 DeploymentStatus = Annotated[
     Literal["Pending", "Preparing", "InProgress", "Failed", "Succeeded", "Canceled"], ShapeName("DeploymentStatus")
@@ -256,14 +256,14 @@ class CancelDeploymentJobResponse(Shape):
     """The job is cancelled."""
 
 
-_ORDER_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, LIMIT, CONCURRENT, MISMATCH)
+_DEPLOYMENT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, LIMIT, CONCURRENT, MISMATCH)
 
 OPERATIONS = (
     OperationShape(
         "CreateDeploymentJob",
         CreateDeploymentJobRequest,
         CreateDeploymentJobResponse,
-        _ORDER_ERRORS,
+        _DEPLOYMENT_ERRORS,
         "Orders an application for the robots of a fleet; the job stays Pending, since deployments do not act yet.",
         deprecated=True,
     ),
@@ -296,7 +296,7 @@ OPERATIONS = (
         "SyncDeploymentJob",
         SyncDeploymentJobRequest,
         SyncDeploymentJobResponse,
-        _ORDER_ERRORS,
+        _DEPLOYMENT_ERRORS,
         "Orders a fleet's latest deployment again; the job stays Pending, since deployments do not act yet.",
         deprecated=True,
     ),

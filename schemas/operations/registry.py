@@ -29,7 +29,7 @@ from . import (
     world_templates,
     worlds,
 )
-from .simulation_jobs import SimulationJobOrder
+from .simulation_jobs import SimulationJobRequestMembers
 from .world_generation_jobs import CreateWorldGenerationJobRequest
 
 __all__ = [
@@ -119,7 +119,7 @@ def _refused(operation_name: str, problems: Sequence[RequestProblem]) -> Invalid
     return InvalidParameterException("\n".join(f"{operation_name}: {problem}" for problem in problems))
 
 
-def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> int | None:
+def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembers) -> int | None:
     """The seed a request asks for, by its member or by its tag.
 
     Raises:
@@ -133,7 +133,7 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobOrder) -> in
     return _agreed("seed", SEED_TAG, request.seed, int(tag))
 
 
-def video_of(request: SimulationJobOrder) -> VideoPolicy | None:
+def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
     """The video policy a request asks for, by its member or by its tag.
 
     Raises:

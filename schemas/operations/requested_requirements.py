@@ -1,4 +1,4 @@
-"""The requirements that an order for a job asks for: by its member, or by a launch variable."""
+"""The requirements that a request for a job asks for: by its member, or by a launch variable."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
@@ -33,31 +33,31 @@ class JobRequirementsSource(Protocol):
         ...
 
 
-def ordered_requirements(order: JobRequirementsSource) -> list[JobRequirement]:
-    """The requirements that an order asks for.
+def requirements_of(request: JobRequirementsSource) -> list[JobRequirement]:
+    """The requirements that a request asks for.
 
     Raises:
       InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
     """
-    return _placed_requirements(order)[1]
+    return _placed_requirements(request)[1]
 
 
-def rooms_asked(order: JobRequirementsSource) -> list[tuple[str, str]]:
-    """The rooms that an order's goals ask for, each with the path of the member that does.
+def rooms_asked(request: JobRequirementsSource) -> list[tuple[str, str]]:
+    """The rooms that a request's goals ask for, each with the path of the member that does.
 
     Raises:
-      InvalidParameterException: as `ordered_requirements`.
+      InvalidParameterException: as `requirements_of`.
     """
-    place, requirements = _placed_requirements(order)
+    place, requirements = _placed_requirements(request)
     return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
 
 
-def _placed_requirements(order: JobRequirementsSource) -> tuple[str, list[JobRequirement]]:
-    """The path of the member that holds an order's requirements, and these."""
+def _placed_requirements(request: JobRequirementsSource) -> tuple[str, list[JobRequirement]]:
+    """The path of the member that holds a request's requirements, and these."""
     given: dict[str, list[JobRequirement]] = {}
-    if order.requirements is not None:
-        given["requirements"] = order.requirements
-    for place, text in _variables(order):
+    if request.requirements is not None:
+        given["requirements"] = request.requirements
+    for place, text in _variables(request):
         given[place] = parse_requirements(load_strict(text, place, _MAX_CHARACTERS), place)
     if not given:
         return "requirements", []
@@ -68,17 +68,17 @@ def _placed_requirements(order: JobRequirementsSource) -> tuple[str, list[JobReq
     return first, requirements
 
 
-def check_requirements(order: JobRequirementsSource) -> None:
-    """Finds out what of an order's requirements cannot be judged, as far as the order says it.
+def check_requirements(request: JobRequirementsSource) -> None:
+    """Finds out what of a request's requirements cannot be judged, as far as the request says it.
 
     Raises:
       ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
     """
     try:
-        rooms = rooms_asked(order)
+        rooms = rooms_asked(request)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
-    if _has_world(order):
+    if _has_world(request):
         return
     for path, room in rooms:
         raise ValueError(
@@ -105,15 +105,15 @@ def no_such_room(room: str, rooms: Sequence[str]) -> str:
     return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
 
 
-def _has_world(order: JobRequirementsSource) -> bool:
-    return any(config.worldConfigs for config in order.simulationApplications or ())
+def _has_world(request: JobRequirementsSource) -> bool:
+    return any(config.worldConfigs for config in request.simulationApplications or ())
 
 
-def _variables(order: JobRequirementsSource) -> Iterator[tuple[str, str]]:
+def _variables(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
     """Where the launch variable is set, and what it holds."""
     configs: Mapping[str, list[RobotApplicationConfig] | list[SimulationApplicationConfig] | None] = {
-        "simulationApplications": order.simulationApplications,
-        "robotApplications": order.robotApplications,
+        "simulationApplications": request.simulationApplications,
+        "robotApplications": request.robotApplications,
     }
     for member, applications in configs.items():
         for index, config in enumerate(applications or ()):

@@ -95,8 +95,8 @@ SimulationJobErrorCode = Annotated[
 SimulationTimeMillis = Annotated[int, ShapeName("SimulationTimeMillis", wire_type="long")]
 
 
-class SimulationJobOrder(Shape):
-    """What an order for one job says, on its own or in a batch."""
+class SimulationJobRequestMembers(Shape):
+    """Members of a request for one job, on its own or in a batch."""
 
     outputLocation: OptionalOutputLocation = Field(
         default=None, description="Where outputs are put; absent or empty: the configured bucket."
@@ -136,7 +136,7 @@ class SimulationJobOrder(Shape):
         return self
 
 
-class CreateSimulationJobRequest(SimulationJobOrder):
+class CreateSimulationJobRequest(SimulationJobRequestMembers):
     """Orders one job."""
 
     clientRequestToken: ClientRequestToken | None = Field(
@@ -145,7 +145,7 @@ class CreateSimulationJobRequest(SimulationJobOrder):
     iamRole: IamRole = Field(description="ARN of the role whose rights the job has.")
 
 
-class SimulationJobRequest(SimulationJobOrder):
+class SimulationJobRequest(SimulationJobRequestMembers):
     """Orders one job of a batch."""
 
     iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")

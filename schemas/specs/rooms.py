@@ -19,8 +19,8 @@ _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")
 
 
 @dataclass(frozen=True)
-class _Order:
-    """The order for a job, as it is written."""
+class _Request:
+    """The request for a job, as it is written."""
 
     node: MappingNode
     location: Location
@@ -35,44 +35,44 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
       steps: the steps, whose inputs have no other problems.
     """
     for step in steps.values():
-        for order in _orders(step):
-            asked = list(_asked(order))
-            rooms = _rooms(order, steps) if asked else None
+        for request in _requests(step):
+            asked = list(_asked(request))
+            rooms = _rooms(request, steps) if asked else None
             for location, node in asked:
                 if rooms is not None and str(node.value) not in rooms:
-                    path = path_text((*step.location, *order.location, *location))
+                    path = path_text((*step.location, *request.location, *location))
                     yield Problem(node.place, path, no_such_room(str(node.value), rooms))
 
 
-def _orders(step: CheckedStep) -> Iterator[_Order]:
+def _requests(step: CheckedStep) -> Iterator[_Request]:
     if step.operation == "CreateSimulationJob" and isinstance(step.input, MappingNode):
-        yield _Order(step.input, (), {})
+        yield _Request(step.input, (), {})
     requests = child(step.input, _REQUESTS) if step.operation == "StartSimulationJobBatch" else None
     if requests is not None and (construct := for_each_of(requests)) is not None:
         made = child(construct, "value")
         if isinstance(made, MappingNode):
-            yield _Order(made, (_REQUESTS, "value"), {variable_of(construct): construct.entries[FOR_EACH]})
+            yield _Request(made, (_REQUESTS, "value"), {variable_of(construct): construct.entries[FOR_EACH]})
     elif isinstance(requests, ListNode):
         for index, item in enumerate(requests.items):
             if isinstance(item, MappingNode):
-                yield _Order(item, (_REQUESTS, index), {})
+                yield _Request(item, (_REQUESTS, index), {})
 
 
-def _asked(order: _Order) -> Iterator[tuple[Location, ScalarNode]]:
+def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
     """Where goals name rooms."""
-    requirements = child(order.node, "requirements")
+    requirements = child(request.node, "requirements")
     for index, item in enumerate(requirements.items if isinstance(requirements, ListNode) else []):
         room = child(item, "room")
         if isinstance(room, ScalarNode) and isinstance(room.value, str) and "${{" not in room.value:
             yield ("requirements", index, "room"), room
 
 
-def _rooms(order: _Order, steps: Mapping[str, CheckedStep]) -> list[str] | None:
-    """The rooms of the world that an order names; `None` if the file does not say."""
-    world = _below(order.node, _WORLD)
+def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[str] | None:
+    """The rooms of the world that a request names; `None` if the file does not say."""
+    world = _below(request.node, _WORLD)
     name = _referred(world) or ""
-    if name in order.sources:
-        name = _referred(order.sources[name]) or ""
+    if name in request.sources:
+        name = _referred(request.sources[name]) or ""
     generation = steps.get(name)
     if generation is None or generation.operation != "CreateWorldGenerationJob":
         return None

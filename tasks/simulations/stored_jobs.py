@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...schemas.operations.registry import seed_of, video_of
-from ...schemas.operations.requested_requirements import ordered_requirements
-from ...schemas.operations.simulation_jobs import SimulationJobOrder
+from ...schemas.operations.requested_requirements import requirements_of
+from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ...schemas.runs.plan import ApplicationRole
 from ...schemas.wire.errors import InvalidParameterException
 from ..catalog import ClientToken, Resource
@@ -20,7 +20,11 @@ KIND = "simulation-job"
 
 
 def store_job(
-    request: SimulationJobOrder, service: Service, *, token: ClientToken | None, batch: tuple[str, int] | None = None
+    request: SimulationJobRequestMembers,
+    service: Service,
+    *,
+    token: ClientToken | None,
+    batch: tuple[str, int] | None = None,
 ) -> Resource:
     """Stores one job as Pending.
 
@@ -53,7 +57,7 @@ def store_job(
             "requestIndex": batch[1] if batch else None,
             "seed": service.new_seed() if seed is None else seed,
             "video": video_of(request) or "none",
-            "requirements": [each.to_wire() for each in ordered_requirements(request)],
+            "requirements": [each.to_wire() for each in requirements_of(request)],
             "dataSources": data_sources,
             **applications,
         },

@@ -166,10 +166,10 @@ class _Check:
         self.next_time_s = math.inf if is_done else time_s + self._period_s
 
 
-def merged(ordered: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
+def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
     """The requirements of environment and job; of two of one name the job's counts."""
-    names = {requirement.name for requirement in ordered}
-    return [*(requirement for requirement in own if requirement.name not in names), *ordered]
+    names = {requirement.name for requirement in requested}
+    return [*(requirement for requirement in own if requirement.name not in names), *requested]
 
 
 def _own_requirements(environment: Any) -> list[JobRequirement]:

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pydantic import ValidationError
 
 from ....schemas.operations.requested_requirements import rooms_asked, unknown_room
-from ....schemas.operations.simulation_jobs import SimulationJobOrder
+from ....schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ....schemas.wire.errors import InvalidParameterException, StorageError
 from ....schemas.worlds.world import World
 from ...catalog import Resource
@@ -32,7 +32,7 @@ def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
         return None
 
 
-def check_rooms(order: SimulationJobOrder, world: Resource, service: Service, where: str = "") -> None:
+def check_rooms(order: SimulationJobRequestMembers, world: Resource, service: Service, where: str = "") -> None:
     """Refuses an order whose goals ask for rooms that its world does not have.
 
     Args:

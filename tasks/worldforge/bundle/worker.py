@@ -24,38 +24,38 @@ from .bundle import write_bundle
 
 
 def main() -> None:
-    """Answers orders until there are no more."""
+    """Answers requests until there are no more."""
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
-    orders: queue.SimpleQueue[str] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(orders,), daemon=True).start()
+    requests: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(requests,), daemon=True).start()
     while True:
-        print(json.dumps(answer(json.loads(orders.get()))), file=answers, flush=True)
+        print(json.dumps(answer(json.loads(requests.get()))), file=answers, flush=True)
 
 
-def _read(orders: "queue.SimpleQueue[str]") -> None:
+def _read(requests: "queue.SimpleQueue[str]") -> None:
     for line in sys.stdin:
-        orders.put(line)
+        requests.put(line)
     os._exit(0)
 
 
-def answer(order: dict[str, str | int]) -> dict[str, str]:
+def answer(request: dict[str, str | int]) -> dict[str, str]:
     """Builds one bundle.
 
     Returns:
       `{"content": hash}`, or `{"error": reason}` when there is no such world.
     """
     try:
-        body = parse_template_body(str(order["body"]))
-        world = generate_world(body, int(order["floorplan_seed"]), int(order["interior_seed"]))
-        return {"content": write_bundle(world, Path(str(order["folder"])))}
+        body = parse_template_body(str(request["body"]))
+        world = generate_world(body, int(request["floorplan_seed"]), int(request["interior_seed"]))
+        return {"content": write_bundle(world, Path(str(request["folder"])))}
     except RobomakerError as error:
         return {"error": str(error)}
     except OSError as error:
         return {"error": f"the bundle could not be written: {error}"}
     except Exception as error:
-        # One world's failure, told as such: ending here would tell its orderer nothing but an exit code.
+        # One world's failure, told as such: ending here would tell its caller nothing but an exit code.
         traceback.print_exc()
         return {"error": f"the generator failed with {type(error).__name__}: {error}"}
 

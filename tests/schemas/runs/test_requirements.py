@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.operations.registry import check_request, parse_request
-from prefect_robomaker.schemas.operations.requested_requirements import ordered_requirements, unknown_room
+from prefect_robomaker.schemas.operations.requested_requirements import requirements_of, unknown_room
 from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
 from prefect_robomaker.schemas.runs.requirements import (
     ClearanceRequirement,
@@ -79,7 +79,7 @@ def test_the_variable_says_the_same_as_the_member() -> None:
     )
     for request in (member, variable, both):
         assert isinstance(request, CreateSimulationJobRequest)
-        assert ordered_requirements(request) == [TimeLimitRequirement(kind="time_limit", name="quick", limit_s=60)]
+        assert requirements_of(request) == [TimeLimitRequirement(kind="time_limit", name="quick", limit_s=60)]
 
 
 PLACE = "simulationApplications[0].launchConfig.environmentVariables.ROBOMAKER_REQUIREMENTS"

@@ -74,14 +74,14 @@ def job_sheet(job: "Resource", service: "Service") -> "Sheet":
 
 def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
     count = job.document["request"]["worldCount"]
-    ordered = count["floorplanCount"] * count["interiorCountPerFloorplan"]
+    requested = count["floorplanCount"] * count["interiorCountPerFloorplan"]
     verdicts = Counter(world.verdict for world in shown)
     told = [f"{verdicts['holds']} with all guarantees"]
     told += [f"{verdicts[key]} {words}" for key, words in _TROUBLES if verdicts[key]]
     deleted = len(set(job.document.get("succeededWorlds") or []) - {world.arn for world in shown})
     told += [f"{deleted} deleted since"] if deleted else []
     return (
-        f"{job.status}, {len(shown)} of {ordered} worlds: {', '.join(told)}",
+        f"{job.status}, {len(shown)} of {requested} worlds: {', '.join(told)}",
         f"seed {job.document.get('seed')}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
     )
 
