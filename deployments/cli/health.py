@@ -1,4 +1,4 @@
-"""What works on this machine: the checks behind `robomaker doctor`, each with what to do about what it finds."""
+"""The checks of `robomaker doctor`: what works on this machine, and how to fix what does not."""
 
 import os
 import shutil
@@ -64,7 +64,7 @@ def _examined(subject: str, check: Callable[[], Finding]) -> Finding:
     except OSError as error:
         return Finding(subject, "broken", f"{error.filename}: {error.strerror}" if error.filename else str(error))
     except Exception as error:
-        # A broken installation fails in ways nobody can list; the other checks still have to run.
+        # A broken installation can fail with any error; the other checks still have to run.
         return Finding(subject, "broken", f"{type(error).__name__}: {error}")
 
 
@@ -199,7 +199,7 @@ def check_extras() -> Finding:
 
 
 def check_containers(settings: Settings) -> Finding:
-    """Whether runs that nobody performs any more have left containers."""
+    """Whether runs whose job worker has died left containers."""
     from ...tasks.jobs.job_folders import runs_of_nobody
     from ...tasks.service.service import Service
 
@@ -208,5 +208,5 @@ def check_containers(settings: Settings) -> Finding:
     service.catalog.close()
     if left:
         remedy = "start any simulation job here, which removes them; the engine has to answer"
-        return Finding("containers", "warning", "\n".join(("runs that nobody performs left some:", *left)), remedy)
+        return Finding("containers", "warning", "\n".join(("runs whose job worker died left some:", *left)), remedy)
     return Finding("containers", "ok", "no run that is over has left any")

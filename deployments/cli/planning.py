@@ -1,4 +1,4 @@
-"""What a specification would run, told before it runs: order, amounts, limits."""
+"""The plan of a specification before it runs: order of steps, amounts, limits."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""The Prefect server of this process: the right one is used, quietly, and its state is said in a line."""
+"""The Prefect server of this process: chooses it, starts it if needed, and reports its state in a line."""
 
 import os
 import sys

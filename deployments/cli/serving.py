@@ -30,7 +30,7 @@ def serve(arguments: argparse.Namespace) -> int:
     access_keys = read_access_keys(settings.access_keys_file) if settings.access_keys_file else None
     if access_keys is None and not is_loopback(arguments.host):
         raise ConfigurationError(
-            f"--host is {arguments.host!r}, which others can reach, and whoever reaches it can run programs here; "
+            f"--host is {arguments.host!r}, which others can reach, and every client can run programs here; "
             "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first (docs/serving.md)"
         )
     _check_port(arguments.host, arguments.port)
@@ -92,7 +92,7 @@ def _run_server(
 
 
 def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
-    """What performers pass on to jobs, so that an SDK in a job finds this endpoint, and knows the service.
+    """Returns the variables with which an SDK in a job finds this endpoint, and knows the service.
 
     A port that is chosen when the server begins to listen is not known yet.
     """
@@ -117,7 +117,7 @@ def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: 
     region = settings.region
     variables = {"AWS_ENDPOINT_URL_ROBOMAKER": facts["url"], "AWS_REGION": region, "AWS_DEFAULT_REGION": region}
     if not signed:
-        # SDKs insist on signing; nobody looks at the signature.
+        # SDKs insist on signing; the endpoint does not check the signature here.
         variables |= {"AWS_ACCESS_KEY_ID": "local", "AWS_SECRET_ACCESS_KEY": "local"}
     if form == "json":
         sys.stdout.write(json.dumps({"schema_version": 1, **facts, "environment": variables}) + "\n")
@@ -137,7 +137,7 @@ def _lines(facts: Mapping[str, Any], variables: Mapping[str, str], *, signed: bo
     elif facts["execute"] == "deployments":
         last = f"Jobs are handed to the workers of {facts['prefect_url']}."
     else:
-        last = "Jobs wait until somebody performs them: `robomaker perform ARN`, or a `robomaker serve` elsewhere."
+        last = "Jobs wait for a job worker: `robomaker perform ARN`, or a `robomaker serve` elsewhere."
     return [*lines, "", last, ""]
 
 

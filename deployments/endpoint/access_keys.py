@@ -13,7 +13,7 @@ _logger = logging.getLogger(__name__)
 
 
 def read_access_keys(path: Path) -> dict[str, str]:
-    """Reads a file in the form of `~/.aws/credentials`; which profile a pair of keys stands in is of no account.
+    """Reads a file in the form of `~/.aws/credentials`; the names of its profiles do not matter.
 
     Returns:
       The secret access keys by id.

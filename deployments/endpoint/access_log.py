@@ -1,4 +1,4 @@
-"""The access log: one line per request, when somebody asks for it.
+"""The access log: one line per request, when it is switched on.
 
 ```
 2026-01-31T12:00:00Z 127.0.0.1 POST /describeWorld 200 - 1.8 ms 0f7a…
@@ -39,7 +39,7 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
 
 
 def log_access(request: ServiceRequest, response: Response, duration_s: float) -> None:
-    """Logs one request, if anybody asked for it."""
+    """Logs one request, if the access log is on."""
     if LOGGER.handlers:
         LOGGER.info(
             "%s %s %s %d %s %.1f ms %s",

@@ -27,7 +27,7 @@ from .wire import MAX_BODY_BYTES, WireResponse, request_members
 # SQLite reads in parallel, but Python runs one thread at a time: more threads only wait for each other.
 WORKERS = 8
 MAX_IN_PROGRESS = 128
-"""Whole requests at once; whoever comes then is asked to come again."""
+"""Limit of requests at once; clients above it are asked to try again later."""
 
 RETRY_AFTER_S = 1
 
@@ -49,10 +49,10 @@ def make_application(
 
     Args:
       service: where the operations happen.
-      access_keys: secret access keys by id; `None`: nobody has to sign, and web pages are kept out.
+      access_keys: secret access keys by id; `None`: requests need no signature, and web pages are refused.
       on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
         several threads, before the client has its answer.
-      worker_status: what the health page shows of whoever carries the jobs out; plain JSON.
+      worker_status: what the health page shows of the job worker; plain JSON.
     """
     return Endpoint(service, access_keys, on_submitted, worker_status)
 
@@ -114,7 +114,7 @@ class Endpoint:
         headers = request.headers
         declared = headers.get("content-length") or (None if headers.get("transfer-encoding") else "0")
         try:
-            # Bodies on their way are not counted with the requests: slow senders keep nobody else out.
+            # Bodies that are still being sent do not count as requests: slow senders keep no other client out.
             with self._arrivals.admitted(declared) as timeout_s:
                 request.content = await read_body(request, declared, MAX_BODY_BYTES, timeout_s)
             if self._in_progress >= MAX_IN_PROGRESS:
@@ -160,5 +160,5 @@ class Endpoint:
         try:
             self._on_submitted(arn)
         except Exception:
-            # The job is stored, and whoever performs jobs finds it there, later.
-            LOGGER.exception("nobody could be told of %s (request %s)", arn, request_id)
+            # The job is stored, and a job worker finds it in the catalog later.
+            LOGGER.exception("no job worker could be told of %s (request %s)", arn, request_id)

@@ -56,7 +56,7 @@ class Authenticator:
           The access key's id.
 
         Raises:
-          ProtocolError: nobody known did, with the reason in the terms AWS uses.
+          ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
         """
         signature = _parsed(request)
         secret = self._access_keys.get(signature.access_key)

@@ -1,4 +1,4 @@
-"""What a client is told when a request fails: everything about its own mistakes, nothing about this machine."""
+"""Answers to failed requests: everything about the client's mistakes, nothing about this machine."""
 
 import logging
 import re
@@ -23,7 +23,7 @@ LOGGER = logging.getLogger("robomaker.endpoint")
 
 
 class Failures:
-    """Turns whatever went wrong into answers.
+    """Turns every failure into an answer.
 
     Args:
       settings: what they say of places on this machine is hidden from clients.

@@ -1,4 +1,4 @@
-"""The pages for people and for watchdogs: `GET /` and `GET /health`."""
+"""The status page and the health check: `GET /` and `GET /health`."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -23,8 +23,8 @@ class HealthPages:
 
     Args:
       service: what is looked at.
-      worker_status: how whoever carries jobs out is; plain JSON.
-      is_open: whether anybody may see what the service holds; otherwise only that it works.
+      worker_status: returns the job worker's status; plain JSON.
+      is_open: whether every client may see what the service holds; otherwise only that it works.
     """
 
     def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]], *, is_open: bool) -> None:

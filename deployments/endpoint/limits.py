@@ -1,4 +1,4 @@
-"""Bounds on what one client can take from the others: the length of bodies, and how long they may take."""
+"""Limits of one client's use of the endpoint: size of bodies, and time for sending them."""
 
 import asyncio
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ class Arrivals:
         """Lets one body arrive.
 
         Args:
-          declared: the header `Content-Length`; `None` if nobody says, which counts as large.
+          declared: the header `Content-Length`; `None` without that header, which counts as large.
 
         Yields:
           How many seconds it may take.

@@ -1,4 +1,4 @@
-"""Keeps web pages away from a service that asks nobody for a signature.
+"""Refuses requests of web pages where the service needs no signatures.
 
 Any page that a browser on this machine shows can send requests to 127.0.0.1. Two marks give them
 away, and neither is on a request of an SDK:

@@ -1,4 +1,4 @@
-"""Which operation a method and a path mean."""
+"""Finds the operation of a method and a path."""
 
 import re
 from collections.abc import Iterable, Mapping

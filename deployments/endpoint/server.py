@@ -41,7 +41,7 @@ def run_server(application: ASGIApp, host: str, port: int, *, ready: Callable[[i
     with listening(host, port) as listener:
         if not is_loopback(host) and not getattr(application, "checks_signatures", False):
             LOGGER.warning(
-                "%s can be reached from other machines, and nobody has to sign: "
+                "%s can be reached from other machines, and requests need no signature: "
                 "configure access keys, or listen at 127.0.0.1",
                 host,
             )

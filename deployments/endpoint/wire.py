@@ -1,4 +1,4 @@
-"""Members of requests and answers as they travel: in path, query and body; times as seconds since 1970."""
+"""Serialises members of requests and answers: path, query and body; times as seconds since 1970."""
 
 import json
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ def request_members(route: Route, request: ServiceRequest) -> dict[str, Any]:
     if in_query:
         members |= _query_members(operation, in_query, request.raw_query)
     if operation.request.model_fields.keys() <= operation.locations.keys():
-        return members  # nothing is left for a body; whatever is there has no meaning
+        return members  # no member is left for a body; its content has no meaning
     body = _body_members(request)
     for name in operation.locations:
         if name in body:
@@ -91,7 +91,7 @@ def _body_members(request: ServiceRequest) -> dict[str, Any]:
 
 
 def _check_content_type(content_type: str | None) -> None:
-    """SDKs send `application/json`, or nothing; whoever sends something else means something else."""
+    """Whether a body is JSON: SDKs send `application/json` or no type; other types are not JSON."""
     if content_type is None:
         return
     kind = content_type.partition(";")[0].strip().lower()

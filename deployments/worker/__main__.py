@@ -1,7 +1,7 @@
-"""The worker's process: `python -m prefect_robomaker.deployments.worker FD here|deployments MAX_JOBS`.
+"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD here|deployments MAX_JOBS`.
 
-It says how things are through the pipe FD, and ends when it is told to, when it gets SIGTERM or SIGINT,
-and when the pipe's other end closes: with whoever started it, however that happened.
+It sends its status through the pipe FD. It ends when it is told to, when it gets SIGTERM or SIGINT, and when the
+pipe's other end closes, so that it never outlives the process that started it.
 """
 
 import logging
@@ -20,39 +20,39 @@ from .pools import job_pools
 from .prefect_watch import PrefectWatch
 
 POLL_S = 0.25
-"""How often the catalog is looked at when nobody says that there is something new."""
+"""How often the worker looks into the catalog without being woken."""
 
 END_S = 5.0
-"""How long ending may take."""
+"""Time limit for shutting down."""
 
 NICENESS = 5
-"""The endpoint answers first; simulations take what is left, which is nearly all."""
+"""The endpoint comes first; simulations use the remaining processor time, which is nearly all of it."""
 
 _STATUS_S = 1.0
 
 
 class JobWorker(Protocol):
-    """What carries jobs out."""
+    """The interface of a job worker."""
 
     def prepare(self) -> None:
-        """Gets ready."""
+        """Prepares for the first job."""
         ...
 
     def look(self) -> None:
-        """Looks for something to do, and begins it."""
+        """Looks for stored jobs and begins them."""
         ...
 
     def status(self) -> dict[str, Any]:
-        """How things are."""
+        """Returns the status for the health page."""
         ...
 
     def end(self) -> dict[str, int]:
-        """Lets everything go; returns how many jobs of each kind were under way."""
+        """Releases all jobs; returns how many of each kind were running."""
         ...
 
 
 def main() -> None:
-    """Performs jobs until told to stop."""
+    """Runs stored jobs until told to stop."""
     descriptor, execute, max_jobs = sys.argv[1:4]
     channel = Channel.inherited(int(descriptor))
     os.nice(NICENESS)
@@ -100,7 +100,7 @@ def _serve(worker: JobWorker, channel: Channel, look: threading.Event, stop: thr
 
 
 def _listen(channel: Channel, look: threading.Event, stop: threading.Event) -> None:
-    """Hears what the endpoint's process says, until it is gone."""
+    """Receives messages of the endpoint's process until it stops or dies."""
     while (message := channel.receive()) is not None and message != STOP:
         look.set()
     _request_stop(look, stop)
@@ -116,8 +116,8 @@ def _request_stop(look: threading.Event, stop: threading.Event) -> None:
 
 
 def _log_to_stderr() -> None:
-    """One line for each thing that happens, where the endpoint's own lines go."""
-    logging.raiseExceptions = False  # nobody may be reading any more
+    """Logs one line per event to standard error, like the endpoint."""
+    logging.raiseExceptions = False  # the reader of standard error may be gone
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", datefmt="%H:%M:%S"))
     logger = logging.getLogger("prefect_robomaker")

@@ -1,4 +1,4 @@
-"""The pipe between the endpoint's process and the performer's: messages of JSON, each received whole."""
+"""The pipe between the endpoint and the job worker: JSON messages, each received whole."""
 
 import json
 import socket
@@ -7,10 +7,10 @@ from contextlib import suppress
 from typing import Any
 
 WAKE: Mapping[str, Any] = {"do": "wake"}
-"""To the performer: there is something new in the catalog."""
+"""Tells the job worker that the catalog has a new job."""
 
 STOP: Mapping[str, Any] = {"do": "stop"}
-"""To the performer: give back what is not finished, and end."""
+"""Tells the job worker to release its unfinished jobs and end."""
 
 _MAX_BYTES = 64 * 1024
 
@@ -39,13 +39,13 @@ class Channel:
         return self._end.fileno()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Sends a message if there is somebody to take it; never waits."""
-        # Somebody who does not read has either died or has enough to read already.
+        """Sends a message without waiting; it is dropped when the other side does not read."""
+        # A side that does not read has died, or has unread messages that tell it enough.
         with suppress(OSError):
             self._end.send(json.dumps(message, default=str).encode()[:_MAX_BYTES], socket.MSG_DONTWAIT)
 
     def receive(self) -> dict[str, Any] | None:
-        """Waits for a message; `None`: the other side is gone."""
+        """Waits for a message; returns `None` when the other side has died."""
         try:
             data = self._end.recv(_MAX_BYTES)
         except OSError:

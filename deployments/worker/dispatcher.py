@@ -1,7 +1,7 @@
-"""The performer that hands jobs to Prefect deployments, for workers wherever they are.
+"""The job worker that hands jobs to Prefect deployments, for Prefect workers on any machine.
 
-A job's ARN is the idempotency key of its flow run, so that it is handed over once, whoever tries. A run
-that has ended while its job has not is followed by another one, a few times.
+A job's ARN is the idempotency key of its flow run, so that several dispatchers hand it over only once. When a flow run
+ends before its job has ended, the dispatcher starts another one, a few times.
 """
 
 import logging
@@ -50,7 +50,7 @@ class _Handed:
 
 
 class Dispatcher:
-    """Finds jobs that nobody performs and has Prefect run the deployments that perform them.
+    """Finds jobs without a lease and starts a Prefect deployment run for each.
 
     Args:
       service: where the jobs are.
@@ -101,7 +101,7 @@ class Dispatcher:
             )
 
     def look(self) -> None:
-        """Hands over what nobody performs, and looks what became of what was handed over."""
+        """Hands over jobs without a lease, and checks the flow runs of jobs that were handed over."""
         if not self._prefect.answers:
             return
         try:
@@ -119,7 +119,7 @@ class Dispatcher:
             self._note("")
 
     def status(self) -> dict[str, Any]:
-        """How things are, for the health page."""
+        """Returns the status for the health page."""
         state = "in trouble" if self._trouble else "ready"
         return {
             "state": state if self._prefect.answers else "waiting for Prefect",
@@ -129,7 +129,7 @@ class Dispatcher:
         }
 
     def end(self) -> dict[str, int]:
-        """Leaves everything to the workers."""
+        """Leaves all jobs to the Prefect workers."""
         return {}
 
     def _is_due(self, arn: str) -> bool:
@@ -149,7 +149,7 @@ class Dispatcher:
             return
         handed.check_at = time.monotonic() + self._check_s
         if run.state is not None and run.state.is_final():
-            if run.state.type == StateType.CANCELLED:  # somebody wants that, before a worker has begun it
+            if run.state.type == StateType.CANCELLED:  # a user cancelled it before a Prefect worker began it
                 self._service.catalog.request_cancel(job.arn)
             self._again(job, handed, f"ended as {run.state.name}: {run.state.message}", client)
         elif run.state is not None and run.state.type == StateType.RUNNING:
@@ -175,14 +175,14 @@ class Dispatcher:
             idempotency_key=job.arn if number == 1 else f"{job.arn}#{number}",
             name=job.id,
         )
-        # One that was made before, by another dispatcher or an earlier one, may have ended long ago.
+        # The idempotency key may return a run of another or an earlier dispatcher, which may have ended long ago.
         is_new = run.state is None or run.state.is_scheduled()
         if is_new:
             _logger.info("%s: handed over as flow run %s", job.id, run.id)
         return _Handed(run.id, number, time.monotonic() + (self._check_s if is_new else 0.0))
 
     def _forget_all_but(self, arns: set[str]) -> None:
-        """Forgets jobs that have ended, or are performed."""
+        """Forgets jobs that have ended or whose lease is held."""
         for arn in self._handed.keys() - arns:
             del self._handed[arn]
 

@@ -1,4 +1,4 @@
-"""Flow runs that nobody carries on: Prefect would show them as running for ever."""
+"""Marks flow runs whose worker has died as crashed: Prefect would show them as running for ever."""
 
 import logging
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ _logger = logging.getLogger(__name__)
 
 
 def mark_crashed(job_ids: Iterable[str], message: str) -> None:
-    """Tells Prefect that the runs of some jobs have ended; what it does not take is not worth more than a line.
+    """Tells Prefect that the runs of some jobs have ended; a failure to do so is only logged.
 
     Args:
       job_ids: ids of the jobs, which are the names of their flow runs.

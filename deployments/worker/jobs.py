@@ -1,4 +1,4 @@
-"""Performing the jobs of this process: which are under way, which are tried again later, which are given up."""
+"""Runs the jobs of this process: which are running, which are retried later, which have failed for good."""
 
 import logging
 import threading
@@ -24,7 +24,7 @@ from .pools import JobPool
 from .prefect_watch import PrefectWatch
 
 MOST_TRIES = 3
-"""How often performing a job may break, for other reasons than that something does not answer."""
+"""How often a job's flow run may raise before the job fails; services that do not answer do not count."""
 
 _UNAVAILABLE = (httpx.HTTPError, PrefectException, ServiceUnavailableException)
 
@@ -42,7 +42,7 @@ class _Trouble:
 
 @dataclass
 class Jobs:
-    """The jobs that this process performs, each as a flow run in a thread.
+    """Runs jobs in this process, each as a flow run in a thread.
 
     Args:
       service: where they are stored.
@@ -61,11 +61,11 @@ class Jobs:
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
     def counts(self) -> Counter[str]:
-        """How many are under way, by kind."""
+        """Returns how many jobs are running, by kind."""
         return Counter(pool.kind for pool in list(self._running.values()))
 
     def begin_some(self, pool: JobPool) -> None:
-        """Begins the oldest jobs of a pool that wait, as many as may run.
+        """Begins the oldest waiting jobs of a pool, as many as may run.
 
         Raises:
           ServiceUnavailableException: the catalog does not answer.
@@ -80,7 +80,7 @@ class Jobs:
                 free -= 1
 
     def renew_reservations(self) -> None:
-        """Keeps the leases of jobs whose flow runs have not begun to renew them."""
+        """Renews the leases of jobs whose flow runs have not begun to renew them."""
         for arn in list(self._running):
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
 
@@ -96,7 +96,7 @@ class Jobs:
         _logger.info("%s: begun", job.id)
         try:
             if self.service.catalog.lost_performers(job.arn):
-                mark_crashed([job.id], "its performer died; the job is performed again")
+                mark_crashed([job.id], "its job worker died; the job is run again")
             self._run_flow(pool, job.arn)
         except WorkerStopping:
             return
@@ -109,7 +109,7 @@ class Jobs:
             self._end(job.arn)
 
     def _run_flow(self, pool: JobPool, arn: str) -> None:
-        # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
+        # A heartbeat makes every flow wait a second at its end. Leases show which workers died.
         with self.service.activated(), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
             self.find_flow(pool.operation)(arn)
 
@@ -122,7 +122,7 @@ class Jobs:
             _logger.info("%s: %s after %.1f s", job.id, status, duration_s)
 
     def _note(self, pool: JobPool, job: Resource, error: BaseException) -> None:
-        """Decides what becomes of a job whose flow run raised."""
+        """Decides whether a job whose flow run raised is retried or fails."""
         try:
             if is_terminal(job.kind, self.service.catalog.get(job.arn).status):
                 _logger.warning("%s has ended; Prefect may not show it so: %s", job.id, error)
@@ -138,9 +138,9 @@ class Jobs:
             trouble.defects += 1
         words = f"{type(error).__name__}: {error}"
         if trouble.defects >= MOST_TRIES:
-            self._give_up(pool, job, f"performing it broke {trouble.defects} times: {words}")
+            self._give_up(pool, job, f"running it failed {trouble.defects} times: {words}")
         else:
-            _logger.warning("%s: performing it broke, and is tried again in %g s: %s", job.id, pause_s, words)
+            _logger.warning("%s: running it failed, and is tried again in %g s: %s", job.id, pause_s, words)
 
     def _give_up(self, pool: JobPool, job: Resource, reason: str) -> None:
         self._troubles.pop(job.arn, None)

@@ -1,4 +1,4 @@
-"""Which jobs there are to perform, and how many of each kind at once."""
+"""Pools of jobs: one per kind of job, with the number that run at the same time."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ _EXPORTS_AT_ONCE = 2
 
 @dataclass(frozen=True)
 class JobPool:
-    """One kind of job."""
+    """One kind of job, and how many of it run at once."""
 
     kind: str
     """Its kind of resource, as in its ARN."""
@@ -18,11 +18,11 @@ class JobPool:
     """The operation that makes such jobs, and whose perform half carries them out."""
 
     at_once: int
-    """How many are performed at the same time; the others wait, oldest first."""
+    """How many run at the same time; the others wait, oldest first."""
 
 
 def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
-    """All kinds of jobs.
+    """Returns the pools of all kinds of jobs.
 
     Args:
       max_jobs: simulation jobs at once, besides those in batches: each batch has a `maxConcurrency` of its own.

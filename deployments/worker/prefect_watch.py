@@ -1,4 +1,4 @@
-"""Watching whether the Prefect server answers: while it does not, jobs wait."""
+"""Watches whether the Prefect server answers: while it does not, jobs wait."""
 
 import logging
 import os
@@ -14,7 +14,7 @@ _logger = logging.getLogger(__name__)
 
 
 class PrefectWatch:
-    """Looks at the server now and then, in a thread of its own."""
+    """Checks regularly whether the server answers, in a thread of its own."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -32,11 +32,11 @@ class PrefectWatch:
         return self._answers
 
     def look_now(self) -> None:
-        """Has the server looked at at once, because somebody has reason to doubt that it answers."""
+        """Has the server checked at once, after a request to it has failed."""
         self._look.set()
 
     def looked_at_now(self) -> bool:
-        """Looks whether the server answers, and waits for the answer."""
+        """Checks whether the server answers, and waits for the result."""
         answers = server_status(self._settings).running
         if not answers:
             self.look_now()

@@ -1,4 +1,4 @@
-"""The performer that runs jobs in its own process, with everything imported and warm."""
+"""The job worker that runs jobs in its own process, with all modules imported beforehand."""
 
 import importlib
 import logging
@@ -39,12 +39,12 @@ _logger = logging.getLogger(__name__)
 
 
 class WarmWorker:
-    """Finds jobs that nobody performs and runs them.
+    """Finds jobs without a lease and runs them.
 
     Args:
       service: where the jobs are.
       pools: which jobs, and how many at once.
-      prefect: watches the server without which nothing is begun.
+      prefect: watches the Prefect server; no job begins without it.
       look: set when there may be something to do.
     """
 
@@ -60,7 +60,7 @@ class WarmWorker:
         self._renewed_at = time.monotonic()
 
     def prepare(self) -> None:
-        """Imports and starts what the first job would otherwise wait for."""
+        """Imports modules and starts processes, so that the first job need not wait for them."""
         from ...flows.lookup import find_perform_flow
         from ...tasks.jobs.job_runs import launcher
 
@@ -73,12 +73,12 @@ class WarmWorker:
                 client.create_flow(find_perform_flow(pool.operation))
 
     def look(self) -> None:
-        """Begins what can be begun; called several times a second."""
+        """Begins the jobs that can begin; called several times a second."""
         try:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
                 self._jobs.renew_reservations()
-            # One question, most of the time, rather than one for each pool.
+            # Mostly one query to the catalog, instead of one for each pool.
             if self._prefect.answers and self._service.catalog.unfinished(self._kinds, limit=1):
                 for pool in self._pools:
                     self._jobs.begin_some(pool)
@@ -87,7 +87,7 @@ class WarmWorker:
             self._note_catalog(error)
 
     def status(self) -> dict[str, Any]:
-        """How things are, for the health page."""
+        """Returns the status for the health page."""
         counts = self._jobs.counts()
         state = "ready" if self._catalog_answers else "waiting for the catalog"
         return {
@@ -97,10 +97,10 @@ class WarmWorker:
         }
 
     def end(self) -> dict[str, int]:
-        """Gives back every job; the process has to end right after.
+        """Releases every job; the process has to end right after.
 
         Returns:
-          How many jobs of each kind others can go on with.
+          How many jobs of each kind other workers can continue.
         """
         logging.disable(logging.CRITICAL)  # jobs that lose their lease complain
         arns = HELD.give_back_all(self._service.catalog)
@@ -121,7 +121,7 @@ class WarmWorker:
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Logs what a Prefect server that does not answer keeps from being done."""
+    """Logs what could not be done because the Prefect server does not answer."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:

@@ -1,4 +1,4 @@
-"""The performer as the endpoint's process sees it: started, woken, watched, started again, stopped."""
+"""Starts, wakes, watches, restarts and stops the job worker, from the endpoint's process."""
 
 import logging
 import os
@@ -18,19 +18,19 @@ _STOP_S = 8.0
 _FIRST_PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
 _LONG_LIFE_S = 60.0
-"""Who has lived so long was well; what it died of is new."""
+"""A worker that ran for so long was healthy: the pause before its restart begins anew."""
 
 _logger = logging.getLogger(__name__)
 
 
 class WorkerProcess:
-    """A performer in a process of its own, which ends with this one, however that happens.
+    """A job worker in a process of its own, which always ends with this one.
 
     Args:
       settings: where the jobs are.
       execute: `here` or `deployments`.
       max_jobs: simulation jobs at once, besides those in batches.
-      variables: what it has in its environment besides that of this process.
+      variables: environment variables in addition to those of this process.
     """
 
     def __init__(
@@ -46,37 +46,37 @@ class WorkerProcess:
         self._restarts = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._channel: Channel | None = None
-        self._watcher = threading.Thread(target=self._watch, name="performer", daemon=True)
+        self._watcher = threading.Thread(target=self._watch, name="job worker", daemon=True)
 
     def start(self) -> None:
-        """Starts it, and again whenever it dies."""
+        """Starts the worker, and restarts it whenever it dies."""
         self._watcher.start()
 
     def wait_until_ready(self, timeout_s: float) -> None:
-        """Waits until it is ready.
+        """Waits until the worker is ready.
 
         Raises:
-          ConfigurationError: it cannot be, and says why.
+          ConfigurationError: it cannot get ready, with the reason.
         """
         self._known.wait(timeout_s)
         status = self.status()
         if "error" in status or status["state"] == "starting":
-            raise ConfigurationError(str(status.get("error", f"the performer was not ready after {timeout_s:g} s")))
+            raise ConfigurationError(str(status.get("error", f"the job worker was not ready after {timeout_s:g} s")))
 
     def wake(self, arn: str = "") -> None:
-        """Says that there is a new job; quick, and safe to call from any thread."""
+        """Tells the worker that there is a new job; quick, and safe to call from any thread."""
         del arn  # it finds the job in the catalog
         if (channel := self._channel) is not None:
             channel.send(WAKE)
 
     def status(self) -> Mapping[str, Any]:
-        """How it is; plain JSON."""
+        """Returns the worker's status as plain JSON values."""
         with self._lock:
             pid = self._process.pid if self._process else None
             return {**self._status, "pid": pid, "restarts": self._restarts}
 
     def stop(self) -> Mapping[str, int]:
-        """Ends it.
+        """Ends the worker.
 
         Returns:
           How many jobs of each kind it had to leave unfinished.
@@ -90,7 +90,7 @@ class WorkerProcess:
         return self.status().get("interrupted", {})
 
     def kill(self) -> None:
-        """Ends it at once; what it held is waited for until its leases run out."""
+        """Kills the worker; its jobs stay claimed until their leases run out."""
         self._stopping.set()
         if (process := self._process) is not None:
             process.kill()
@@ -123,7 +123,7 @@ class WorkerProcess:
         )
         theirs.close()
         self._process, self._channel = process, ours
-        if self._stopping.is_set():  # it was asked to stop before there was anybody to tell
+        if self._stopping.is_set():  # it was asked to stop before the worker existed
             ours.send(STOP)
         while (message := ours.receive()) is not None:
             with self._lock:
@@ -134,7 +134,7 @@ class WorkerProcess:
         return process.wait()
 
     def _clear_up(self, code: int, pause_s: float) -> None:
-        """Frees what a dead process held, and says that it died."""
+        """Releases the leases of a dead worker, and logs that it died."""
         how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         held = self._expire_leases()
         error = self.status().get("error", "")
@@ -142,7 +142,7 @@ class WorkerProcess:
             self._restarts += 1
             self._status = {"state": "restarting", **({"error": error} if error else {})}
         _logger.warning(
-            "the performer %s; it is started again in %g s and goes on with %d jobs and batches%s",
+            "the job worker %s; it is started again in %g s and goes on with %d jobs and batches%s",
             how,
             pause_s,
             held,
@@ -151,7 +151,7 @@ class WorkerProcess:
 
     def _expire_leases(self) -> int:
         """Ends the leases of a dead process; returns how many it held."""
-        # Imported late, so that the performer is started before this process has imported anything large.
+        # Imported late, so that the worker is started before this process has imported anything large.
         from ...tasks.execution.held_leases import owners_of
         from ...tasks.service.service import Service
 
@@ -163,12 +163,12 @@ class WorkerProcess:
             finally:
                 catalog.close()
         except RobomakerError as error:
-            _logger.warning("the leases of the performer that died run out by themselves: %s", error)
+            _logger.warning("the leases of the job worker that died run out by themselves: %s", error)
             return 0
 
 
 def in_words(counts: Mapping[str, int]) -> str:
-    """Counts of jobs: `2 simulation jobs, 1 world export job`."""
+    """Formats counts of jobs: `2 simulation jobs, 1 world export job`."""
     return ", ".join(
         f"{count} {kind.replace('-', ' ')}{_plural(kind) if count > 1 else ''}" for kind, count in counts.items()
     )

@@ -1,4 +1,4 @@
-"""Running a stored job exactly once: leases, claims, retry limits, slots, task pools, steps as Prefect tasks.
+"""Running stored jobs, each by one worker at a time: leases, claims, retry limits, slots, task pools, steps.
 
 May import: `schemas`, `tasks.catalog`, `tasks.service`.
 """

@@ -1,6 +1,6 @@
-"""What Prefect's UI shows of a run besides states and logs: progress, tables, a summary, pictures.
+"""Prefect artifacts of a run: progress, tables, a summary, pictures.
 
-All of it is for people who look: what cannot be shown is logged, and fails nothing.
+Artifacts only inform: when one cannot be made, a warning is logged and the run goes on.
 """
 
 import base64
@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def shown_progress(service: Service, description: str) -> Iterator[Service]:
-    """The service, whose progress also shows as a progress artifact of the running flow."""
+    """Returns the service with its progress shown as a progress artifact of the running flow."""
     bar = _Bar(description, service.report_progress)
     try:
         yield service.watched_by(bar)
@@ -44,7 +44,7 @@ def shown_progress(service: Service, description: str) -> Iterator[Service]:
 
 
 def artifact_key(*words: str) -> str:
-    """A key as Prefect takes it: small letters, digits, single hyphens."""
+    """Returns a key in Prefect's form: small letters, digits, single hyphens."""
     return re.sub("[^a-z0-9]+", "-", "-".join(words).lower()).strip("-")
 
 
@@ -72,7 +72,7 @@ def show_picture(key: str, png: bytes, description: str) -> None:
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Logs what the Prefect server's refusal or absence keeps from being shown."""
+    """Logs artifacts that the Prefect server refused or could not take."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:
@@ -80,7 +80,7 @@ def _logged(what: str) -> Iterator[None]:
 
 
 class _Bar:
-    """Passes progress on, and to a progress artifact at most once a second."""
+    """Passes progress on, and updates a progress artifact at most once a second."""
 
     def __init__(self, description: str, listener: Callable[[Progress], None]) -> None:
         self._description = description
@@ -101,7 +101,7 @@ class _Bar:
                 self._lock.release()
 
     def flush(self) -> None:
-        """Shows the latest progress, however recent the update before."""
+        """Updates the artifact with the latest progress at once."""
         if self._latest is not None:
             with self._lock:
                 self._show(self._latest)

@@ -1,9 +1,8 @@
-"""Performing a stored job exactly once at a time, whoever tries.
+"""Runs a stored job under a lease, so that at most one worker runs it at a time.
 
-Every job operation has a perform half that carries a stored job to its end. Several may try: the
-flow that made the job, a worker that was handed it, someone who resumes after a crash. A lease in
-the catalog lets one of them work; the others wait for the end, or take over when the lease of a
-dead one runs out.
+Every job operation has a second half that carries a stored job to its end. Several processes may start it: the flow
+that made the job, a job worker, a user who resumes after a crash. A lease in the catalog lets one of them work. The
+others wait for the end of the job, or take over when the lease of a dead worker runs out.
 """
 
 import time
@@ -48,8 +47,7 @@ def run_if_unclaimed(
       held: where this process notes the leases that it holds.
 
     Returns:
-      Whether there is nothing to wait for: `work` was run, or the job had ended; false if another
-      performs it.
+      True when `work` was run or the job had ended; false when another worker holds its lease.
 
     Raises:
       ResourceNotFoundException: there is no such job.

@@ -1,8 +1,8 @@
-"""The leases that this process holds, so that it can give all of them back before it ends.
+"""The leases that this process holds, so that it can release all of them before it ends.
 
-A process that performs jobs may have to end while they run. What it gives back, others perform at once;
-what it keeps, they wait for until the lease has run out. From then on it takes no more leases, and
-nothing that still runs in it can change a job.
+A job worker may have to end while jobs run. Other workers continue a job at once when its lease is released; otherwise
+they wait until the lease has run out. After the release the process takes no more leases, and threads that still run
+in it can no longer change a job.
 """
 
 import os
@@ -22,12 +22,12 @@ class WorkerStopping(RobomakerError):
 
 
 def owners_of(pid: int) -> str:
-    """What the names begin with under which a process of this machine holds leases."""
+    """Returns the prefix of the owner names of a process of this machine."""
     return f"{socket.gethostname()}:{pid}:"
 
 
 def died_here(owner: str) -> bool:
-    """Whether a lease's owner was a process of this machine, and is none any more."""
+    """Whether a lease's owner was a process of this machine that has died."""
     host, _, rest = owner.partition(":")
     pid = rest.partition(":")[0]
     if host != socket.gethostname() or not pid.isdecimal():
@@ -37,7 +37,7 @@ def died_here(owner: str) -> bool:
     except ProcessLookupError:
         return True
     except PermissionError:
-        return False  # somebody else's
+        return False  # a process of another user
     return False
 
 
@@ -52,14 +52,14 @@ class HeldLeases:
 
     @contextmanager
     def owner_of(self, arn: str) -> Iterator[str]:
-        """The name under which a job's lease is taken and held inside the block.
+        """Yields the owner name for a job's lease, valid inside the block.
 
         Raises:
           WorkerStopping: no more leases are taken.
         """
         with self._lock:
             if self._closed:
-                raise WorkerStopping(f"{arn} is not begun: this performer is ending")
+                raise WorkerStopping(f"{arn} is not begun: this job worker is ending")
             if arn in self._reserved:
                 owner = self._owners[arn]
             else:
@@ -73,10 +73,10 @@ class HeldLeases:
                     del self._owners[arn]
 
     def reserve(self, arn: str, catalog: Catalog, lease_s: float) -> bool:
-        """Takes a job's lease for whoever begins it in this process next; `cancel_reservation` has to follow.
+        """Claims a job for the thread of this process that begins it; `cancel_reservation` has to follow.
 
         Returns:
-          Whether nobody else has it.
+          Whether the lease was free.
         """
         with self._lock:
             if self._closed or arn in self._owners:
@@ -89,26 +89,26 @@ class HeldLeases:
         return False
 
     def renew_reservation(self, arn: str, catalog: Catalog, lease_s: float) -> None:
-        """Keeps a job's lease until it is begun."""
+        """Renews a job's lease until the job begins."""
         with self._lock:
             owner = self._owners.get(arn)
         if owner is not None:
             catalog.renew(arn, owner, lease_s)
 
     def cancel_reservation(self, arn: str, catalog: Catalog) -> None:
-        """Gives a reserved lease back, unless that has happened."""
+        """Releases a reserved lease, unless that has happened."""
         if (owner := self._forget(arn)) is not None:
             catalog.release(arn, owner)
 
     def give_back_all(self, catalog: Catalog) -> tuple[str, ...]:
-        """Gives back every lease; this process takes none any more.
+        """Releases every lease; this process takes no more.
 
         Returns:
           ARNs of the jobs that were held, those of batches after the jobs in them.
         """
         with self._lock:
             self._closed = True
-            # A batch's jobs first: who sees the batch's lease gone must find theirs gone too.
+            # A batch's jobs first: when the batch's lease is free, theirs have to be free too.
             held = sorted(self._owners.items(), key=lambda item: ":simulation-job-batch/" in item[0])
         given_back = []
         for arn, owner in held:
@@ -126,4 +126,4 @@ class HeldLeases:
 
 
 HELD = HeldLeases()
-"""Those of this process."""
+"""The leases of this process."""

@@ -14,13 +14,13 @@ _logger = logging.getLogger(__name__)
 
 
 class Lease:
-    """The right to change one job, held by one performer.
+    """The right to change one job, held by one job worker.
 
-    Changes made through it fail with `StateConflictError` once another performer has taken over.
+    Changes made through it fail with `StateConflictError` once another worker has taken over.
 
     Args:
       job: the job as it was when the lease was taken.
-      owner: who holds the lease.
+      owner: name of the lease's holder.
       service: where the job is stored.
     """
 
@@ -33,12 +33,12 @@ class Lease:
 
     @property
     def lost(self) -> bool:
-        """Whether another performer has taken over, because this one was held up for too long."""
+        """Whether another worker has taken over, because this one was held up for too long."""
         return self._lost.is_set()
 
     @contextmanager
     def renewed(self) -> Iterator[None]:
-        """Keeps the lease inside the block, and gives it back at its end."""
+        """Renews the lease inside the block, and releases it at its end."""
         renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
         renewer.start()
         try:
@@ -68,7 +68,7 @@ class Lease:
 
     @contextmanager
     def _noticing_loss(self) -> Iterator[None]:
-        """Finds out about a change that was refused whether it was for want of the lease, before any clean-up."""
+        """Checks after a refused change whether the lease was lost, before any cleanup."""
         try:
             yield
         except StateConflictError:

@@ -1,7 +1,7 @@
-"""Giving up a job that its performers do not survive.
+"""The retry limit: fails a job whose job workers keep dying.
 
-A simulation runs in a process of its own, which its performer outlives. What still takes performers
-along, again and again, would do so for ever: for want of memory, or through a defect. Such a job fails.
+A simulation runs in a process of its own, so a crash of it does not end the job worker. A job whose workers still die,
+again and again, would kill workers for ever, through lack of memory or a defect. Such a job fails.
 """
 
 from typing import Any
@@ -12,22 +12,22 @@ from .leases import Lease
 
 MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10
-"""How many a batch may lose: its jobs are found out before it is."""
+"""The limit for a batch is higher: the job at fault in it reaches its own limit first."""
 
 _EVENTS = ("terminate", "fail", "canceled")
 
 
 def why_not_retried(lease: Lease, service: Service) -> str | None:
-    """Why a job is not to be begun again, if so."""
+    """Returns why a job has reached its retry limit; `None` when it may run."""
     most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
     lost = service.catalog.lost_performers(lease.job.arn)
     if lost < most:
         return None
-    return f"{lost} performers died, one after the other, while they performed this job; it is not begun again"
+    return f"{lost} job workers died, one after the other, while they ran this job; it is not begun again"
 
 
 def give_up(lease: Lease, reason: str, service: Service) -> None:
-    """Ends a job as failed, or as canceled if it was being canceled; the jobs of a batch are to be canceled."""
+    """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
     transitions = LIFECYCLES[lease.job.kind].transitions
     changes: dict[str, Any] = {"failureCode": "InternalServiceError", "failureReason": reason}
     if lease.job.kind == "simulation-job":

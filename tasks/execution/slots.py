@@ -1,11 +1,10 @@
 """Slots of a batch: a Prefect global concurrency limit that belongs to one batch.
 
-The limit shows in Prefect's UI, and may be lowered there while the batch runs. It belongs to the one
-performer that holds the batch's lease; who takes over from a dead one makes it anew. A slot is a lease
-on the server. Taking one per job would make the jobs wait: a SQLite server takes up to two seconds for a
-write while task runs are being recorded. So a performer takes its slots when it starts, before there is
-anything to record, and hands them from job to job; every few seconds it looks whether the limit has been
-lowered, and gives slots back if so.
+Prefect's UI shows the limit, and users may lower it there while the batch runs. It belongs to the job worker that holds
+the batch's lease; a worker that takes over from a dead one makes it anew. A slot is a lease on the Prefect server.
+Taking one per job would make the jobs wait: a SQLite server takes up to two seconds for a write while it records task
+runs. So a worker takes its slots when it starts, before task runs are recorded, and hands them from job to job. Every
+few seconds it checks whether the limit has been lowered, and releases slots if so.
 """
 
 import logging
@@ -30,7 +29,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Slots:
-    """The slots that this performer holds of one batch; use as a context manager.
+    """The slots that this worker holds of one batch; use as a context manager.
 
     Args:
       name: name of the global concurrency limit, the batch's own.
@@ -53,8 +52,8 @@ class Slots:
 
     def __enter__(self) -> "Slots":
         self._client = get_client(sync_client=True).__enter__()
-        # One performer at a time works on a batch: what an earlier one held, it died with. Left alone, its
-        # slots would come back after a minute.
+        # One worker at a time works on a batch, so slots of an earlier one belong to a dead worker. Without this,
+        # they would be free only after a minute.
         self._delete_limit()
         self._connection.upsert_global_concurrency_limit_by_name(self.name, self._limit)
         self._take_what_there_is()
@@ -91,7 +90,7 @@ class Slots:
                     self._changed.notify()
 
     def remove(self) -> None:
-        """Deletes the limit; called once, when nobody works on the batch any more."""
+        """Deletes the limit; called once, after the batch has ended."""
         self._delete_limit()
         self._free.clear()
         self._used.clear()
@@ -113,7 +112,7 @@ class Slots:
         return None
 
     def _keep(self) -> None:
-        """Keeps the leases alive and their number right, until closed."""
+        """Renews the leases and follows changes of the limit, until closed."""
         renewed_at = time.monotonic()
         while not self._closed.wait(self._look_s):
             try:
@@ -129,7 +128,7 @@ class Slots:
             self._connection.renew_concurrency_lease(lease_id=lease, lease_duration=_LEASE_S)
 
     def _follow_limit(self) -> None:
-        """Gives slots back that the limit no longer has, and takes more if there are more to have."""
+        """Releases slots above the limit, and takes free ones below it."""
         self._limit = self._connection.read_global_concurrency_limit_by_name(self.name).limit
         while surplus := self._surplus():
             self._give_back(surplus)
@@ -149,7 +148,7 @@ class Slots:
                 )
             except httpx.HTTPStatusError as error:
                 if error.response.status_code == httpx.codes.LOCKED:
-                    return  # another performer has them, or a dead one whose leases have not run out
+                    return  # another worker has them, or a dead one whose leases have not run out
                 raise
             with self._changed:
                 self._free.append(UUID(answer.json()["lease_id"]))

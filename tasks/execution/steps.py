@@ -12,7 +12,7 @@ Result = TypeVar("Result")
 
 
 class RunStep(Protocol):
-    """How a step is run: `directly`, or `as_task`."""
+    """Runs a step: `directly`, or `as_task`."""
 
     def __call__(self, name: str, part: Callable[[], Result], /) -> Result:
         """Runs a part of a job as the step `name` and returns what it returns."""
@@ -30,7 +30,7 @@ def as_task(name: str, part: Callable[[], Result], /) -> Result:
 
 
 def step_runner() -> RunStep:
-    """How the steps of a job are run here: as tasks inside a flow run, directly elsewhere."""
+    """Returns how steps are run here: as tasks inside a flow run, directly elsewhere."""
     context = sys.modules.get("prefect.context")  # without Prefect there is no flow run, and importing it takes seconds
     return as_task if context is not None and context.FlowRunContext.get() is not None else directly
 

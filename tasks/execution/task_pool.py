@@ -1,8 +1,8 @@
-"""Running a job's parts as Prefect tasks in threads, and ending them when their performer has to end.
+"""Runs a job's parts as Prefect tasks in threads, and ends them when the job worker has to end.
 
-A task in a thread is told nothing when the flow run is cancelled or Ctrl-C is pressed: only the main
-thread is interrupted. So an interruption becomes what the tasks watch for anyway, a cancel request in
-the catalog. They end as cancelled work ends, and only then does the interruption go on.
+When a flow run is cancelled or Ctrl-C is pressed, only the main thread is interrupted, not tasks in other threads.
+So an interruption stores a cancel request in the catalog, which the tasks watch for. The interruption is raised once
+they have ended.
 """
 
 import concurrent.futures

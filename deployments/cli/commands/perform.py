@@ -21,7 +21,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Performs the job and prints its final description; the exit code says how it ended."""
+    """Runs the job to its end and prints its final description; the exit code tells its outcome."""
     from ....schemas.settings import Settings
     from ....schemas.wire.arns import ResourceArn
     from ..job import perform

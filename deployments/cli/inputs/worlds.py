@@ -1,4 +1,4 @@
-"""Finding the world that somebody wants to look at: by its ARN, or by the folder of its bundle."""
+"""Finds the world to look at: by its ARN, or by the folder of its bundle."""
 
 import os
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ def find_world(wanted: str) -> FoundWorld:
 
 
 def output_file(name: str, folder: str, suffix: str) -> Path:
-    """Where a page or picture of a world or job is kept that nobody gave a place.
+    """Returns the default place for a page or picture of a world or job.
 
     Args:
       name: the world's or the job's.

@@ -1,4 +1,4 @@
-"""Progress on a terminal: one block that is drawn again and again, and stays when all has ended."""
+"""Progress on a terminal: one block that is redrawn while the pipeline runs, and stays at its end."""
 
 import threading
 import time

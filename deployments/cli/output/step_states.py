@@ -1,4 +1,4 @@
-"""What is known of a running pipeline's steps, gathered from its events."""
+"""States of a running pipeline's steps, gathered from its events."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

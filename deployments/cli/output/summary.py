@@ -1,4 +1,4 @@
-"""The last thing `robomaker run` says: what happened, where things are, how to run it again."""
+"""The summary at the end of `robomaker run`: outcomes, places of outputs, how to run it again."""
 
 import shlex
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What shows the progress of a running pipeline, whichever way."""
+"""The interface for showing the progress of a running pipeline."""
 
 from contextlib import AbstractContextManager
 

@@ -1,4 +1,4 @@
-"""What there is to say of a world, as plain data: `robomaker world show` prints it, as text or as JSON."""
+"""Facts of a world as plain data: `robomaker world show` prints them, as text or as JSON."""
 
 from collections import Counter
 from typing import Any

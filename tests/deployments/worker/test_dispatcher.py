@@ -218,7 +218,7 @@ def test_a_job_whose_performing_breaks_is_given_up_unless_something_does_not_ans
     if given_up:
         assert len(called) == MOST_TRIES
         assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
-        assert "performing it broke 3 times: RuntimeError: a defect" in described["failureReason"]
+        assert "running it failed 3 times: RuntimeError: a defect" in described["failureReason"]
     else:
         assert len(called) == MOST_TRIES + 2
         assert described["status"] == "Pending"

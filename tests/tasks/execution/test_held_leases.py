@@ -75,7 +75,7 @@ def test_a_job_that_takes_its_performers_along_fails(service: Service, job: str,
     assert begun == []
     described = call("DescribeWorldGenerationJob", {"job": job}, service)
     assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
-    assert "3 performers died" in described["failureReason"]
+    assert "3 job workers died" in described["failureReason"]
 
 
 def test_a_batch_outlives_more_performers_and_takes_its_jobs_along_when_it_is_given_up(

@@ -85,12 +85,12 @@ def test_a_job_that_takes_performers_along_is_given_up_and_the_others_go_on(
         wait_for(lambda: status(service, other) == "Completed", "the end of the other job")
 
         assert served.performer()["restarts"] == 1
-        assert "the performer was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
+        assert "the job worker was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
         described = served.call("DescribeSimulationJob", {"job": deadly})
         served.process.terminate()
         assert served.process.wait(20) == 0
     assert described["failureCode"] == "InternalServiceError"
-    assert "3 performers died" in described["failureReason"]
+    assert "3 job workers died" in described["failureReason"]
     assert service.catalog.lost_performers(other) == 1
 
 
