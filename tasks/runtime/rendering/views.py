@@ -1,4 +1,4 @@
-"""Where films are taken from: a model's own cameras, one that follows the robot, one straight from above."""
+"""Views for video: a model's own cameras, one that follows the robot, one straight from above."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -35,7 +35,7 @@ class CameraNameError(ValueError):
 def choose_views(
     model: mujoco.MjModel, name: str | None, said_by: str = "the environment's video_camera", aspect: float = 4 / 3
 ) -> tuple[View, View | None]:
-    """Returns the view to film with, and the one shown small in a corner for `both`.
+    """Returns the main view, and the one shown small in a corner for `both`.
 
     Args:
         model: The model.

@@ -1,4 +1,4 @@
-"""Running a run again: whether a rerun has to be the same, and how it is made so."""
+"""Replays a run: whether the rerun has to be identical, and how it is made so."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,7 +51,7 @@ def read_outputs(folder: Path) -> RunOutputs:
 def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[str]:
     """Why no rerun of a run need have the same states, by the names of what is in the way; empty when it has to.
 
-    Actions that were recorded repeat a robot's program, and whatever its tools had to do with it.
+    Recorded actions repeat a robot program, with all that its tools contributed.
 
     Args:
         run: The run.
@@ -131,7 +131,7 @@ def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy =
         plan: The run, with the folders of this machine.
         of: What the run wrote down; recorded actions in it take the place of the robot's program.
         folder: Where the rerun's own folders are made.
-        video: Whether the rerun is filmed.
+        video: Whether a video of the rerun is recorded.
     """
     first = of.provenance
     stopped = first.ended_by in STOPPED_FROM_OUTSIDE and first.digest is not None

@@ -1,4 +1,4 @@
-"""A run in a folder: all that it needs, what came of it, and a test that repeats it."""
+"""Reproduction folder of a run: its inputs, its outcome, and a test that repeats it."""
 
 import re
 import shutil
@@ -107,7 +107,7 @@ class Reproduction:
 
         Args:
             folder: Where it works and writes; what was there of an earlier rerun is removed.
-            video: Whether it is filmed.
+            video: Whether a video is recorded.
             launcher: What starts it; absent: one for this rerun alone.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Finds where a run and its rerun part, from the states that both kept."""
+"""Finds the first step at which a run and its rerun differ, from the states that both stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

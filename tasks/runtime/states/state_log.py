@@ -1,10 +1,10 @@
-"""The compact log of a run's states, from which its film can be made afterwards.
+"""The compact log of a run's states, from which its video can be rendered afterwards.
 
 A log is a folder. `states.log` has all but the last few states, `states.tail` the last ones, `model-1.mjb` the
 compiled model (`model-2.mjb` the next, where an environment changes it).
 
 `states.log` is a sequence of chunks: a header (`CHUNK`), then the compressed columns. A column is one number of the
-state over the frames of the chunk, as 64-bit differences (exclusive or) to the frame before, so that whatever rests
+state over the frames of the chunk, as 64-bit differences (exclusive or) to the frame before, so that all that rests
 costs next to nothing. Columns are time, `qpos`, `mocap_pos`, `mocap_quat`.
 
 `states.tail` is a page of memory that is also a file: a state is safe as soon as it is noted, however the process

@@ -152,7 +152,7 @@ class StateLogWriter:
 
 
 class StateLogger:
-    """Observes a run and keeps the log of its states, at the rate of a film.
+    """Observes a run and keeps the log of its states, at the rate of a video.
 
     A log that cannot be written does not fail the run: the reason goes to the error log and, as
     `state_log_error`, to the result.
@@ -207,13 +207,13 @@ class StateLogger:
             self._writer = StateLogWriter(self._folder, self._rate_hz, getattr(environment, "video_camera", None))
             self._writer.take_over(*raw_physics(environment.physics), rows[segment.times < state - 1e-6])
         except (OSError, ValueError) as error:  # it had several models, or another
-            sys.stderr.write(f"The film of a failure will begin at {state:.3f} s: {error}\n")
+            sys.stderr.write(f"The video of a failure will begin at {state:.3f} s: {error}\n")
             self._writer = None
 
     def _give_up(self, error: Exception) -> None:
         self.next_time_s = math.inf
         self._error = f"{type(error).__name__}: {error}"
-        sys.stderr.write(f"No more states are noted for a film: {self._error}.\n")
+        sys.stderr.write(f"No more states are noted for a video: {self._error}.\n")
 
 
 def _differences(rows: Rows) -> bytes:

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 
 class Cores:
-    """The cores of this machine and how many runs use each; threads may share it.
+    """Counts how many runs use each core of this machine; threads may share it.
 
     Args:
         available: Numbers of the cores; absent: those that this process may use.
-        first: Where to begin, so that several performers on one machine do not all begin with the
+        first: Where to begin, so that several job workers on one machine do not all begin with the
             same core; absent: somewhere that depends on the process.
     """
 
@@ -29,7 +29,7 @@ class Cores:
             count: How many; None: as many as there are.
 
         Yields:
-            Their numbers; None for all, which nobody has to be confined to.
+            Their numbers; None for all, which needs no confinement.
         """
         if count is None or count >= len(self._runs):
             yield None

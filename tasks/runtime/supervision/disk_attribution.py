@@ -1,4 +1,4 @@
-"""What containers wrote, measured once their files can be read."""
+"""Attributes disk use to containers, measured after they have ended."""
 
 from dataclasses import replace
 
@@ -9,9 +9,9 @@ from .outcomes import Crash, Exit
 
 
 def attribute_disk_use(ended: Exit, plan: RunPlan) -> Exit:
-    """Looks a last time at the folders of a run of containers, which are settled by now.
+    """Measures the folders of a run of containers a last time, after the containers have ended.
 
-    While they run, their root may have folders that nobody else can look into.
+    While they run, their root user may have folders that other users cannot read.
 
     Args:
         ended: How the run ended, by itself.

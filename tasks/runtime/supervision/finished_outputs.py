@@ -1,4 +1,4 @@
-"""What a run's end leaves in its output folder."""
+"""Completes the output folder of a run that has ended."""
 
 import os
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from ..limits.run_notes import add_note
 from .outcomes import Exit, Outcome, failure_reason, tool_in_words
 
 INVALID_RESULT_FILE = "result.invalid.json"
-"""What an application wrote as `result.json`, if it is none."""
+"""New name of an invalid `result.json` that an application wrote."""
 
 
 def finish_outputs(
     plan: RunPlan, ended: Exit | None, outcome: Outcome, times: tuple[datetime, datetime]
 ) -> tuple[Outcome, bool]:
-    """Makes the output folder say what happened.
+    """Writes or removes `result.json` according to the run's outcome.
 
     A run that only had programs gets a `result.json`, unless one of them wrote a valid one; one with an
     episode loses the one it wrote if the run failed nevertheless.
@@ -30,11 +30,11 @@ def finish_outputs(
     Args:
         plan: The run.
         ended: How it ended; None when its supervisor disappeared.
-        outcome: What was made of that.
+        outcome: The outcome decided from that.
         times: When it began and ended.
 
     Returns:
-        The outcome, which is a failure if the result of programs cannot be written; whether the outputs are whole.
+        The outcome, which is a failure if the result of programs cannot be written; whether the outputs are complete.
     """
     tools = ended.tools if ended is not None else ()
     for tool in tools:
@@ -87,7 +87,7 @@ def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, 
 
 
 def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
-    """Says in the result which tools ended; it is left as it is where that is impossible, since it is whole."""
+    """Adds the tools that ended to the result; where that fails the result stays as it is, since it is complete."""
     with suppress(OSError, ValidationError):  # no room for a longer one, or an application put another in its place
         result = RunResult.model_validate_json(read_left(plan.output_dir / RESULT_FILE, MAX_RESULT_BYTES))
         write_result(result.model_copy(update={"tools": list(tools)}), plan.output_dir)

@@ -1,4 +1,4 @@
-"""The warm process that runs are forked from.
+"""The fork server: the warm process that runs are forked from.
 
 It has imported what every run needs and then only forks, so a run starts in milliseconds. The next run's
 supervisor and process are forked as soon as there is time, and wait. It is a
@@ -49,7 +49,7 @@ _MODULES = (
 
 
 def main() -> None:
-    """Imports, reports, then has a supervisor per message."""
+    """Imports modules, reports readiness, then starts a supervisor per message."""
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:
@@ -101,7 +101,7 @@ class _Supervisors:
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
-        """Gives runs to supervisors and buries these until the launcher is gone."""
+        """Hands runs to supervisors and reaps these until the launcher is gone."""
         while True:
             ready = wait([self._control, *self._alive], self._patience_s())
             if not ready:
@@ -136,7 +136,7 @@ class _Supervisors:
             try:
                 with supervisor.control as control:
                     socket.send_fds(control, [b"r"], [descriptor])
-            except OSError:  # somebody has killed it
+            except OSError:  # another process has killed it
                 self._dismiss(supervisor)
                 supervisor = None
             else:
@@ -167,7 +167,7 @@ class _Supervisors:
                         os._exit(0)
             return _StandBy(pid, os.pidfd_open(pid), ours)
         except OSError:
-            ours.close()  # a supervisor that nobody can watch ends with it
+            ours.close()  # a supervisor that cannot be watched ends with it
             raise
 
     def _become_supervisor(self, control: socket.socket) -> None:

@@ -1,4 +1,4 @@
-"""Starting runs and watching over them, from the process that performs simulation jobs."""
+"""Starts and supervises runs, from the process of the job worker."""
 
 import fcntl
 import json
@@ -39,7 +39,7 @@ OnCrash = Callable[[str, str], None]
 
 
 class Launcher:
-    """Starts runs from one warm process and watches over them; threads may share it.
+    """Starts runs from one warm process and supervises them; threads may share it.
 
     The warm process starts with the first run (or `start`) and ends with `close`, with the launcher,
     or with this process, however that ends.
@@ -110,7 +110,7 @@ class Launcher:
         left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:
             request = make_request(plan, cores)
-            # Closing this end of the connection, for whatever reason, kills the run.
+            # Closing this end of the connection, for any reason, kills the run.
             with self._connect() as channel:
                 channel.send_bytes(request.model_dump_json().encode())
                 _expect_start(channel)
@@ -204,7 +204,7 @@ def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> N
 
 
 class _FirstCrash:
-    """What crashed first in a run that goes on nevertheless."""
+    """The first crash in a run that goes on nevertheless."""
 
     def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
         self._plan = plan
@@ -212,7 +212,7 @@ class _FirstCrash:
         self._outcome: Outcome | None = None
 
     def on_crash(self, crashed: Exit) -> None:
-        """Judges it while its log is fresh, and passes that on."""
+        """Decides the outcome of the crash while its log is fresh, and reports it."""
         self._outcome = decided = decide_outcome_with_log(crashed, None, self._plan)
         if self._on_crash is not None:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
@@ -225,13 +225,13 @@ class _FirstCrash:
 
 
 def decide_outcome_with_log(ended: Exit | None, stopped_for: str | None, plan: RunPlan) -> Outcome:
-    """Decides how a run finished (see `outcomes.decide_outcome`) with the log of the program that it is about."""
+    """Decides a run's outcome (see `outcomes.decide_outcome`) with the log of the program that ended it."""
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     return decide_outcome(ended, stopped_for, plan, log_tail(plan.output_dir, program))
 
 
 def _clean_up(request: RunRequest) -> None:
-    """Does what the run's supervisor would have done, had it lived."""
+    """Cleans up after a run whose supervisor has died."""
     for program in request.plan.programs:
         if program.cleanup_argv is not None:
             with suppress(OSError, subprocess.TimeoutExpired):

@@ -1,4 +1,4 @@
-"""How a run's end is judged: Completed, Failed with whose fault and why, or Canceled."""
+"""Outcome of a run: Completed, Failed with the application at fault and the reason, or Canceled."""
 
 import os
 import signal
@@ -17,9 +17,9 @@ _LINE_END = 300
 """Characters that are kept of the end of a last line that is too long."""
 _MAX_TAIL_LINES = 12
 _OFTEN = 3
-"""Ends of a tool from which on a failure's reason names it."""
+"""A failure's reason names a tool that ended so often."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
-"""What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
+"""Values of `RunResult.ended_by` for runs that were not stopped."""
 _BATCH_TIMEOUT = "timed out (batch)"
 _CRASH_CODES: dict[ApplicationRole | None, str] = {
     "robot": "RobotApplicationCrash",
@@ -55,7 +55,7 @@ class Exit:
     phase: Phase
     report: dict[str, Any]
     crash: Crash | None = None
-    """What crashed besides the run's process and counts instead."""
+    """A crash of another program, which counts instead of the run's process."""
 
     tools: Sequence[ToolEnds] = ()
     """Tools that ended and were started again."""
@@ -79,7 +79,7 @@ class Exit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The part of a `RunOutcome` that has to be decided."""
+    """Status, failure code and reason of a run: the decided part of a `RunOutcome`."""
 
     status: Literal["Completed", "Failed", "Canceled"]
     failure_code: str | None = None
@@ -90,18 +90,17 @@ class Outcome:
 def decide_outcome(
     ended: Exit | None, stopped_for: str | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
 ) -> Outcome:
-    """Decides how a run ended.
+    """Decides the outcome of a run.
 
     Args:
-        ended: The end of its process; None when its supervisor disappeared without a word.
+        ended: The end of its process; None when its supervisor died without a report.
         stopped_for: Why it was stopped: `duration limit`, or what the caller's `stop` said; None when it
             ended by itself.
         plan: The run.
         log: Name and last lines of its log.
 
     Returns:
-        The judgement. A run that was told to stop but had already ended by itself, or crashed, is judged
-        by that.
+        The outcome. When a run was told to stop but had already ended by itself or crashed, that end counts.
     """
     if ended is not None and ended.crash is not None:
         head = f"{_subject(ended.crash, plan)} {ended.crash.what}{_about_tools(ended, plan)}"
@@ -120,7 +119,7 @@ def decide_outcome(
     # An application that refuses to run on purpose (`LaunchError`) says what kind of failure that is.
     code = ended.report.get("code", _CRASH_CODES[phase.role])
     if code == "InvalidBundleRobotApplication":
-        # Found out by the environment, which puts the application's robot into the world.
+        # The environment finds it when it puts the application's robot into the world.
         reason = f"{_application('robot', plan)} has no robot that can be used: {_what(ended)}"
     elif code == "InvalidInput" and phase.role is None:
         reason = _what(ended)  # the request's fault, not the runtime's
@@ -167,12 +166,12 @@ def _subject(crash: Crash, plan: RunPlan) -> str:
 
 
 def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
-    """What became of a tool: `Tool rviz of robot application driver ended 14 times, and last exited with code 1`."""
+    """Describes a tool that ended: `Tool rviz of robot application a ended 14 times, and last exited with code 1`."""
     return f"{_tool(tool.name, tool.role, plan)} {tool}"
 
 
 def _about_tools(ended: Exit, plan: RunPlan) -> str:
-    """What a failure may have come of: tools that were started again and again."""
+    """Names tools that were restarted again and again: a failure may have come of them."""
     return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= _OFTEN)
 
 

@@ -91,7 +91,7 @@ def _forwarder_to(application_port: int):
     async def forward(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             from_application, to_application = await asyncio.open_connection(_HOST, application_port)
-        except OSError:  # it does not listen (yet): whoever connects sees the connection end
+        except OSError:  # it does not listen (yet): the client sees its connection end
             writer.close()
             return
         await asyncio.gather(_pass_on(reader, to_application), _pass_on(from_application, writer))
@@ -102,7 +102,7 @@ def _forwarder_to(application_port: int):
 
 
 async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Copies one direction until its sender is done, which the receiver is told."""
+    """Copies one direction until its sender is done, then closes it for the receiver."""
     with suppress(OSError):
         while data := await reader.read(_CHUNK_BYTES):
             writer.write(data)

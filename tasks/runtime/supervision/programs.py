@@ -85,7 +85,7 @@ class Program:
     def see_end(self) -> int:
         """Returns the wait status of a program that has ended, and leaves it to be reaped.
 
-        Until it is reaped nobody else can get its number, so that its group can be killed safely.
+        Until it is reaped no other process can get its number, so that its group can be killed safely.
         """
         assert self.pid is not None
         assert self.ended is not None
@@ -131,7 +131,7 @@ class Program:
         return ToolEnds(role=plan.role, name=name, ends=self._ends, last_end=self._last_end)
 
     def clean_up(self) -> int | None:
-        """Starts the command that ends what killing does not reach; returns its pid, None if there is none."""
+        """Starts the cleanup command, for what killing does not reach; returns its pid, None if there is none."""
         if self.plan.cleanup_argv is None or self._starts == 0:
             return None
         try:

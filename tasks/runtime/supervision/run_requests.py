@@ -1,4 +1,4 @@
-"""Makes the request for a run: its plan, and what its processes find around them."""
+"""Makes the request for a run: its plan and its run environment."""
 
 import os
 import sys
@@ -44,7 +44,7 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         cores: Processor cores it may use; None: all.
 
     Raises:
-        LaunchError: The variables ask for a video or a recording that cannot be.
+        LaunchError: The variables ask for an impossible video or recording.
     """
     plan = _with_absolute_paths(plan)
     records_video = plan.video == "always"

@@ -76,7 +76,7 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
         run.dismiss()
 
     def tell(message: dict[str, object]) -> None:
-        with suppress(OSError):  # nobody may be left to be told
+        with suppress(OSError):  # the launcher may be gone
             channel.send_bytes(json.dumps(message).encode())
 
     supervision = Supervision(channel, request, progress, run.begin, tell)

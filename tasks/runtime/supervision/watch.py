@@ -1,4 +1,4 @@
-"""Watching one run from the process that ordered it: its end, its duration, whoever wants it stopped."""
+"""Watches one run from the process that requested it: its end, its duration limit, requests to stop it."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Watching the processes of one run: who ended, what that means, what is to be done about it."""
+"""Supervises the processes of one run: notices their ends, and restarts, reports or ends the run."""
 
 import heapq
 import itertools
@@ -28,7 +28,7 @@ from .run_requests import program_environment
 END_GRACE_S = 1.0
 """Time that processes get to end once the run has ended."""
 LAST_WORD_S = 1.0
-"""Time in which the end of a robot program still tells why an episode ended that it drove."""
+"""Time in which the end of a robot program still counts as the reason why its episode ended."""
 AGENT_GONE_S = 0.5
 """Time in which an episode notices by itself that its robot program has ended."""
 CLEAN_UP_TIMEOUT_S = 6.0
@@ -76,7 +76,7 @@ class Supervision:
         self._is_over = False
         self._is_stopping = False
         self._is_stopped = False
-        """Whether somebody else ends the run."""
+        """Whether the launcher stops the run."""
         self._is_completed = False
         """Whether an application ended with exit code 0, in a run without an episode."""
         self._crash: Crash | None = None
@@ -104,7 +104,7 @@ class Supervision:
             environment = program_environment(self._request, program)
             limits = plan.compute
             if program.cleanup_argv is not None:
-                # What it starts has its limits from elsewhere, and may be about to set a higher one.
+                # Programs have limits of their own, and may be about to set a higher one.
                 limits = limits.model_copy(update={"processes": None})
             confined = partial(confine, limits, self._request.cores)
             self._programs.append(Program(program, environment, plan.output_dir, confined))
@@ -191,7 +191,7 @@ class Supervision:
         if excess is not None:
             self._on_excess(excess)
         elif self._disk_writer is None and self._disk.look():
-            self._is_over = True  # what there is, is measured and told once nobody adds to it
+            self._is_over = True  # files are measured and reported once no process writes to them
             self._disk_writer = self._meter.busiest_writer()
 
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
@@ -203,7 +203,7 @@ class Supervision:
         exit_of_run = self._exit()
         is_about_robot = exit_of_run.ended_by == "agent" or _failed_role(exit_of_run.report) == "robot"
         if is_about_robot and self._robot_program() is not None:
-            # Unless its end, which is to come, says more.
+            # The program's end, which follows, may give a better reason.
             self._after(LAST_WORD_S, partial(self._conclude, exit_of_run))
         else:
             self._conclude(exit_of_run)
@@ -236,7 +236,7 @@ class Supervision:
             self._after(AGENT_GONE_S, self._tell_run_that_agent_is_gone)
 
     def _is_failing_by_itself(self) -> bool:
-        """Whether the run's process has said that it fails, which its robot program may have noticed first."""
+        """Whether the run's process has reported a failure, which its robot program may have noticed first."""
         return self._run_status is None and _failed_role(self._progress.read_report()) == "simulation"
 
     def _on_crash(self, crash: Crash) -> None:
@@ -248,12 +248,12 @@ class Supervision:
             self._end()
 
     def _go_on(self, crashed: Exit) -> None:
-        """After a crash that ends nothing else: the run lasts until somebody ends it."""
+        """Reports a crash after which the run goes on until it is stopped."""
         self._has_crashed = True
         self._tell({"event": "crashed", "exit": crashed.to_message()})
 
     def _on_excess(self, excess: Excess) -> None:
-        """Ends the run at once, whatever its failure behaviour: its processes must not be there any longer."""
+        """Ends the run at once, with any failure behaviour: its processes must not run any longer."""
         self._is_over = True
         if not self._is_stopping:
             self._attribute(excess)
@@ -275,7 +275,7 @@ class Supervision:
     # Ending
 
     def _end(self) -> None:
-        """Ends the run for a reason of its own."""
+        """Ends the run without a request from outside."""
         if not self._is_stopping:
             self._is_stopping = True
             self._ask_to_end("canceled")
@@ -300,7 +300,7 @@ class Supervision:
             os.kill(self._run_pid, signal.SIGTERM)
 
     def finish(self) -> Exit:
-        """Leaves nothing of the run behind.
+        """Ends all processes of the run and cleans up.
 
         Returns:
             How it ended.
@@ -316,7 +316,7 @@ class Supervision:
         return self._exit()
 
     def _look_at_disk(self) -> None:
-        """Whatever the run left, and however it ended by itself: it has failed if that is more than it may leave."""
+        """Checks what the run left: it has failed if that is more than it may leave, even if it ended well."""
         if not self._is_stopped and (found := self._disk.last_look()) is not None:
             self._attribute(Excess(found, self._disk_writer or 0))
 

@@ -1,4 +1,4 @@
-"""Video: made while a run goes on, after a run that failed, and live in a page.
+"""Video: recorded during a run, rendered after a failed run, and live on a page.
 
 May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`, `tasks.runtime.recording`,
 `tasks.runtime.rendering`, `tasks.runtime.states`.

@@ -1,4 +1,4 @@
-"""A camera's pictures in the recording, when a job asks for them: rendering costs more than all the rest of a run."""
+"""Records a camera's pictures when a job asks for them: rendering costs more than all the rest of a run."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -85,7 +85,7 @@ class CameraRecorder:
         self.next_time_s = time_s + 1.0 / self._settings.rate_hz
 
     def close(self, ended_by: str | None) -> Findings:
-        """Frees what the driver holds; says why there are no pictures, if so."""
+        """Frees the driver's memory; returns why there are no pictures, if so."""
         del ended_by
         if self._renderer is not None:
             self._renderer.close()
@@ -96,12 +96,12 @@ class CameraRecorder:
         return self.next_time_s
 
     def restore(self, state: float, environment: Any) -> None:
-        """Goes on with the pictures after those that there are."""
+        """Continues after the pictures that were recorded before."""
         del environment
         self.next_time_s = state
 
     def _aimed(self, environment: Any) -> tuple[ViewRenderer, mujoco.MjData]:
-        """What films the environment as it is now, and its state."""
+        """Returns the renderer for the environment's current model, and the state to render."""
         model, data = raw_physics(environment.physics)
         if self._renderer is None or model is not self._renderer.model:
             if self._renderer is not None:
@@ -129,7 +129,7 @@ def _jpeg(pixels: Image) -> bytes:
 
 
 def _default_camera(model: mujoco.MjModel) -> str | None:
-    """What a robot sees ahead of it, else the model's first camera that has a name."""
+    """Chooses the robot's front camera, else the model's first camera that has a name."""
     names = [model.camera(camera).name for camera in range(model.ncam)]
     ahead = [name for name in names if name.rpartition("/")[2] == _FRONT]
     return next((name for name in (*ahead, *names) if name), None)

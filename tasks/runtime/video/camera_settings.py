@@ -1,4 +1,4 @@
-"""Whether a camera is recorded, from the variables of a run's launch configurations."""
+"""Settings of the recorded camera, from the variables of a run's launch configurations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Video files: H.264 in MP4, written while the simulation steps."""
+"""Writes video files: H.264 in MP4, while the simulation steps."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -50,6 +50,6 @@ class VideoWriter:
         self._unfinished.replace(self._path)
 
     def abandon(self) -> None:
-        """Leaves nothing of it."""
+        """Closes and deletes the unfinished file."""
         self._container.close()
         self._unfinished.unlink(missing_ok=True)

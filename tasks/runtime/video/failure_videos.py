@@ -1,4 +1,4 @@
-"""Films of runs that failed, made after the run's processes are gone."""
+"""Videos of runs that failed, made after the run's processes have ended."""
 
 import json
 import os
@@ -20,7 +20,7 @@ from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, 
 from .video_settings import settings_of
 
 VIDEO_LIMIT_S = 300.0
-"""Wall-clock time for the films of one run."""
+"""Wall-clock limit for the videos of one run."""
 _PROGRAM = "prefect_robomaker.tasks.runtime.video.rerender"
 _REMARKS_FILE = "film.log"
 _POLL_S = 0.1
@@ -36,17 +36,17 @@ def record_failure_videos(
     limit_s: float = VIDEO_LIMIT_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Makes the films that a run's policy asks for now that it is known how the run ended.
+    """Makes the videos that a run's policy asks for, once the run's outcome is known.
 
     With `on-failure` these are `video.mp4`, `last-10s.mp4` and `poster.png` of a run that failed; with `always` a
     failed run gets `last-10s.mp4`, a poster of its last moment, and `video.mp4` if it was killed before its own was
-    complete. What cannot be filmed is told in the run's error log.
+    complete. The run's error log says why a video could not be made.
 
     Args:
         plan: The run; none of its processes is left.
         outcome: How it ended.
-        stop: Asked about every 0.1 s; anything but None ends the filming.
-        environment: Variables of the process that films.
+        stop: Asked about every 0.1 s; anything but None ends the rendering.
+        environment: Variables of the rendering process.
         limit_s: Wall-clock limit.
         clock: Seconds, for the limit.
     """
@@ -63,7 +63,7 @@ def record_failure_videos(
         problem = str(error)
     if problem:
         _remove_unfinished(plan.output_dir)
-        add_note(plan.output_dir, f"No film of the failure: {problem}.")
+        add_note(plan.output_dir, f"No video of the failure: {problem}.")
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:
@@ -105,7 +105,7 @@ def _carry_out(
     deadline_s: float,
     clock: Callable[[], float],
 ) -> str | None:
-    """Runs the program that films; returns what went wrong."""
+    """Runs the program that renders the videos; returns what went wrong."""
     remarks_path = work_dir / _REMARKS_FILE
     remarks_path.unlink(missing_ok=True)
     with remarks_path.open("xb") as remarks:

@@ -1,4 +1,4 @@
-"""Pictures of a run that goes on, made only while somebody waits for one, and in a thread of their own."""
+"""Live pictures of a run, rendered in a thread of their own and only while a viewer waits for one."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -27,7 +27,7 @@ INTERVAL_S = 0.2
 """Wall-clock time between two pictures, at least."""
 _JPEG_QUALITY = 82
 _PATIENCE_S = 1.0
-"""For the last picture to be finished."""
+"""Time limit for finishing the last picture."""
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,15 @@ class _State:
 
 
 class LiveFrames:
-    """Hands states from the run's thread to a thread that draws, and its pictures to whoever waits.
+    """Hands states from the run's thread to a rendering thread, and its pictures to waiting viewers.
 
-    The run's thread does nothing but look at a flag while nobody waits, and copies positions when somebody does.
+    The run's thread only reads a flag while no viewer waits, and copies positions when one does.
     """
 
     def __init__(
         self, backend: str | None, settings: VideoSettings, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Prepares; nothing is drawn before somebody waits.
+        """Prepares; nothing is rendered before a viewer waits.
 
         Args:
             backend: `egl` or `osmesa`; None or `rays`: rays.
@@ -70,7 +70,7 @@ class LiveFrames:
         self._drawer: threading.Thread | None = None
 
     def offer(self, environment: Any, time_s: float) -> None:
-        """Takes a copy of the physics' positions if somebody waits for a picture and it is time for one."""
+        """Copies the physics' positions if a viewer waits for a picture and one is due."""
         if not self._wanted or self._clock() < self._next_s:
             return
         model, data = raw_physics(environment.physics)
@@ -105,7 +105,7 @@ class LiveFrames:
             return self._number, self._jpeg
 
     def close(self) -> None:
-        """Sends everybody who waits away and ends the drawing."""
+        """Releases all waiting viewers and ends the rendering."""
         with self._changed:
             self.closed = True
             self._changed.notify_all()

@@ -1,7 +1,7 @@
-"""A page that shows a run while it goes on: what `streamUI` asks for.
+"""Live view: a page that shows a run while it goes on, for `streamUI`.
 
-A small HTTP server in the run's process, on 127.0.0.1 only. It draws while somebody looks, at most five times a
-second, and never holds the run up: results are the same with and without.
+A small HTTP server in the run's process, on 127.0.0.1 only. It renders while a viewer is connected, at most five
+times a second, and never delays the run: results are the same with and without it.
 
 | path | what |
 | --- | --- |
@@ -89,7 +89,7 @@ class LiveView:
         sys.stdout.write(f"Live view: {self.url}\n")
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Notes the time, and the state if somebody waits for a picture."""
+        """Notes the time, and the state if a viewer waits for a picture."""
         if self._state == "starting":
             self._state, self._began_s = "running", self._clock()
         self._time_s = time_s
@@ -112,7 +112,7 @@ class LiveView:
         """Has nothing to put back."""
 
     def status(self) -> dict[str, Any]:
-        """What the page shows beside the picture; times in seconds."""
+        """Returns the status that the page shows beside the picture; times in seconds."""
         wall_s = self._clock() - self._began_s
         return {
             "job": self._plan.job_id,
@@ -144,7 +144,7 @@ class _Server(ThreadingHTTPServer):
         self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
 
     def serve(self) -> None:
-        """Serves until it is stopped, asleep until somebody comes."""
+        """Serves until it is stopped, asleep while no viewer connects."""
         while not self._stopped:
             self.handle_request()
         self.server_close()
@@ -156,7 +156,7 @@ class _Server(ThreadingHTTPServer):
             self.socket.shutdown(socket.SHUT_RDWR)  # wakes it
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Viewers come and go; that is of no interest in the log of a run."""
+        """A server that does not log viewers who disconnect."""
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -1,4 +1,4 @@
-"""Makes the films of a run from its log of states: a program of its own, started after a run that failed.
+"""Renders the videos of a run from its log of states: a program of its own, started after a run that failed.
 
 `python -P -m prefect_robomaker.tasks.runtime.video.rerender REQUEST`, where REQUEST is a `VideoRequest` as JSON. The
 clip of the last seconds comes first: it says most, should there be no time for the rest.
@@ -51,7 +51,7 @@ def write_videos(request: VideoRequest) -> None:
     settings = VideoSettings(request.camera, request.size, request.rate_hz)
     clip, video = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
     is_short = log.end_s <= CLIP_S
-    # Of a short run the clip is the film.
+    # For a short run the clip is the whole video.
     last = write_video(log, clip, settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
     poster = request.output_dir / POSTER_FILE
     for path in (poster, video) if request.whole_video else (poster,):
@@ -64,7 +64,7 @@ def write_videos(request: VideoRequest) -> None:
 
 
 def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
-    """Writes one film of a log, from a time to its end.
+    """Writes one video of a log, from a time to its end.
 
     Args:
         log: The states.
@@ -97,7 +97,7 @@ def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str
 
 
 def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin_s: float) -> Iterator[Image]:
-    """A picture per frame of the film, which at least shows the last state."""
+    """Yields a picture per frame of the video, which has at least the last state."""
     begin = min(math.ceil(begin_s * settings.rate_hz - 1e-6), math.floor(log.end_s * settings.rate_hz + 1e-6))
     for segment in log.segments:
         last = math.floor((segment.times[-1] + _TOLERANCE_S) * settings.rate_hz)
@@ -127,7 +127,7 @@ def _pictures_of(
 
 
 def main() -> int:
-    """Makes the films that the command line asks for; the last line of standard error says what went wrong."""
+    """Makes the videos of the request on the command line; the last line of standard error says what went wrong."""
     request = VideoRequest.model_validate_json(sys.argv[1])
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != request.parent_pid:

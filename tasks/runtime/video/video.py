@@ -1,4 +1,4 @@
-"""The video of a run, made while it runs."""
+"""Records the video of a run while it runs."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -24,18 +24,18 @@ POSTER_TIME_S = 2.0
 
 
 class VideoWatcher:
-    """Films an environment's physics, at a fixed number of pictures per simulated second.
+    """Records a video of an environment's physics, at a fixed number of frames per simulated second.
 
     A video that cannot be made does not fail the run: the reason goes to the error log and, as
     `video_error`, to the result.
     """
 
     def __init__(self, output_dir: Path, backend: str | None, settings: VideoSettings = DEFAULTS) -> None:
-        """Prepares a film; nothing is opened before the first frame.
+        """Prepares a video; nothing is opened before the first frame.
 
         Args:
             output_dir: Where `video.mp4` and `poster.png` are written.
-            backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None films with rays.
+            backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None renders with rays.
             settings: Camera, size and rate.
         """
         self.next_time_s = self._begins_s = 0.0
@@ -55,7 +55,7 @@ class VideoWatcher:
             if self._writer is None:
                 size = picture.shape[1], picture.shape[0]
                 self._writer = VideoWriter(self._output_dir / VIDEO_FILE, size, self._settings.rate_hz)
-            # The film begins with the run, whatever time the environment's physics begins at.
+            # The video begins with the run, also when the physics' own time does not begin at 0.
             while self.next_time_s <= time_s + 5e-7:
                 self._writer.add(picture)
                 self.next_time_s = self._begins_s + self._writer.frames / self._writer.rate_hz
@@ -72,7 +72,7 @@ class VideoWatcher:
         """Finishes the files.
 
         Args:
-            ended_by: What ended the run; None when it failed. The film is finished in any case.
+            ended_by: What ended the run; None when it failed. The video is finished in any case.
 
         Returns:
             Remarks for the result: `video_backend`, or `video_error` with the reason there is no video.
@@ -101,7 +101,7 @@ class VideoWatcher:
         return self.next_time_s
 
     def restore(self, state: float, environment: Any) -> None:
-        """Begins a film where a run goes on: what was filmed before was lost with the process."""
+        """Begins a new video where a run is continued: the earlier one was lost with its process."""
         del environment
         self.next_time_s = self._begins_s = state
 

@@ -1,4 +1,4 @@
-"""Names of the files that films are made of and become, for those who know nothing of MuJoCo."""
+"""Names of video files and of the state log, for modules that do not import MuJoCo."""
 
 from pathlib import Path
 
@@ -11,20 +11,20 @@ POSTER_FILE = "poster.png"
 CLIP_FILE = "last-10s.mp4"
 STATE_LOG_FOLDER = "state-log"
 """In the work folder of a run; see `state_log`."""
-NO_PHYSICS = "the environment has no `physics` to film"
+NO_PHYSICS = "the environment has no `physics` to record"
 
 
 class VideoRequest(Model):
-    """What films to make of a log of states."""
+    """The videos to make of a log of states."""
 
     log_dir: Path = Field(description="The log.")
-    output_dir: Path = Field(description="Where the films are written.")
+    output_dir: Path = Field(description="Where the videos are written.")
     backend: str = Field(description="`egl`, `osmesa` or `rays`.")
     camera: str | None = Field(description="See `VideoSettings`.")
     size: tuple[int, int] | None = Field(description="See `VideoSettings`.")
     rate_hz: int = Field(description="See `VideoSettings`.")
     whole_video: bool = Field(description="Whether `video.mp4` is made too.")
-    parent_pid: int = Field(description="The process with which the one that films ends.")
+    parent_pid: int = Field(description="The rendering process ends with this process.")
 
 
 def unfinished(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""How a run is filmed, from the variables of its launch configurations."""
+"""Video settings of a run, from the variables of its launch configurations."""
 
 import re
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ _INVALID = "InvalidInput"
 
 @dataclass(frozen=True)
 class VideoSettings:
-    """Camera, size and rate of a film."""
+    """Camera, size and rate of a video."""
 
     camera: str | None = None
     """`follow`, `top`, `both` or the name of a camera of the model; None: what the environment or the model say."""

@@ -1,4 +1,4 @@
-"""Rendering views of a model: camera and views by their settings, one picture of two where both are asked for."""
+"""Renders views of a model: by its camera settings, two views in one picture where both are asked for."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -17,12 +17,12 @@ _RAY_SIZE = (320, 240)
 _INSET_SHARE = 0.36
 _INSET_MARGIN_SHARE = 0.02
 _INSET_EVERY_S = 0.3
-"""From above a robot moves by a few pixels in this time, and the view of everything costs the most."""
+"""Interval of the view from above: a robot moves by a few pixels in it, and this view costs the most."""
 _FRAME = 245
 
 
 class ViewRenderer:
-    """Takes the pictures of one film of one model."""
+    """Renders the frames of one video of one model."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class ViewRenderer:
             self._camera = GlCamera(model, width, height, backend)
 
     def aim(self, name: str | None, said_by: str) -> None:
-        """Films from elsewhere from now on.
+        """Renders from another camera from now on.
 
         Args:
             name: See `views.choose_views`.
@@ -74,14 +74,14 @@ class ViewRenderer:
         self._small_time_s = 0.0
 
     def picture(self, data: mujoco.MjData) -> Image:
-        """Returns the picture of a state, whose positions have to be worked out."""
+        """Renders the picture of a state, whose positions have to be computed already."""
         picture = self._camera.picture(data, self._view)
         if self._small_view is not None:
             _inset(picture, self._small_picture(data, self._small_view))
         return picture
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
-        """Returns from where a state is filmed, and lets a scene's camera be that one."""
+        """Returns the view of a state, and points the scene's camera along it."""
         view = self._view(data)
         mujoco.mjv_updateCamera(self.model, data, view, scene)
         return view
@@ -94,7 +94,7 @@ class ViewRenderer:
         return self._small
 
     def close(self) -> None:
-        """Frees what the driver holds."""
+        """Frees the driver's memory."""
         self._camera.close()
 
 

@@ -213,4 +213,4 @@ def test_a_log_that_cannot_be_written_fails_nothing(tmp_path: Path, capsys: pyte
     logger.watch(SimpleNamespace(physics=physics()), 0.0)
     assert logger.next_time_s == float("inf")
     assert "NotADirectoryError" in logger.close("environment").extra["state_log_error"]
-    assert "No more states are noted for a film" in capsys.readouterr().err
+    assert "No more states are noted for a video" in capsys.readouterr().err

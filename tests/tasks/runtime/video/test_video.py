@@ -231,7 +231,7 @@ class TestVideoWatcher:
 
     def test_nothing_to_film(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         remarks = VideoWatcher(tmp_path, "rays").close("environment").extra
-        assert remarks == {"video_error": "the environment has no `physics` to film"}
+        assert remarks == {"video_error": "the environment has no `physics` to record"}
         assert "No video" in capsys.readouterr().err
 
     def test_an_environment_that_was_never_made_is_not_said_to_have_no_physics(
@@ -290,7 +290,7 @@ def test_a_run_without_physics_says_why_there_is_no_video(launcher: Launcher, ma
     plan = make_plan(video="always")
     assert launcher.run(plan, lambda: None).status == "Completed"
     result = json.loads((plan.output_dir / "result.json").read_text())
-    assert result["extra"] == {"video_error": "the environment has no `physics` to film"}
+    assert result["extra"] == {"video_error": "the environment has no `physics` to record"}
     assert "No video" in (plan.output_dir / "logs/stderr.log").read_text()
 
 
