@@ -1,4 +1,4 @@
-"""What an operation does that its shapes do not say, as data."""
+"""Behaviour of operations that their shapes do not say, as data."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,10 +8,10 @@ Kind = Literal["differs", "decided", "not yet"]
 
 @dataclass(frozen=True)
 class Behaviour:
-    """One thing that somebody who knows the service should know of operations here."""
+    """One fact about operations here, for users who know the service."""
 
     kind: Kind
-    """`differs`: the service was otherwise; `decided`: nobody wrote down what the service did, or it was
+    """`differs`: the service was otherwise; `decided`: the service's behaviour was not documented, or it was
     written down in two ways; `not yet`: the service could, here it is to come."""
 
     topic: str

@@ -1,4 +1,4 @@
-"""What calls about applications, fleets, robots and tags do that their shapes do not say."""
+"""Behaviour of operations on applications, fleets, robots and tags that their shapes do not say."""
 
 from .behaviour import decided, differs, not_yet
 

@@ -1,4 +1,4 @@
-"""What calls about simulation jobs and batches do that their shapes do not say."""
+"""Behaviour of operations on simulation jobs and batches that their shapes do not say."""
 
 from .behaviour import decided, differs
 

@@ -1,4 +1,4 @@
-"""What calls about worlds do that their shapes do not say."""
+"""Behaviour of operations on worlds that their shapes do not say."""
 
 from .behaviour import decided, differs
 

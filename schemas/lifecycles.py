@@ -1,4 +1,4 @@
-"""The lives of jobs and batches: their states, the events that move them, and how a batch ends.
+"""Lifecycles of jobs and batches: states, events, legal transitions, and how a batch ends.
 
 These tables are the only way a status changes.
 """
@@ -100,10 +100,10 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
 
 `finish` is the end that a run comes to by itself; `terminate` stops a job, and is possible in every
 state on the way. Both open the phase of uploads; a job that will fail carries its failure code from
-then on. `restart` is ordered by somebody else while the run goes on: one that ends at the same moment
+then on. `restart` is requested by a client while the run goes on: one that ends at the same moment
 cannot `finish` any more and is run again, so no accepted restart is lost. `crash` is for
 `failureBehavior: Continue`; with `Fail` the job terminates. `prepare` may happen again, for a restart
-or after its performer died; a job that has run before is `Restarting` meanwhile. `Terminated` is in
+or after its job worker died; a job that has run before is `Restarting` meanwhile. `Terminated` is in
 the interface, but nothing published says what it meant; no event leads there.
 """
 

@@ -1,4 +1,4 @@
-"""What a running pipeline tells whoever watches it.
+"""Progress events of a running pipeline.
 
 Listeners are called from any thread, also several at once; they return quickly and never raise.
 """

@@ -1,4 +1,4 @@
-"""What a report shows; the input of `prefect_robomaker.tasks.reporting`."""
+"""The content of a report; the input of `prefect_robomaker.tasks.reporting`."""
 
 from datetime import datetime
 from pathlib import Path

@@ -40,7 +40,7 @@ class JobCase(Model):
         "request, and application."
     )
     arn: str | None = Field(default=None, description="The job's ARN.")
-    outcome: CaseOutcome = Field(description="What became of it: FAIL is `failed`, ERROR is `broken`.")
+    outcome: CaseOutcome = Field(description="Outcome of the job: FAIL is `failed`, ERROR is `broken`.")
     reason: str = Field(default="", description="Why it failed or broke; first line short.")
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     time_s: float = Field(description="Wall-clock time.")

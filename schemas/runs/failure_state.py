@@ -52,7 +52,7 @@ class FailureState(Model):
     not_finite: dict[str, list[int]] = Field(
         description="Places of `qpos`, `qvel` and `qacc` that are not finite now; empty once MuJoCo began anew."
     )
-    joints: list[JointState] = Field(description="Joints that were blamed, then the fastest; at most 10.")
+    joints: list[JointState] = Field(description="Joints that MuJoCo warned of, then the fastest; at most 10.")
     contacts: list[StrongContact] = Field(description="Those with the largest forces, at most 10.")
     control: dict[str, float] = Field(description="The last control signals, by actuator.")
     model_file: str = Field(default=FAILURE_MODEL_FILE, description="The compiled model, for the same MuJoCo.")

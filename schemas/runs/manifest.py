@@ -1,6 +1,6 @@
-"""What was published together: the content of `manifest.json`, which is written last.
+"""Manifest of published outputs: the content of `manifest.json`, which is written last.
 
-A folder of objects without a manifest is not finished, whatever else is there. Readers read what the
+A folder of objects without a manifest is not finished, even if objects are there. Readers read what the
 manifest names and nothing else.
 """
 

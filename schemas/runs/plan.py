@@ -1,4 +1,4 @@
-"""The contract between whoever orders a simulation run and the process that carries it out.
+"""Run plan and outcome: the contract between the caller of a simulation run and the process that runs it.
 
 `RunPlan` goes in; a folder of outputs and a `RunOutcome` come out. `RunResult` is the content of
 `result.json` in that folder.
@@ -239,7 +239,7 @@ class RunResult(Model):
         default=None, description="Digest of all states of the physics; absent when there is no physics."
     )
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
-    extra: dict[str, Any] = Field(default={}, description="Whatever the environment or agent reported besides.")
+    extra: dict[str, Any] = Field(default={}, description="Further values that the environment or agent reported.")
 
     @property
     def remarks(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""What a run's numbers depend on: the content of `provenance.json` in its output folder."""
+"""Provenance of a run's numbers: the content of `provenance.json` in its output folder."""
 
 from typing import Literal
 

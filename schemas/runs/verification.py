@@ -1,4 +1,4 @@
-"""What came of running a run again: `robomaker verify`."""
+"""Result of replaying a run: `robomaker verify`."""
 
 from pathlib import Path
 from typing import Literal
@@ -69,7 +69,7 @@ class ReproductionFolder(Model):
 
     folder: Path = Field(description="Everything the run needs, with its first outputs.")
     test: Path = Field(description="The test that repeats it.")
-    video: Path | None = Field(default=None, description="Film of the rerun.")
+    video: Path | None = Field(default=None, description="Video of the rerun.")
     ending: str = Field(description="How the rerun ended, in words.")
     same_ending: bool = Field(description="Whether that is how the run ended.")
     other_inputs: list[str] = Field(default=[], description="What the rerun was given that the run was not.")

@@ -251,7 +251,7 @@ def _inner(annotation: Any, step: str | int) -> Any:
     """What a member or entry of something so annotated has to be."""
     core = without_none(annotation)
     if get_origin(core) is (list if isinstance(step, str) else dict):
-        return Any  # the wrong kind of collection; its entries are not to be blamed
+        return Any  # the wrong kind of collection; its entries are not at fault
     if isinstance(core, type) and issubclass(core, BaseModel):
         member = core.model_fields.get(str(step))
         return member.rebuild_annotation() if member else Any

@@ -1,6 +1,6 @@
-"""What kind of value a member holds, and what kind a JMESPath expression gives, without evaluating it.
+"""Kinds of values: of members, and of JMESPath expressions without evaluating them.
 
-The kinds are JSON's, with models in place of objects. `Anything` stands for whatever cannot be told
+The kinds are JSON's, with models in place of objects. `Anything` stands for all that cannot be told
 beforehand; it fits everywhere.
 """
 

@@ -1,6 +1,6 @@
 """References in a specification: `${{ expression }}`, JMESPath over the outputs of earlier steps.
 
-A text that is one reference becomes the value it refers to, whatever its kind; inside a longer text
+A text that is one reference becomes the value it refers to, of any kind; inside a longer text
 a reference is replaced by the value's text. `$${{` stands for `${{` itself.
 """
 

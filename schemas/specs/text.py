@@ -85,7 +85,7 @@ def child(node: Node, step: str | int) -> Node | None:
 
 
 def value_place(node: Node, location: Location) -> Place:
-    """Where the value at a location stands; where it is missing, the key of whatever should hold it."""
+    """Where the value at a location stands; where it is missing, the key of what should hold it."""
     place = node.place
     for step in location:
         following = child(node, step)

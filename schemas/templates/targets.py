@@ -11,7 +11,7 @@ TARGET_ALL = "Target.All"
 """In place of a target set, in bodies of version 2: everything there is."""
 
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
-"""Pydantic puts these into the locations of errors; whoever shows them takes them out."""
+"""Pydantic puts these into the locations of errors; error messages leave them out."""
 
 NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
 

@@ -1,4 +1,4 @@
-"""What all operations share: base classes, names, ARNs, ids, errors, and saying what is wrong with a request.
+"""Parts that all operations share: base classes, names, ARNs, ids, errors, and saying what is wrong with a request.
 
 May import: nothing of this package.
 """

@@ -17,7 +17,7 @@ class Shape(Model):
 
     Attributes carry the service's member names unchanged, so that a request body, the keyword
     arguments of an SDK call and the parameters of a flow are the same thing. A member that is
-    `None` is absent: it is left out of whatever is sent.
+    `None` is absent: it is left out of the message.
     """
 
     # Validators are built when first used: half the time to import all shapes, and a call uses few.

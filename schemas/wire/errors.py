@@ -22,7 +22,7 @@ RobomakerError
 │   ├── StorageFullError
 │   ├── ChecksumMismatchError
 │   ├── StorageUnavailableError               it does not answer; the same may work later
-│   └── TransferStoppedError                  whoever asked for it does not want it any more
+│   └── TransferStoppedError                  a transfer that its caller stopped
 ├── BundleError                               an application archive that cannot be unpacked safely
 ├── WorldGenerationError                      no valid world within the allowed attempts
 ├── LaunchError                               an application that cannot be started, and why
@@ -170,7 +170,7 @@ class StorageUnavailableError(StorageError):
 
 
 class TransferStoppedError(StorageError):
-    """The transfer was ended, as whoever had asked for it wanted; nothing of it is left."""
+    """The caller stopped the transfer; nothing of it is left."""
 
 
 class BundleError(RobomakerError):

@@ -1,4 +1,4 @@
-"""What an operation is, as data; each resource's module lists its own as `OPERATIONS`."""
+"""Description of an operation as data; each resource's module lists its own as `OPERATIONS`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -48,7 +48,7 @@ def nearest(word: str, words: Iterable[str]) -> str:
 
 
 def _likeness(word: str, other: str) -> float:
-    """0 to 1, whatever the case; a name with its parts in another order, `max_range` for `range_max`, is like it."""
+    """Similarity of two names, 0 to 1, ignoring case; `max_range` and `range_max` are alike."""
     parts, others = _PART.findall(word), _PART.findall(other)
     texts = [(word, other)]
     if len(parts) > 1 and len(parts) == len(others):

@@ -1,4 +1,4 @@
-"""JSON from outside, read strictly: whatever could be understood in two ways is refused."""
+"""Reads JSON from outside strictly: refuses text that could be understood in two ways."""
 
 import json
 from collections import Counter
@@ -13,7 +13,7 @@ _MAX_SHOWN_CHARACTERS = 60
 
 
 def load_strict(text: str, what: str, max_characters: int) -> Any:
-    """Parses JSON that anybody may have written.
+    """Parses JSON from an untrusted source.
 
     Args:
       text: the JSON text.

@@ -1,4 +1,4 @@
-"""What is measured in a world before it counts as succeeded: the `checks` of `world.json`.
+"""Measurements of a world before it counts as succeeded: the `checks` of `world.json`.
 
 The numbers are taken from what a robot meets, the drawn walls, the map and the compiled model, not from what the
 generator meant to build. Which of them a world has to keep is in `tasks.worldforge.guarantees`.
@@ -25,7 +25,7 @@ class RoomWay(Model):
 
 
 class RoomMeasures(Model):
-    """How near one room came to its wishes, and how much of it a robot can use."""
+    """How near one room came to its preferences, and how much of it a robot can use."""
 
     name: str = Field(description="The room's name.")
     area_error: float = Field(description="(area - desired area) / desired area; 0.05 is 5 % too large.")
@@ -36,7 +36,7 @@ class RoomMeasures(Model):
 
 
 class PreferenceCount(Model):
-    """How many wishes of the template the world grants."""
+    """How many preferences of the template the world satisfies."""
 
     satisfied: int = Field(description="Granted.")
     missed: int = Field(description="Not granted, although another world might.")

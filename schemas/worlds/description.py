@@ -1,4 +1,4 @@
-"""What a world holds and what was proven of it, for other programs: the content of `world_description.json`.
+"""Content and proofs of a world, for other programs: the content of `world_description.json`.
 
 DescribeWorld answers with the same members and `contentHash` as `worldDescriptionBody`, and an export holds it beside
 each world. The service's own schema was never published; this one is ours. Lengths are metres, angles radians, areas
@@ -118,7 +118,7 @@ class Proofs(Model):
     guaranteesHold: bool = Field(description="Whether none of the guarantees is broken.")
     violations: list[str] = Field(description="The guarantees that are broken, one sentence each.")
     checks: WorldChecks = Field(description="The measurements: the `checks` of `world.json`.")
-    wishes: list[Preference] = Field(description="What became of each wish of the template, with the reason.")
+    wishes: list[Preference] = Field(description="Outcome of each preference of the template, with the reason.")
 
 
 class WorldDescription(Model):

@@ -1,4 +1,4 @@
-"""What a generated world is: the content of `world.json` in a world bundle.
+"""A generated world: the content of `world.json` in a world bundle.
 
 A world bundle is a folder:
 
@@ -147,7 +147,7 @@ class Furniture(Model):
 
 
 class Preference(Model):
-    """What became of one wish of the template."""
+    """One preference of the template, and its outcome."""
 
     path: str = Field(description="JSON path in the template body.")
     wish: str = Field(description="The wish in words, with its value.")
@@ -164,7 +164,7 @@ class Floorplan(Model):
     walls: list[Wall] = Field(description="All walls, cut at passages, lintels included.")
     passages: list[Passage] = Field(description="All ways between rooms.")
     windows: list[Window] = Field(default=[], description="Windows in exterior walls.")
-    wishes: list[Preference] = Field(description="What became of the wishes about the plan.")
+    wishes: list[Preference] = Field(description="Outcome of the preferences about the plan.")
 
 
 class World(Model):
@@ -182,5 +182,5 @@ class World(Model):
     )
     floorplan: Floorplan = Field(description="The plan, with this world's materials in its rooms.")
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
-    wishes: list[Preference] = Field(description="What became of the wishes about the interior.")
+    wishes: list[Preference] = Field(description="Outcome of the preferences about the interior.")
     checks: WorldChecks | None = Field(default=None, description="Measured before the world was accepted.")

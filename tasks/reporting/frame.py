@@ -1,4 +1,4 @@
-"""From metres on the ground to units of a drawing."""
+"""Transforms metres on the ground to units of a drawing."""
 
 import math
 from collections.abc import Iterable

@@ -1,7 +1,7 @@
-"""Reports as JUnit XML, for whatever shows the results of tests.
+"""Reports as JUnit XML, for CI servers and other viewers of test results.
 
 A step of the pipeline is a test suite, a job a test case: FAIL is a failure, ERROR an error, a job that was
-cancelled or that nobody judged is skipped. Only what strict readers allow is written: no `properties` in test
+cancelled or has no verdict is skipped. Only what strict readers allow is written: no `properties` in test
 cases, for one. A job's id, seed, world and outputs are properties of its suite (`<test case>.seed`), and its
 `system-out`. Test cases have no ids in their names: what collects results from run to run knows tests by their names.
 """

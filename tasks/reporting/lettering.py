@@ -1,4 +1,4 @@
-"""Putting names into rooms so that they fit."""
+"""Fits names into rooms of a drawn plan."""
 
 import math
 from collections.abc import Sequence

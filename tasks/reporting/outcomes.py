@@ -1,4 +1,4 @@
-"""What became of each job, and of the run as a whole, in words."""
+"""Outcomes of jobs and of the whole run, in words."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from ...schemas.reports.report import Report, ReportedJob
 
 
 class Outcome(Enum):
-    """What became of a job, worst first; a red simulation and a broken machine are different things."""
+    """The outcome of a job, worst first; a failed simulation and a broken machine are different outcomes."""
 
     BROKEN = "broken"
     FAILED = "failed"
@@ -49,7 +49,7 @@ def outcome_of(job: ReportedJob) -> Outcome:
 
 
 def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
-    """How many jobs had each outcome, worst first; outcomes nobody had are left out."""
+    """Counts jobs by outcome, worst first, without outcomes that did not occur."""
     counts = Counter(outcome_of(job) for job in jobs)
     return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
 

@@ -1,4 +1,4 @@
-"""Pictures inside the page: small enough, and harmless."""
+"""Embeds pictures in the page, checked for size and format."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""Floor plans: what is fixed in a world, and what one job saw of it.
+"""Floor plans of the report: a world's fixed parts, and what one job visited.
 
 A page shows the same world several times: furniture and walls are drawn once, in a hidden part of
 the page, and every plan refers to them; floors, path and labels belong to each plan. Colours come

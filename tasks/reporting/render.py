@@ -1,4 +1,4 @@
-"""From a report to one HTML file."""
+"""Renders a report as one HTML file."""
 
 import base64
 import hashlib

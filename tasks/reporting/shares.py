@@ -1,4 +1,4 @@
-"""Counts what went well: by requirement, by world, by room."""
+"""Pass rates by requirement, by world and by room."""
 
 from collections.abc import Iterable, Mapping
 
@@ -21,7 +21,7 @@ def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
 
 
 def of_jobs(name: str, jobs: Iterable[ReportedJob], *, errors_fail: bool = False) -> Share:
-    """How many of some jobs passed; those that were stopped, or that nobody judged, say nothing.
+    """How many of some jobs passed; jobs that were stopped or have no verdict do not count.
 
     Args:
       name: what the jobs have in common.

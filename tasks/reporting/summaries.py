@@ -1,4 +1,4 @@
-"""From a report to its numbers."""
+"""Summarises a report in numbers."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator

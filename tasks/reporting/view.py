@@ -1,4 +1,4 @@
-"""What the page shows, computed from the report: the template only places it."""
+"""View model of the report page, computed from the report; the template only places it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the page shows of each world."""
+"""View model of each world on the report page."""
 
 from dataclasses import dataclass
 

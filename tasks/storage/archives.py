@@ -1,4 +1,4 @@
-"""Unpacking archives that may have been made to do harm, and packing folders reproducibly.
+"""Unpacks untrusted archives safely, and packs folders reproducibly.
 
 `tarfile`'s own filters are not relied on: several releases of Python have known ways around them.
 Members are written here, one by one, into a fresh folder in which no symbolic link ever exists.

@@ -1,4 +1,4 @@
-"""What an object store does, whichever it is."""
+"""The interface of all object stores."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ Stopped = Callable[[], bool]
 
 
 def never() -> bool:
-    """For transfers that nobody will stop."""
+    """For transfers that are never stopped."""
     return False
 
 

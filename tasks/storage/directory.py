@@ -158,7 +158,7 @@ class DirectoryStore:
 
     @contextmanager
     def _opened(self, bucket: str, key: str) -> Iterator[tuple[BinaryIO, ObjectInfo]]:
-        """Opens an object; what is read is one version of it, whatever takes its name meanwhile."""
+        """Opens an object; reads give one version of it, also when another one takes its name meanwhile."""
         path = self._path(bucket, key)
         with os_failures(f"read {bucket}/{key}"):
             try:

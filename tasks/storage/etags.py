@@ -3,7 +3,7 @@
 The MD5 is kept in an extended attribute together with the size, modification time and inode it
 belongs to. Where any of them has changed, or where the file system keeps no such attributes, it is
 computed again (and remembered in this process). Everything works on descriptors: the answer belongs
-to the very file that was opened, whatever takes its name meanwhile.
+to the very file that was opened, also when another one takes its name.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""Errors of the operating system as errors of the object store."""
+"""Turns errors of the operating system into errors of the object store."""
 
 import errno
 from collections.abc import Iterator

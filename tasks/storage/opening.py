@@ -1,4 +1,4 @@
-"""From settings to an object store."""
+"""Opens the object store that the settings name."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The same call for many items, several at a time."""
+"""Calls a function for many items in threads."""
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait

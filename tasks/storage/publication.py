@@ -1,6 +1,6 @@
 """Publishing a folder as a whole: all files first, then the manifest that names them.
 
-Whatever interrupts a publication leaves no manifest, and what no manifest names does not count. Use a
+An interrupted publication leaves no manifest, and objects that no manifest names do not count. Use a
 prefix of its own for every attempt: two publications under one prefix write over each other's files,
 and only one of them gets the manifest.
 """
@@ -52,7 +52,7 @@ def publish(
       store: where to.
       bucket: where to; it has to exist.
       prefix: the files' keys start with it, then a slash; may be empty.
-      folder: what to publish; nobody may write to it any more.
+      folder: what to publish; no process may write to it any more.
       about: what the files belong to, for the manifest.
       created_at: the time of publication, with its time zone, for the manifest.
       more: files of other folders; their names differ from those in the folder and from each other.
@@ -104,7 +104,7 @@ def store_unfinished(
 def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
     """Removes what is published under a prefix, and everything else there; succeeds when there is nothing.
 
-    The manifest goes first: whatever interrupts this leaves nothing that counts.
+    The manifest is deleted first: an interruption leaves no objects that count.
 
     Args:
       store: where.
@@ -181,7 +181,7 @@ def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
     try:
         return read_manifest(store, bucket, prefix)
     except (ObjectNotFoundError, StorageAccessDeniedError):
-        # AWS denies whoever may not list a bucket to know that an object does not exist.
+        # AWS does not tell clients without the right to list a bucket that an object does not exist.
         return None
 
 
@@ -197,7 +197,7 @@ def _conclude(store: ObjectStore, bucket: str, prefix: str, manifest: Manifest) 
     try:
         store.put_bytes(bucket, join_key(prefix, MANIFEST_NAME), data, create_only=True)
     except ObjectExistsError:
-        # Somebody was quicker, or we were, and the answer was lost.
+        # Another writer was quicker, or this write succeeded and its answer was lost.
         return _same(read_manifest(store, bucket, prefix), manifest, bucket, prefix)
     return manifest
 

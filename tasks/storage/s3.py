@@ -5,7 +5,7 @@ and are looked at again afterwards, size and CRC32 of the whole. One client and 
 threads serve the whole process.
 
 `create_only` needs a server that honours `If-None-Match`, as AWS, SeaweedFS, MinIO and versitygw do.
-An uploader that is killed leaves the parts of large files at the server, where nobody sees or needs
+An uploader that is killed leaves the parts of large files at the server, where no client sees or needs
 them: let a lifecycle rule of the bucket abort incomplete multipart uploads.
 """
 
@@ -91,7 +91,7 @@ class S3Store:
             try:
                 self._client.create_bucket(Bucket=bucket, **({"CreateBucketConfiguration": where} if where else {}))
             except ClientError as error:
-                if _code(error) != "BucketAlreadyOwnedByYou":  # somebody was quicker
+                if _code(error) != "BucketAlreadyOwnedByYou":  # another client was quicker
                     raise
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:

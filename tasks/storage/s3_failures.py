@@ -1,4 +1,4 @@
-"""Errors of S3 clients as errors of the object store."""
+"""Turns errors of S3 clients into errors of the object store."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""From a template body and two seeds to a checked world.
+"""Generates a checked world from a template body and two seeds.
 
 The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """
@@ -47,7 +47,7 @@ def generate_world(
     since other worlds share it.
 
     Args:
-      body: the wishes.
+      body: the template.
       floorplan_seed: equal seeds give equal walls and passages.
       interior_seed: seed of materials and furniture.
       settle: whether physics runs for two seconds to see that loose objects stay.

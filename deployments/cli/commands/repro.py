@@ -15,7 +15,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
     add_simulation(parser)
     parser.add_argument("--to", metavar="FOLDER", help="put it there (default: repro-<job id>)")
-    parser.add_argument("--no-video", action="store_true", help="do not film the rerun")
+    parser.add_argument("--no-video", action="store_true", help="do not record a video of the rerun")
     add_output(parser, "text", "json")
 
 

@@ -20,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Checks every file, whatever is wrong with the others; exit code 2 if any has a problem."""
+    """Checks every file, also after problems in others; exit code 2 if any has a problem."""
     from ..inputs.specifications import InputFileError, read_spec
 
     answers = []

@@ -1,9 +1,9 @@
-"""The actions of a robot program as its run took them, one for each step: what a run needs to be repeated without it.
+"""Action log: the actions of a robot program, one for each step, with which a run is repeated without the program.
 
 `actions.bin` begins with two lines: its name, and a JSON object that says how an action lies in its bytes
 (`ActionLogHeader`). Chunks follow, each a header (`_CHUNK`) and its content. A chunk is of one action, as it is, or of
 many, compressed: the columns of their bytes, each byte as the difference (exclusive or) to that of the action before,
-so that what is held costs next to nothing.
+so that an unchanged action costs next to nothing.
 
 An action is in the file as soon as it is taken, however the process ends. Once there are enough of them they are
 replaced by one compressed chunk, which a killed process may leave half-written; chunks say which action they begin
@@ -44,7 +44,7 @@ _MOST_OVERHEAD_BYTES = 1024
 
 
 class ActionLogError(ValueError):
-    """A log that cannot be read; says why."""
+    """An action log that cannot be read."""
 
 
 _Bound = bool | int | float | None
@@ -95,7 +95,7 @@ def chunk_of(kind: bytes, count: int, first: int, content: bytes) -> bytes:
 
 
 class ActionLog:
-    """The actions of a run that was; they are read as they are asked for."""
+    """Reads the recorded actions of a run, one chunk at a time."""
 
     def __init__(self, path: Path) -> None:
         """Opens a log, also of a process that was killed.
@@ -159,7 +159,7 @@ def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
     if len(packed) < _CHUNK.size:
         return None
     head = _Head(*_CHUNK.unpack(packed))
-    # Lengths are looked at before anything is read or unpacked: outputs may come from anybody.
+    # Lengths are looked at before anything is read or unpacked: outputs may come from untrusted sources.
     if head.first != number or not _is_plausible(head, size):
         return None
     content = file.read(head.length)

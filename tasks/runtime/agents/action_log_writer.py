@@ -59,7 +59,7 @@ class ActionLogWriter:
             self._pack()
 
     def close(self) -> ActionsSummary:
-        """Completes the file; says what is in it, which nobody has to read for that.
+        """Completes the file; returns a summary of its content.
 
         Raises:
             OSError: It cannot be written.
@@ -73,7 +73,7 @@ class ActionLogWriter:
         )
 
     def abandon(self) -> None:
-        """Leaves the file as it is, as the end of the process would."""
+        """Closes the file without completing it, as the death of the process would."""
         self._file.close()
 
     def _pack(self) -> None:
@@ -101,7 +101,7 @@ class ActionLogWriter:
 
 
 class ActionRecorder:
-    """Keeps the actions of a run as well as it can.
+    """Records the actions of a run; errors do not fail the run.
 
     A log that cannot be written fails no run: it is removed, since part of one would be taken for the whole, and the
     reason goes to the error log.

@@ -1,4 +1,4 @@
-"""Be the robot of a simulation job from a process of your own.
+"""Client of the agent protocol: drives the robot of a simulation job from a process of your own.
 
 ```python
 from agent_client import connect
@@ -64,7 +64,7 @@ _RETRY_S = 0.05
 
 
 class ProtocolError(Exception):
-    """What arrived is not what the protocol says."""
+    """A message violates the protocol."""
 
 
 class SimulationError(Exception):
@@ -72,7 +72,7 @@ class SimulationError(Exception):
 
 
 class FrameBuffer:
-    """Cuts a stream of bytes into messages; reads and writes nothing itself."""
+    """Splits a stream of bytes into messages; does no input or output itself."""
 
     def __init__(self, limits: dict[int, int]) -> None:
         """Takes the most bytes that a message may have, by type; other types are errors."""
@@ -291,7 +291,7 @@ class Simulation:
         kind, payload = self._receive()
         hello = json.loads(bytes(payload))
         if kind != HELLO or hello.get("protocol") != PROTOCOL:
-            raise ProtocolError("whoever listens does not speak the agent protocol")
+            raise ProtocolError("the other side does not speak the agent protocol")
         self.hello: dict[str, Any] = hello
         """All that the simulation said: `job_id`, `run_id`, `seed`, `world_dir`, `control_timestep_s`, …"""
         self._observation = _Layout(hello["observation"])
@@ -350,7 +350,7 @@ class Simulation:
             SimulationError: The simulation is gone.
         """
         if self.ended_by is not None:
-            return  # in free mode this is nobody's mistake
+            return  # in free mode this is no mistake
         if self._step < 0:
             raise ValueError("an action answers an observation, and none was received yet")
         ACTION_HEADER.pack_into(self._content, 0, self._step)
@@ -407,7 +407,7 @@ class Simulation:
         self.ended_by = json.loads(bytes(payload))["ended_by"]
 
     def _say(self, kind: int, content: dict[str, Any]) -> None:
-        with suppress(OSError):  # whoever was to be told has gone
+        with suppress(OSError):  # the simulation has closed the connection
             self._socket.sendall(words(kind, content))
 
     def _send(self, message: bytes | bytearray) -> None:
@@ -469,10 +469,10 @@ def connect(
             last action in real time, from the first action on, and takes new ones as they come.
         timeout_s: Time to answer an observation (in free mode: the first one), after which the job fails.
         real_time_factor: In free mode, simulated seconds per second.
-        connect_timeout_s: How long to try, while nobody listens.
+        connect_timeout_s: How long to try, while the simulation does not listen.
 
     Raises:
-        SimulationError: Nobody listens, or the simulation refused.
+        SimulationError: The simulation does not listen, or refused.
     """
     path = path or os.environ.get(SOCKET_VARIABLE)
     if not path:

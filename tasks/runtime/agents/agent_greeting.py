@@ -21,14 +21,14 @@ _WORDS = {HELLO: MAX_WORDS_BYTES, END: MAX_WORDS_BYTES, ERROR: MAX_WORDS_BYTES}
 
 
 class _MuteError(Exception):
-    """Who connected says nothing, and somebody else has connected."""
+    """The connected client is silent, and another one has connected."""
 
 
 class Greeter:
     """Waits for the robot's program and greets it."""
 
     def __init__(self, listening: AgentSocket, robot: str, stop: Stop, clock: Clock = time.monotonic) -> None:
-        """Takes a socket that nobody has connected to.
+        """Takes a socket without a connection.
 
         Args:
             listening: The socket.
@@ -43,7 +43,7 @@ class Greeter:
         self._did, self._lacks = "did not connect", "connecting to"
 
     def greet(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
-        """Greets until a robot greets back; whoever leaves without a word, or says none while others wait, is none.
+        """Greets clients until a robot greets back; skips clients that leave, or stay silent while others wait.
 
         Args:
             greeting: The simulation's.

@@ -1,4 +1,4 @@
-"""How the arrays of observations and actions lie in messages of the agent protocol (`docs/agents.md`)."""
+"""Layout of observations and actions in messages of the agent protocol (`docs/agents.md`)."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What the agent protocol says, without the socket: observations, actions, and what is said in words.
+"""Messages of the agent protocol, without the socket: observations, actions, greetings and errors.
 
 The form of messages is specified in `docs/agents.md` and shared with the client (`agent_client`).
 """
@@ -93,7 +93,7 @@ class ObservationWriter:
 
 
 class ActionReader:
-    """Reads what robots answer."""
+    """Reads the answers of robots."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout

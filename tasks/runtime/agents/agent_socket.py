@@ -49,8 +49,8 @@ class Closed(Exception):
 def agent_socket_path(plan: RunPlan) -> Path:
     """Returns where the socket of a run's robot is; nothing need be there.
 
-    Its folder holds nothing else, so that it can be mounted into a container; whoever may look into the folder
-    may connect. The folder above it is for this user alone. Both are in the plan's work folder, or in the
+    Its folder holds nothing else, so that it can be mounted into a container; every user who can read the
+    folder may connect. The folder above it is for this user alone. Both are in the plan's work folder, or in the
     system's temporary folder when that path would be too long for a socket.
     """
     work_dir = plan.work_dir.absolute()
@@ -102,7 +102,7 @@ class AgentSocket:
         """Waits for a connection.
 
         Raises:
-            TimeoutError: Nobody connected before the clock showed the deadline.
+            TimeoutError: No client connected before the deadline.
             Stopped: The run was told to stop.
         """
         while True:
@@ -236,7 +236,7 @@ class AgentLink:
         return True
 
     def say_last(self, kind: int, content: dict[str, object]) -> None:
-        """Says the last thing to the robot, if nothing was said last yet and it is still there to listen."""
+        """Sends the last message to the robot, unless one was sent or the robot has left."""
         if self._said_last:
             return
         self._said_last = True

@@ -1,4 +1,4 @@
-"""The recorded actions of a robot program in its place: a rerun that needs neither the program nor its timing."""
+"""Plays back the recorded actions of a robot program: a rerun needs neither the program nor its timing."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ _NO_NUMBER = ACTION_HEADER.pack(0)
 
 
 class RecordedRobot:
-    """The robot's side of a rerun: does what a program did (see `remote_robot.RemoteRobot`, whose place it takes)."""
+    """The robot's side of a rerun: repeats a program's actions, in place of a `remote_robot.RemoteRobot`."""
 
     next_time_s = math.inf
 
@@ -30,7 +30,7 @@ class RecordedRobot:
         """Opens the recorded actions.
 
         Args:
-            recorded: What was done, and how it ended.
+            recorded: The actions, and how the run ended.
             robot: The robot application's name.
 
         Raises:
@@ -72,13 +72,13 @@ class RecordedRobot:
             self._taken += 1
             try:
                 return reader.read(memoryview(_NO_NUMBER + action), range(1))
-            except ActionError as error:  # the file was made by somebody else
+            except ActionError as error:  # the file was made elsewhere
                 raise RobotProgramError(f"recorded action {self._taken - 1}: {error}") from error
 
         return agent
 
     def actions(self) -> None:
-        """Keeps none anew."""
+        """Records no actions in a rerun."""
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Never called: there is nothing to look at."""
@@ -89,7 +89,7 @@ class RecordedRobot:
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 
     def _end(self) -> Exception:
-        """What ends the rerun where the run ended, if nothing in it has done so."""
+        """Ends the rerun where the run ended, unless it ended by itself."""
         if self._ended_by == "agent":
             return StopIteration()
         if self._ended_by is not None:
@@ -101,5 +101,5 @@ class RecordedRobot:
 
 
 def _form(header: ActionLogHeader) -> list[tuple[Any, ...]]:
-    """What has to be the same for actions to mean the same."""
+    """Returns the properties that have to be the same for actions to mean the same."""
     return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

@@ -1,4 +1,4 @@
-"""A robot application that is a process of its own, as an agent of the run's loop.
+"""Agent of the run's loop for a robot application in a process of its own.
 
 The process connects to a socket (`agent_socket`) and speaks the protocol of `docs/agents.md`.
 """
@@ -20,11 +20,11 @@ from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
 
 
 class RobotProgramError(ActionError):
-    """The robot's program said or did something wrong, or nothing at all."""
+    """The robot program sent something wrong, or did not answer."""
 
 
 class RemoteAgent:
-    """Answers time steps with what a robot in another process says.
+    """Answers time steps with the actions of a robot in another process.
 
     In lock-step it waits for the answer to every observation. Free-running it keeps simulated time at real time,
     times a factor, sends every observation that the robot can take, and answers with the newest action.
@@ -107,7 +107,7 @@ class RemoteAgent:
         return action
 
     def findings(self) -> Findings:
-        """Returns what the run's result says about the conversation."""
+        """Returns figures about the exchange for the run's result."""
         about: dict[str, Any] = {
             "mode": self._hello.mode,
             "observations": self._number + 1,
@@ -144,7 +144,7 @@ class RemoteAgent:
             self._due_s = self._clock()
             return _copied(action)
         self._sent += self._link.offer(self._writer.message)
-        # What could not be made up for is forgotten: nobody wants a burst of steps after a pause.
+        # Lost time is not made up for: a burst of steps after a pause would be worse.
         self._due_s = max(self._due_s + self._period_s, self._clock())
         expected = range(self._number + 1)
         latest_s = self._due_s + self._period_s

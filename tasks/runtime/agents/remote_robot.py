@@ -84,7 +84,7 @@ class RemoteRobot:
             text = "this environment cannot run free: it has no control_timestep()"
             self._link.refuse(text)
             raise LaunchError(f"the program of robot application {self._robot}: {text}", CRASH)
-        # Only now is it known what else the robot may say.
+        # The greeting decides which further messages the robot may send.
         self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
         self._keeper = ActionRecorder(self._plan.output_dir / ACTIONS_FILE, header_of(hello.mode, action))
         self._agent = RemoteAgent(

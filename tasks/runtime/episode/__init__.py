@@ -1,4 +1,4 @@
-"""What all parts of a run share: context, phases, results, physics, stops, loading of factories.
+"""Parts that all rooms of the runtime share: context, phases, results, physics, stops, loading of factories.
 
 May import: `schemas`, `tasks.runtime.recording`.
 """

@@ -1,4 +1,4 @@
-"""How far the robot is from everything else."""
+"""Clearance of the robot: its distance from everything else."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false

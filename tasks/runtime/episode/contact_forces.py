@@ -1,4 +1,4 @@
-"""Who touches the robot, and how hard."""
+"""Contact forces on the robot, by what touches it."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false

@@ -1,4 +1,4 @@
-"""What the factories of a simulation run are given.
+"""Context of a simulation run, as the factories of applications get it.
 
 A simulation application is a function `make_environment(context) -> dm_env.Environment`; a robot
 application is a function `make_agent(context, environment) -> Callable[[dm_env.TimeStep], action]`.
@@ -17,11 +17,11 @@ from ..recording.recorder import Recorder
 
 
 class ActionError(ValueError):
-    """What an environment's `step` raises when the action itself is wrong: the robot application is to blame."""
+    """An environment's `step` raises it when the action is wrong; the failure is the robot application's."""
 
 
 class ObservationError(ValueError):
-    """What an agent raises when the time step itself is wrong: the simulation application is to blame."""
+    """An agent raises it when the time step is wrong; the failure is the simulation application's."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class SimulationContext:
     """One run's surroundings."""
 
     plan: RunPlan
-    """The run as ordered: ids, seed, folders, limits."""
+    """The run as requested: ids, seed, folders, limits."""
 
     rng: np.random.Generator
     """The run's random generator, made from the plan's seed; use this and nothing global."""

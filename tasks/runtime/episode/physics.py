@@ -1,4 +1,4 @@
-"""Physics as applications have it: dm_control's, or anything with a model and its data."""
+"""Access to an application's physics: dm_control's, or any object with a model and its data."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false

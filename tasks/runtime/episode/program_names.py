@@ -1,4 +1,4 @@
-"""What programs of a run are called in texts for people."""
+"""Names of a run's programs in messages."""
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import ProgramPlan

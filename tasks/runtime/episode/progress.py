@@ -1,4 +1,4 @@
-"""What a run's process tells its supervisor, in a way that survives any crash of that process."""
+"""Progress of a run's process in shared memory, which its supervisor can read after any crash of it."""
 
 import json
 import mmap

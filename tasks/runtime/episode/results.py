@@ -1,4 +1,4 @@
-"""What a run reports, and how `result.json` is written."""
+"""Result of a run: what environments and agents report, and `result.json`."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Helps environments and agents to be continued; see `checkpoints.Resumable`."""
+"""Helps environments and agents to be resumed; see `checkpoints.Resumable`."""
 
 from typing import Any, ClassVar
 

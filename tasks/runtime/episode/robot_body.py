@@ -1,4 +1,4 @@
-"""Which part of a model is the robot."""
+"""Finds the robot's bodies in a model."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false

@@ -1,4 +1,4 @@
-"""How a run is told to end, from outside and from inside."""
+"""Stop signals of a run, from outside and from inside."""
 
 from typing import Protocol
 

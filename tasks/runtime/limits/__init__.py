@@ -1,4 +1,4 @@
-"""What a run may use, and how that is measured: processes, disk, logs.
+"""Resource limits of a run and their measurement: processes, disk, logs.
 
 May import: `schemas`.
 """

@@ -50,7 +50,7 @@ class CappedLog:
             self._keep_end(size)
 
     def close(self) -> None:
-        """Cuts the log for the last time; nobody may write to it any more."""
+        """Cuts the log for the last time; no process may write to it any more."""
         size = os.fstat(self.descriptor).st_size
         if self._kept_bytes is None and size > self._max_bytes:
             end = self._end(size)

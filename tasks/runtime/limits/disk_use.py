@@ -1,4 +1,4 @@
-"""What a run has written into its folders, and finding out when that is too much.
+"""Disk use of a run: measures its folders, and detects when they exceed their limit.
 
 The supervisor has no time to lose: folders are walked in slices of a fraction of a millisecond, one each time it looks
 at what the run uses. While nothing suggests that much is being written that is all; while the disk loses space quickly
@@ -29,7 +29,7 @@ _URGENT_SHARE = 0.25
 """Of what the run may still write: what the disk may lose from one walk to the next before it becomes urgent."""
 _NAMED = 3
 _WORTH_NAMING = 0.01
-"""Of the limit; smaller files are nobody's fault."""
+"""Share of the limit; smaller files are not named as the cause."""
 
 
 def free_bytes(folder: Path) -> int:
@@ -97,7 +97,7 @@ class DiskMeter:
         return self._used_bytes > self._limit_bytes
 
     def last_look(self) -> str | None:
-        """Measures all of it, once nobody writes any more; returns limit and use in words if there was too much."""
+        """Measures all folders after the run has ended; returns limit and use in words if they exceed it."""
         if self._limit_bytes is None:
             return None
         self._begin()
@@ -153,7 +153,7 @@ class DiskMeter:
         return f"{in_gb(limit_bytes)} of disk are allowed, and it used {in_gb(most_bytes)}{deleted}{named}"
 
     def _named(self, path: Path) -> str:
-        """A file as whoever knows the run calls it: `output/big.bin`, `/home/robomaker/big.bin`."""
+        """Returns a file's path as the application sees it: `output/big.bin`, `/home/robomaker/big.bin`."""
         folder = next(folder for folder in path.parents if folder in self._names)
         return f"{self._names[folder]}/{path.relative_to(folder)}"
 

@@ -1,4 +1,4 @@
-"""What is on the disk: files in folders, one after the other, and files that were deleted while they are open.
+"""Lists files on the disk: files in folders, and deleted files that are still open.
 
 An application may make folders that cannot be read, or that lie so deep that no path leads to them. They are looked
 into all the same, as far as they belong to this user.
@@ -36,18 +36,18 @@ class HeldFile(NamedTuple):
 def files_below(folders: Iterable[Path]) -> Iterator[HeldFile | None]:
     """Yields the files in folders; links are not followed, a file of several names is there for each.
 
-    Folders of this user that nobody may read are made readable for it.
+    Folders of this user that are not readable are made readable.
 
     Args:
         folders: The folders; those that are not there hold nothing.
 
     Yields:
-        A file; None for what is none, so that nobody has to wait long for the next.
+        A file; None for other things, so that the caller never waits long for the next.
     """
     waiting = [(str(folder), 0) for folder in folders]
     while waiting:
         path, flags = waiting.pop()
-        with suppress(OSError):  # it may be gone, or somebody else's
+        with suppress(OSError):  # it may be gone, or another user's
             descriptor = _open(path, flags)
             try:
                 with os.scandir(descriptor) as entries:

@@ -1,4 +1,4 @@
-"""What a run may use of the machine, and finding out when it uses more.
+"""Resource limits of a run, and detecting when it exceeds them.
 
 Cores are a matter of the kernel. Memory and the number of processes are counted over the whole tree of
 processes ten times a second, which needs no rights and works wherever there is a `/proc`.
@@ -17,7 +17,7 @@ from .processes import ProcessState, descendants_of, proportional_bytes, written
 
 METER_INTERVAL_S = 0.1
 _OOM_SCORE = 500
-"""Where memory runs out for the whole machine, the kernel takes runs before those who perform them."""
+"""When the whole machine runs out of memory, the kernel kills runs before job workers."""
 _MANY = 64
 _PATIENCE_S = 0.03
 _MAX_PATIENCE_S = 1.0
@@ -38,7 +38,7 @@ class Excess:
 
 
 def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
-    """Confines this process, and whatever it starts, as far as the kernel does that itself.
+    """Limits this process and all that it starts, as far as the kernel does that itself.
 
     Args:
         limits: The run's limits.
@@ -57,7 +57,7 @@ def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
 def _bound_forks(processes: int) -> None:
     """A last resort against fork bombs, well above the limit because it counts all processes of the user.
 
-    It holds nobody who is root; there a supervisor comes before all others (`processes.come_first`).
+    It does not limit root; there a supervisor gets the highest priority (`processes.come_first`).
     """
     with suppress(OSError, ValueError, IndexError):
         there = int(Path("/proc/loadavg").read_text().split()[3].split("/")[1])
@@ -102,7 +102,7 @@ class Meter:
         return self._memory_excess(states)
 
     def busiest_writer(self) -> int:
-        """The session of processes that has written most; 0 if nobody is left."""
+        """The session of processes that has written most; 0 if none is left."""
         states = [state for state in descendants_of(os.getpid()) if state.pid not in self._others]
         return _most(states, {state.pid: written_bytes(state.pid) for state in states}) if states else 0
 

@@ -1,8 +1,8 @@
-"""Processes as the kernel shows them: who descends from whom, what they use, how none of them is left.
+"""Process trees from the kernel: descendants, their resource use, and killing all of them.
 
 A supervisor adopts processes whose parents died (it is a *child subreaper*), so everything that a run
-started hangs below it, whatever forked twice or made a session of its own. What is read here and not through psutil,
-and why: docs/decisions/0004-processes-and-disk.md.
+started hangs below it, also processes that forked twice or made a session of their own. What is
+read here and not through psutil, and why: docs/decisions/0004-processes-and-disk.md.
 """
 
 import ctypes

@@ -1,4 +1,4 @@
-"""Lines that this program itself adds to the log of a run."""
+"""Notes that the runtime adds to the log of a run."""
 
 import os
 from contextlib import suppress
@@ -19,7 +19,7 @@ def add_note(output_dir: Path, text: str) -> None:
 
 
 def note_screens(plan: RunPlan) -> None:
-    """Says in the log that a program's screen is not shown, if somebody asked for it."""
+    """Says in the log that a program's screen is not shown, if the request asked for it."""
     if plan.live_view_port is not None and not plan.has_episode:
         add_note(
             plan.output_dir,

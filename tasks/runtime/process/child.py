@@ -1,4 +1,4 @@
-"""What the process of a run does, from a clean fork to `result.json`."""
+"""The process of a run, from a clean fork to `result.json`."""
 
 import os
 import random
@@ -51,7 +51,7 @@ _RUNTIME_FOLDER = Path(__file__).parents[1]
 _APPLICATIONS = tuple(str(_RUNTIME_FOLDER / name) + os.sep for name in ("applications", "robots"))
 _MAX_ERROR_CHARACTERS = 2000
 _SAY_ALL = LoadError | LaunchError | RobotProgramError
-"""Errors that say all: where this program found out is of no use to anybody."""
+"""Errors whose message says all: a traceback would not help users."""
 versions()  # read once, before forking
 machine_facts()
 
@@ -82,7 +82,7 @@ def run_child(run: RunRequest, progress: Progress) -> int:
 
 
 class _StopSignal:
-    """Turns SIGTERM into a wish, and a second one into an exception in the application's code."""
+    """Turns SIGTERM into a stop request, and a second one into an exception in the application's code."""
 
     def __init__(self, progress: Progress) -> None:
         self.reason = ""

@@ -77,7 +77,7 @@ def run_episode(
     Raises:
         PhysicsError: The physics diverged.
         CheckpointError: The last checkpoint cannot be continued from.
-        Exception: Whatever environment or agent raise.
+        Exception: Any exception of environment or agent.
     """
     loop = _Loop(mark, stop, wall_clock)
     environment: dm_env.Environment | None = None

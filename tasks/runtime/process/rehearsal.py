@@ -1,8 +1,8 @@
-"""What a process that waits for a run does meanwhile: go once through what every run does before its first step.
+"""Rehearsal: a process that waits for a run goes once through what every run does before its first step.
 
 A forked process pays for each page of memory that it touches first, and a run touches thousands of them while it makes
 its world, which takes a third of the time until its first step. A rehearsal in a room of boxes touches most of them
-before anybody waits for it. It leaves nothing behind, and seeds are set when the run begins.
+before a job waits for it. It leaves nothing behind, and seeds are set when the run begins.
 """
 
 import io

@@ -1,4 +1,4 @@
-"""What the processes of a run are given."""
+"""The request for a run, as its processes get it."""
 
 from pydantic import Field
 

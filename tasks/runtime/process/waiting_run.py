@@ -1,6 +1,6 @@
-"""The process of a run, forked before it is known which run that will be.
+"""A waiting process, forked before its run is known.
 
-A fork of a process that has imported MuJoCo takes milliseconds, which nobody has to wait for this way.
+A fork of a process that has imported MuJoCo takes milliseconds, for which no job has to wait this way.
 """
 
 import os
@@ -55,7 +55,7 @@ class WaitingRun:
             request: A `RunRequest` as JSON in one line.
 
         Returns:
-            Whether it is still there; somebody may have killed it while it waited.
+            Whether it still runs; it may have been killed while it waited.
         """
         try:
             self._pipe.sendall(request + b"\n")

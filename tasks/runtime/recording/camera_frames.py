@@ -1,4 +1,4 @@
-"""Where a camera is and how it projects, as ROS says it: transforms, and `sensor_msgs/CameraInfo`.
+"""Pose and projection of a camera in ROS's form: transforms, and `sensor_msgs/CameraInfo`.
 
 Frames follow REP 103: a camera's own x forward, y left, z up; its optical frame z forward, x to the right, y down.
 """

@@ -13,7 +13,7 @@ _JOINTS, _PICTURES = "sensor_msgs/msg/JointState", "sensor_msgs/msg/CompressedIm
 _CAMERAS = "sensor_msgs/msg/CameraInfo"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _DRAWN: Mapping[str, dict[str, Any]] = {
-    # Without a field Foxglove colours scans by their intensities, whatever mode is asked for.
+    # Without a field Foxglove colours scans by their intensities in every mode.
     _SCANS: {"pointSize": 4, "colorField": "range", "colorMode": "flat", "flatColor": "#ff6b2dff"},
     # It would cover the floor.
     "nav_msgs/msg/OccupancyGrid": {"visible": False},

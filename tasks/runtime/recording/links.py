@@ -1,4 +1,4 @@
-"""Where the moving parts of a robot are, worked out from its joints for many times at once, as `/tf` tells it.
+"""Forward kinematics of a robot's links for `/tf`, from its joints, for many times at once.
 
 What `robot_state_publisher` does with a URDF, from the compiled model instead; MuJoCo's own kinematics need a state at
 a time.

@@ -1,4 +1,4 @@
-"""What takes ROS 2 messages: the interface between those who record and the recording."""
+"""The recorder interface: takes ROS 2 messages from environments, agents and observers."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol

@@ -1,4 +1,4 @@
-"""Where the bytes of a recording go."""
+"""Output streams of a recording."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""What makes a folder with a recording a rosbag2: `metadata.yaml`, and how topics were offered.
+"""Makes a folder with a recording a rosbag2: `metadata.yaml`, and the topics' QoS profiles.
 
 The format is that of `rosbag2_storage`'s `metadata_io`, version 9 (Jazzy and later).
 """
@@ -112,5 +112,5 @@ def _topic(topic: RecordedTopic) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A name as YAML, whatever characters an application chose for it."""
+    """Quotes a name as YAML; applications may use any characters."""
     return "'" + text.replace("'", "''") + "'"

@@ -1,4 +1,4 @@
-"""Which ways of rendering work on this machine, found out by trying."""
+"""Rendering backends that work on this machine, found by trying them."""
 
 import os
 import subprocess

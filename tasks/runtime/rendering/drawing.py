@@ -1,4 +1,4 @@
-"""Where everything is that is drawn."""
+"""Poses of everything that is drawn."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false

@@ -1,4 +1,4 @@
-"""Which OpenGL a run's process uses.
+"""Chooses the OpenGL backend of a run's process.
 
 MuJoCo and dm_control choose their OpenGL when they are imported, from `MUJOCO_GL`. Runs are forked from
 a process that imported both without any, so a run that renders makes them choose again.

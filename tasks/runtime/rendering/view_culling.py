@@ -1,6 +1,6 @@
-"""Which geoms a camera can see at all.
+"""View culling: finds the geoms that a camera can see at all.
 
-MuJoCo's renderer draws everything there is, whatever the camera looks at. Of a furnished home most is behind the camera
+MuJoCo's renderer draws all geoms, also those behind the camera. Of a furnished home most is behind the camera
 or beside the picture, and drawing it takes most of a picture's time on a CPU.
 """
 

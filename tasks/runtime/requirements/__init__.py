@@ -1,4 +1,4 @@
-"""Requirements: what is measured, the score, and the observer that judges a run.
+"""Requirements: measurements, score, and the observer that checks a run against them.
 
 May import: `schemas`, `tasks.runtime.episode`.
 """

@@ -1,4 +1,4 @@
-"""Ties the rules of requirements to a simulation: what each of them measures, and how."""
+"""Connects requirements to a simulation: what each of them measures, and how."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -33,7 +33,7 @@ _MAX_SHOWN = 12
 
 
 class RequirementError(LaunchError):
-    """A requirement cannot be judged; nobody's application is to blame but whoever asked for it."""
+    """A requirement cannot be checked; the fault is the request's, not an application's."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message, "InvalidInput")

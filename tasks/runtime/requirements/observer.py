@@ -1,4 +1,4 @@
-"""The observer that judges a run by its requirements."""
+"""The observer that checks a run against its requirements."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ class RequirementsObserver:
     """
 
     def __init__(self, plan: RunPlan) -> None:
-        """Prepares the judgement.
+        """Prepares the checks.
 
         Args:
             plan: The run; its requirements replace those of the environment that have the same names.

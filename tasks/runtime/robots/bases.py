@@ -1,4 +1,4 @@
-"""Where a robot is, read from the joints that move it through the world."""
+"""Pose of a robot's base, read from the joints that move it through the world."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false

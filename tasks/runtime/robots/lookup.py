@@ -1,4 +1,4 @@
-"""Which robot a job drives.
+"""Finds the robot of a job.
 
 In this order:
 

@@ -113,7 +113,7 @@ class ModelBuilder:
         }
 
     def _keep_robot_only(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
-        """Takes away floors, lights and whatever else the model's file has besides the robot; returns its base."""
+        """Removes floors, lights and everything else besides the robot from the model; returns its base."""
         base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
         if base.parent.name != "world":
             root = base

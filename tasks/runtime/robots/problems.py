@@ -1,4 +1,4 @@
-"""What is wrong with a robot that came with an application."""
+"""Problems of a robot that came with an application."""
 
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""How far the parts of a model reach from the middle, seen from above."""
+"""Footprint radius of a model: how far its parts reach from the middle, seen from above."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false

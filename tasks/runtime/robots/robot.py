@@ -1,4 +1,4 @@
-"""What the navigation task has to know of a robot.
+"""The interface of robots for the navigation task.
 
 A robot is a model for MjSpec with names for its parts, and a drive. The task knows nothing else of it, so that Scout,
 a walker and what comes in a bundle are the same to it.
@@ -162,7 +162,7 @@ class Robot:
     """Names of a gyro and an accelerometer."""
 
     video_camera: str | None = None
-    """Camera that films, absent: the model's first."""
+    """Camera for video, absent: the model's first."""
 
     is_differential: bool = False
     """Whether `joints` are one wheel on the left and one on the right, observed as `wheel_velocity`."""

@@ -90,7 +90,7 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
         size=[RADIUS_M, 0.036, 0],
         mass=2.5,
         rgba=_SHELL,
-        # Its own softness and slipperiness count, whatever it touches.
+        # Its own softness and slipperiness count in every contact.
         priority=1,
         solref=_BUMPER_SOLREF,
         friction=[0.3, 0.005, 0.0001],
@@ -125,7 +125,7 @@ def _look(
 def _add_slides(base: mujoco.MjsBody) -> None:
     """Adds smooth knobs fore and aft, 1 mm off the floor so that the wheels carry the weight.
 
-    Their `priority` makes their own low friction count, whatever the floor is made of.
+    Their `priority` makes their own low friction count on every floor.
     """
     for name, x in (("slide_front", 0.125), ("slide_rear", -0.125)):
         base.add_geom(

@@ -1,4 +1,4 @@
-"""Files of checkpoints, for whoever has to know of them without MuJoCo: which there are, whether they are whole.
+"""Files of checkpoints, for modules that do not import MuJoCo: which there are, whether they are complete.
 
 A checkpoint is a line of JSON, the `CheckpointHeader`, and what only the run's own process reads.
 """

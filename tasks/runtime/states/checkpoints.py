@@ -155,14 +155,14 @@ class Checkpointer:
     def begin(self, parts: RunParts) -> None:
         """Finds out whether everything opted in; else no checkpoints are made, and a file says why."""
         programs = [
-            f"{program_in_words(program, self._plan)} is a program of its own, which nobody can put back"
+            f"{program_in_words(program, self._plan)} is a program of its own, whose state cannot be restored"
             for program in self._plan.programs
         ]
         if reasons := programs or _why_not_resumable(parts):
             self.give_up("; ".join(reasons))
 
     def give_up(self, reason: str) -> None:
-        """Makes no more checkpoints and says why, for whoever would continue the run."""
+        """Stops making checkpoints and stores the reason, for a worker that would resume the run."""
         self._next_time_s = float("inf")
         write_whole(self._folder / REASON_FILE, reason.encode())
 

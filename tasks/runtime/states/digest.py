@@ -219,7 +219,7 @@ def read_timeline(path: Path) -> StateTimeline:
         if place + size > len(content):
             break  # the run was killed while it wrote this
         packed = content[place : place + size]
-        try:  # before anything is unpacked: outputs may come from anybody
+        try:  # before anything is unpacked: outputs may come from untrusted sources
             if zstandard.frame_content_size(packed) != looks * (8 + _LINK_BYTES) + 8 * kept * width:
                 raise ValueError(f"{path} is damaged at byte {place}")
             payload = zstandard.ZstdDecompressor().decompress(packed)

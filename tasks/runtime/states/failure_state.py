@@ -71,7 +71,7 @@ class FailureRecorder:
         """Has nothing to put back."""
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns how often MuJoCo warned; of a run that failed it writes the files, if the physics was to blame.
+        """Returns how often MuJoCo warned; writes the files if a run failed through its physics.
 
         Args:
             ended_by: What ended the run; None when it failed.

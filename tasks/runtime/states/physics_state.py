@@ -64,7 +64,7 @@ class KeptPhysics:
 
 
 def _model_file(content: bytes) -> str:
-    # Guards against files that are cut off, not against anybody; and the first checkpoint should be quick.
+    # Guards against truncated files, not against attacks; and the first checkpoint should be quick.
     return f"model-{len(content)}-{zlib.crc32(content):08x}.bin"
 
 

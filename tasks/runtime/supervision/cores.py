@@ -1,4 +1,4 @@
-"""Which processor cores a run may use: runs that share a machine are spread over it."""
+"""Assigns processor cores to runs, so that runs that share a machine are spread over it."""
 
 import os
 import threading

@@ -6,7 +6,7 @@ standard input and answers each with one line on standard output:
     {"body": "<template body>", "floorplan_seed": 1, "interior_seed": 2, "folder": "/…/bundle"}
     {"content": "<hash>"}   or   {"error": "<why there is no world>"}
 
-It ends when its input does, also in the midst of a world, so it never outlives whoever started it.
+It ends when its input does, also in the midst of a world, so it never outlives the process that started it.
 """
 
 import json

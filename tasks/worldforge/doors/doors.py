@@ -240,7 +240,7 @@ def _choose(options: dict[int, list[Hanging]]) -> dict[int, Hanging]:
         left = [index for index in order if index not in chosen and options[index]]
         if not left:
             break
-        # Whoever found no place chooses first next time.
+        # A door that found no place chooses first next time.
         order.remove(left[0])
         order.insert(0, left[0])
     return best

@@ -1,4 +1,4 @@
-"""Where the leaf of a hung door is: closed, open, and everywhere between."""
+"""Poses of a hung door's leaf: closed, open, and everywhere between."""
 
 from math import cos, sin
 

@@ -36,7 +36,7 @@ _CHUNK_BYTES = 1 << 20
 
 
 def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
-    """Writes the archive; equal bundles make equal bytes, whatever their order, times and owners.
+    """Writes the archive; equal bundles make equal bytes, independent of their order, times and owners.
 
     Args:
       bundles: the folder of each world's bundle, by the world's name in archives, such as

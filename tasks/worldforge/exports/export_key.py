@@ -1,4 +1,4 @@
-"""Where the archive of a world export job is stored; apart from the exporter, which needs MuJoCo."""
+"""Object key of a world export job's archive; apart from the exporter, which needs MuJoCo."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What an export is made from: a world bundle, taken apart into things made of shapes.
+"""The scene of an export: a world bundle, taken apart into things made of shapes.
 
 Shapes, masses, friction and joints are those of the compiled MJCF, so that every format shows and
 weighs the same. `world.json` says which furniture a geom belongs to and where that stands.

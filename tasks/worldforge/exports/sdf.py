@@ -112,7 +112,7 @@ def _simple_visuals(shape: Shape) -> Iterator[Shape]:
         return
     if shape.ceiling and shape.kind == "box":
         underside = shape.position - shape.rotation[:, 2] * shape.half[2]
-        # Drawn from one side only: whoever looks from above sees into the rooms.
+        # Drawn from one side only, so that a view from above shows the rooms.
         yield replace(shape, kind="plane", position=underside, half=(*shape.half[:2], 0.0))
     else:
         yield from _without_capsules(shape)

@@ -1,4 +1,4 @@
-"""What a floor plan is asked for, in numbers, and what makes neighbours sensible."""
+"""The brief of a floor plan: the template's preferences in numbers, and which rooms suit as neighbours."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living
 """Types of rooms that others may be reached through."""
 
 RATIO_TOLERANCE = 0.2
-"""Logarithmic deviation of an aspect ratio that still grants the wish: a factor of 1.22."""
+"""Logarithmic deviation of an aspect ratio that still satisfies the preference: a factor of 1.22."""
 
 LIT_WALL = 44
 """Length of outer wall that a window needs, in units."""
@@ -93,7 +93,7 @@ def affinity(one: RoomType, other: RoomType) -> float:
 
 
 class Brief(NamedTuple):
-    """The template's wishes about the plan; rooms are numbered in the template's order."""
+    """The template's preferences about the plan; rooms are numbered in the template's order."""
 
     names: tuple[str, ...]
     types: tuple[RoomType, ...]

@@ -10,10 +10,10 @@ from .partition import Contact, Partition, area, contacts
 _MAX_WAYS_PER_ROOM = 4
 _OPEN_PLAN: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
 _OPEN_PLAN_SHARE = 0.35
-"""How often a way that nobody asked for, between rooms of these types, is an opening."""
+"""How often a way that the template does not ask for, between rooms of these types, is an opening."""
 
 _LONGEST_HALLWAY_OPENING = 52
-"""A hallway is open towards a room at its end, not along its side, unless that is wished; in units."""
+"""A hallway is open towards a room at its end, not along its side, unless that is preferred; in units."""
 
 _NEAR_CORNER_SHARE = 0.75
 _NEAR_CORNER = 6
@@ -48,7 +48,7 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
 
     Args:
       plan: a valid partition.
-      brief: the wishes.
+      brief: the preferences.
       dice: the source of chance.
     """
     walls = shared_walls(plan)

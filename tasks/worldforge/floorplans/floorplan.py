@@ -1,4 +1,4 @@
-"""From a template's wishes to a floor plan: rooms, walls, ways, windows, and the account of the wishes."""
+"""Makes a floor plan from a template: rooms, walls, ways, windows, and the outcome of its preferences."""
 
 from random import Random
 from typing import NamedTuple
@@ -42,7 +42,7 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     from every wall, and all coordinates are multiples of 5 cm.
 
     Args:
-      body: the wishes.
+      body: the template.
       rng: the source of chance.
 
     Raises:

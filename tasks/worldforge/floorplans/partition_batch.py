@@ -30,13 +30,13 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TOLERANCE = log(1.15)
-"""Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
+"""Deviation of a ratio above which the search counts a preference as missed; a little stricter than the report."""
 
 _MISSED_PREFERENCE = 0.3
 _OUTLIER = 1.5
 _AREA_WEIGHT = 0.25
 _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""By number of rooms, the last from there on: with one room, the room's own wish wins."""
+"""By number of rooms, the last from there on: with one room, the room's own preference wins."""
 
 _TOO_NARROW = 9.0
 _NOT_CONNECTED = 9.0
@@ -65,7 +65,7 @@ class Nature(NamedTuple):
     valid: Flags
     """Whether every room is wide enough and a way leads to each."""
     misses: Flags
-    """Which wishes are not granted: (wish, plan); the footprint, each room's ratio, each requested pair."""
+    """Which preferences are missed: (preference, plan); the footprint, each room's ratio, each requested pair."""
 
 
 def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> Cuts:
@@ -146,7 +146,7 @@ class BatchEvaluator:
         Args:
           cuts: the plans.
           footprint: logarithm of the extent along x over that along y.
-          areas: logarithm of each room's area over its wish.
+          areas: logarithm of each room's area over its preferred area.
         """
         off, narrow = self._off(cuts)
         off_footprint = np.abs(footprint - self.footprint)
@@ -159,7 +159,7 @@ class BatchEvaluator:
         """How far rooms are off their ratios, and by how many units they are too narrow."""
         sides = np.maximum(cuts.high - cuts.low, 0.1)
         off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
-        # A hallway that is longer than wished is still a good hallway.
+        # A hallway that is longer than preferred is still a good hallway.
         return np.where(off > 0, off * self.longer, -off), np.maximum(0.0, self.least - sides.min(axis=0))
 
     def evaluate(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:

@@ -24,7 +24,7 @@ _STEPS_PER_SQUARE = 3
 
 _LEAST_STEPS = 20
 _TOLERANCE = log(1.15)
-"""Deviation of a ratio above which the search counts a wish as missed; a little stricter than the report."""
+"""Deviation of a ratio above which the search counts a preference as missed; a little stricter than the report."""
 
 _MISSED_PREFERENCE = 0.3
 _OUTLIER = 1.5
@@ -34,7 +34,7 @@ _TOO_NARROW = 9.0
 _DARK = 0.6
 _STRANGE_NEIGHBOURS = 0.8
 _FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""By number of rooms, the last from there on: with one room, the room's own wish wins."""
+"""By number of rooms, the last from there on: with one room, the room's own preference wins."""
 
 _BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
 """Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
@@ -86,7 +86,7 @@ class PlanEvaluator:
                     continue
             off = log(slenderness(plan, room)) - self.log_ratios[room]
             if kind == "Hallway" and off > 0:
-                off /= 2  # a hallway that is longer than wished is still a good hallway
+                off /= 2  # a hallway that is longer than preferred is still a good hallway
             off = abs(off)
             cost += off + _OUTLIER * off * off + (_MISSED_PREFERENCE if off > _TOLERANCE else 0.0)
             if len(corners) > 4:
@@ -152,7 +152,7 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
     """Climbs to a partition that may have L-shaped rooms.
 
     Args:
-      brief: the wishes.
+      brief: the preferences.
       dice: the source of chance.
       below: the cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
         it, any valid partition will do.
@@ -183,7 +183,7 @@ def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> di
     """Improves one random slicing tree by small changes; steps back are taken less and less.
 
     Args:
-      evaluator: says what is better.
+      evaluator: computes the cost of a plan.
       dice: the source of chance.
       any_footprint: begin with any outline, where the desired one has led nowhere.
 

@@ -13,12 +13,12 @@ from .partition_shortlist import AREA_MARGIN, Shortlist, Variants, shortlist
 
 _CHOICE_TEMPERATURE = 0.6
 _CHOICE_MARGIN = 1.0
-"""What a plan may cost more than the best one, to be drawn because it grants more wishes."""
+"""What a plan may cost more than the best one, to be drawn because it satisfies more preferences."""
 
 _ODD_SHARE = 0.08
 _ODD_MARGIN = 5.0
 _MOST_CHOICES = 60
-"""One world in twelve may have any plan that is not bad: for variety, also at the expense of a wish."""
+"""One world in twelve may have any plan that is not bad: for variety, also at the expense of a preference."""
 
 _POOR = 3.0
 """Cost of the best plan of rectangles above which L-shaped rooms are tried as well."""
@@ -31,10 +31,10 @@ _WORSE = 0.2
 
 
 def find_partition(brief: Brief, dice: Random) -> Partition:
-    """Finds a partition that is valid and near the wishes, another one for other dice.
+    """Finds a partition that is valid and near the preferences, another one for other dice.
 
     Args:
-      brief: the wishes.
+      brief: the preferences.
       dice: the source of chance.
 
     Raises:
@@ -51,7 +51,7 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
 
 
 def _only_room(brief: Brief, dice: Random) -> Partition:
-    """The one room is the footprint, turned as the footprint is wished or, if that is square, either way."""
+    """The one room is the footprint, turned as the footprint is preferred or, if that is square, either way."""
     least = brief.min_sides[0]
     square_units = brief.areas_m2[0] * UNITS_PER_M**2
     ratio = min(brief.ratios[0], square_units / least**2)
@@ -63,7 +63,7 @@ def _only_room(brief: Brief, dice: Random) -> Partition:
 
 
 def _choice(best: Shortlist, dice: Random) -> int:
-    """The number of one of the good plans: of those that grant the most wishes, the better the likelier.
+    """The number of one of the good plans: of those that satisfy the most preferences, the better the likelier.
 
     None of them misses the footprint or a requested connection that the best one grants.
     """
@@ -80,7 +80,7 @@ def _choice(best: Shortlist, dice: Random) -> int:
 
 
 def _bent(best: Shortlist, number: int, dice: Random) -> Partition:
-    """A plan with its sides a little longer and shorter, as long as that breaks no wish that it grants."""
+    """A plan with its sides a little longer and shorter, as long as that breaks no preference that it satisfies."""
     rooms = len(best.evaluator.areas)
     columns = np.full(_DRAWS + 1, number)
     plain = best.variants.take(columns)

@@ -15,14 +15,14 @@ from .partition_batch import BatchEvaluator, Cuts, Flags, Floats, cut
 from .partition_trees import Trees, all_trees
 
 AREA_MARGIN = 0.07
-"""Most by which the logarithm of a room's area leaves its wish; rounding to units comes on top."""
+"""Largest deviation of the logarithm of a room's area from its preference; rounding to units comes on top."""
 
 _REFINED = 240
 """Trees that are refined, the best ones as first cut."""
 
 _STEPS = (0.12, 0.06, 0.03)
 _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
-"""Further outlines to begin with (logarithm of the ratio over the wish) where few rooms leave little choice."""
+"""Further outlines to begin with (logarithm of the ratio over the preferred one) where there are few rooms."""
 
 _FEW_ROOMS = 3
 
@@ -32,7 +32,7 @@ class Variants(NamedTuple):
 
     trees: Trees
     areas: Floats
-    """Logarithm of each room's area over its wish."""
+    """Logarithm of each room's area over its preferred area."""
     footprint: Floats
     """Logarithm of the extent along x over that along y."""
 
@@ -52,7 +52,7 @@ class Shortlist(NamedTuple):
     variants: Variants
     cost: Floats
     misses: Flags
-    """Which wishes each does not grant: (wish, plan); the footprint, each room's ratio, each requested pair."""
+    """Which preferences each misses: (preference, plan); the footprint, each room's ratio, each requested pair."""
     tried: int
     """How many plans were compared."""
 
@@ -83,7 +83,7 @@ def _shortlist(
 
 
 def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Variants:
-    """The most promising trees with the areas wished for."""
+    """The most promising trees with the preferred areas."""
     footprints = evaluator.footprint + np.array([0.0, *(_OTHER_FOOTPRINTS if few else ())])
     columns = np.tile(np.arange(trees.plans), len(footprints))
     every = Variants(

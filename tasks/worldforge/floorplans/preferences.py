@@ -1,4 +1,4 @@
-"""The honest account: what became of every wish about the floor plan, with numbers."""
+"""Outcome of every preference about the floor plan: satisfied, missed or contradictory, with numbers."""
 
 from collections import Counter
 from itertools import combinations
@@ -49,7 +49,7 @@ def _footprint(preferences: TemplateFloorplan, brief: Brief, plan: Partition) ->
     if deviation(ratio, brief.footprint_ratio) <= RATIO_TOLERANCE:
         return preference
     if len(preferences.Rooms) == 1:
-        # The one room is the footprint; its own wish was taken.
+        # The one room is the footprint; its own preference wins.
         room_ratio = _colon(preferences.Rooms[0].DesiredShape.AspectRatio)
         reason = f"the only room fills the footprint and is wished to be {room_ratio}"
         return preference.model_copy(update={"outcome": "contradictory", "reason": reason})

@@ -1,4 +1,4 @@
-"""Which wishes stood in the way of one that was missed: what the best plan that grants it would miss."""
+"""Competing preferences of a missed one: what the best plan that satisfies it would miss."""
 
 from math import log
 
@@ -13,7 +13,7 @@ def competing_preferences(brief: Brief, plan: Partition, room: int) -> str:
     """Says at whose expense a room's aspect ratio could have been granted.
 
     Args:
-      brief: the wishes, of two rooms or more.
+      brief: the preferences, of two rooms or more.
       plan: the plan that misses the ratio.
       room: the room's number.
     """
@@ -30,7 +30,7 @@ def competing_preferences(brief: Brief, plan: Partition, room: int) -> str:
 
 
 def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
-    """Which shape wishes the plan itself misses; requested ways count as granted."""
+    """Which preferences of shape the plan itself misses; requested ways count as satisfied."""
     missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     for number, ratio in enumerate(brief.ratios):
@@ -39,7 +39,7 @@ def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
 
 
 def _names(brief: Brief) -> list[str]:
-    """The wishes in the order of the search, in words."""
+    """The preferences in the order of the search, in words."""
     ratios = [f"the aspect ratio {ratio:.2f} of {name}" for name, ratio in zip(brief.names, brief.ratios, strict=True)]
     pairs = [f"the way between {brief.names[low]} and {brief.names[high]}" for low, high in brief.requests]
     return [f"the footprint's {brief.footprint_ratio:.2f}", *ratios, *pairs]

@@ -1,4 +1,4 @@
-"""Which set of a template is for which room, and what became of what the sets wish."""
+"""Assigns the sets of a template to rooms, and decides the outcome of sets without rooms."""
 
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
@@ -56,7 +56,7 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
 ) -> tuple[PreferenceOutcome, str]:
-    """What becomes of the wishes of a set without rooms: there are none, or other sets have them."""
+    """Outcome of the preferences of a set without rooms: there are none, or other sets have them."""
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet

@@ -1,4 +1,4 @@
-"""How each kind of furniture is arranged, and what rooms hold when a template does not say."""
+"""Arrangement rules for each kind of furniture, and default furniture of rooms."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,7 @@
 """The catalogue: every kind of furniture with its styles, and how each is built from parts.
 
 Sizes are those of real furniture. A piece is fully described by its kind and the name of its style,
-so that whoever reads `world.json` can rebuild it part by part.
+so that readers of `world.json` can rebuild it part by part.
 """
 
 from collections.abc import Callable

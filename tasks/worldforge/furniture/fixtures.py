@@ -1,4 +1,4 @@
-"""What is plumbed or wired in: bathroom fittings and household appliances."""
+"""Fixtures: bathroom fittings and household appliances."""
 
 from ..geometry.parts import (
     BLACK,

@@ -1,4 +1,4 @@
-"""Where on a piece of furniture something can lie: on a solid, level part, clear of what is drawn there."""
+"""Support surfaces of furniture: solid, level parts on which objects can lie, clear of what is drawn there."""
 
 from collections.abc import Sequence
 from math import hypot

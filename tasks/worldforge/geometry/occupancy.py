@@ -74,7 +74,7 @@ def occupancy_grid(
 ) -> OccupancyGrid:
     """Draws walls and obstacles into a grid.
 
-    A cell is occupied as soon as an obstacle enters it. Lintels and whatever else begins above the
+    A cell is occupied as soon as an obstacle enters it. Lintels and everything else that begins above the
     robot, or stays flat on the floor, leaves no trace.
 
     Args:

@@ -1,4 +1,4 @@
-"""The interior of a floor plan: materials, furniture, loose objects, and the account of the wishes."""
+"""Furnishes a floor plan: materials, furniture, loose objects, and the outcome of the preferences."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -28,12 +28,12 @@ def furnish(
     Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
 
     Args:
-      body: the wishes.
+      body: the template.
       floorplan: the plan, which is left as it is.
       rng: the source of chance.
 
     Returns:
-      Furniture and loose objects; what became of each wish; the rooms with materials and goals.
+      Furniture and loose objects; the outcome of each preference; the rooms with materials and goals.
     """
     rooms, preferences = choose_surfaces(body, floorplan.rooms, rng)
     arrangements = body.interior.Furniture.FurnitureArrangements
@@ -86,7 +86,7 @@ def _kinds(arrangement: FurnitureArrangement | None, room: Room) -> Sequence[str
 def _preferences(
     arrangements: Sequence[FurnitureArrangement], index: int, chosen: dict[str, int], done: dict[str, RoomFurnishing]
 ) -> list[Preference]:
-    """One wish per listed kind: satisfied when every room of the arrangement has it."""
+    """Returns one preference per listed kind: satisfied when every room of the arrangement has it."""
     arrangement = arrangements[index]
     if arrangement.SampleSet is None:
         return []
@@ -111,7 +111,7 @@ def _preferences(
 def _density_preferences(
     arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]
 ) -> list[Preference]:
-    """The wished density: satisfied when every room is about as full as that; nothing for a set without rooms."""
+    """The preferred density: satisfied when every room is about as full; nothing for a set without rooms."""
     density = arrangement.DesiredSpatialDensity
     preferred = COVERAGE[density]
     # A piece more or less is no different density.

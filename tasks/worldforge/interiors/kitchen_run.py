@@ -27,7 +27,7 @@ class Unit(NamedTuple):
     kind: str
     style: Style
     blind: bool = False
-    """Whether it stands in the corner, behind the other half of the line: nobody stands before it."""
+    """Whether it stands in the corner, behind the other half of the line: people do not stand before it."""
 
 
 Placed = list[tuple[Unit, Pose]]

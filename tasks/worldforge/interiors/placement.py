@@ -1,4 +1,4 @@
-"""Where a piece of furniture may stand: rectangles, keep-clear zones and the ways that must stay open."""
+"""Free space for furniture: rectangles, keep-clear zones and the ways that must stay open."""
 
 import itertools
 from collections.abc import Iterable, Sequence

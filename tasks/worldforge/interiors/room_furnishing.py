@@ -1,4 +1,4 @@
-"""Furnishes one room: what must be there first, then more until the room is as full as wished."""
+"""Furnishes one room: required furniture first, then more up to the preferred density."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -94,7 +94,7 @@ class RoomFurnishing:
         return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste)
 
     def furnish(self, kinds: Sequence[str]) -> None:
-        """Places each kind at least once where it fits, then repeats kinds up to the wished density.
+        """Places each kind at least once where it fits, then repeats kinds up to the preferred density.
 
         What stands there already counts.
         """

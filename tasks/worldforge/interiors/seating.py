@@ -1,4 +1,4 @@
-"""Where people sit in a living room: a screen on one wall and a sofa that looks at it, placed as a pair."""
+"""Seating of a living room: a screen on one wall and a sofa that faces it, placed as a pair."""
 
 from ..furniture.arrangement import RULES
 from ..geometry.boxes import Box, Pose, footprint

@@ -98,7 +98,7 @@ class Ways:
     def _rim_is_whole(self, rows: slice, columns: slice) -> bool:
         """Whether the free cells around a block hang together along its rim.
 
-        If they do, whoever passed through the block can walk around it, and nothing is cut off: the
+        If they do, a robot that passed through the block can drive around it, and nothing is cut off: the
         common case, decided without looking at the whole room.
         """
         top, bottom, left, right = rows.start - 1, rows.stop, columns.start - 1, columns.stop

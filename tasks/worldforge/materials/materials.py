@@ -1,7 +1,7 @@
 """Materials of floors and walls: what they look like, how they grip, and which rooms usually have them.
 
 Every material comes in several finishes: another wood, another tile, another wallpaper. `world.json`
-names both, so that whoever reads it can draw the surface again.
+names both, so that its readers can draw the surface again.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where room labels go on a drawn plan: inside the room, readable, off the furniture if there is room."""
+"""Places room labels on a drawn plan: inside the room, readable, off the furniture if there is space."""
 
 from collections.abc import Iterable
 from itertools import pairwise, product

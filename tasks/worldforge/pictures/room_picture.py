@@ -1,4 +1,4 @@
-"""A picture from inside a room, as somebody sees it who stands in a corner."""
+"""Renders a picture from inside a room, at eye height in a corner."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false

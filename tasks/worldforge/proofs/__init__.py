@@ -1,4 +1,4 @@
-"""What every world keeps: measurements, limits, and the words for both.
+"""Guarantees of every world: measurements, limits, and the words for both.
 
 May import: `schemas`, `tasks.worldforge.doors`, `tasks.worldforge.geometry`.
 """

@@ -1,4 +1,4 @@
-"""Measures what a world has to keep; `guarantees` says which limits it breaks."""
+"""Measures a world for its guarantees; `guarantees` decides which limits it breaks."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false

@@ -1,4 +1,4 @@
-"""What every world keeps: the limits, which of them a world breaks, and all of it in words for people.
+"""Guarantees of every world: the limits, which of them a world breaks, and their wording.
 
 Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 """

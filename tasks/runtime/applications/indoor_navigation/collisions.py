@@ -1,4 +1,4 @@
-"""Watches what the robot touches."""
+"""Records collisions of the robot with everything but the floor."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
@@ -47,7 +47,7 @@ class CollisionMonitor(KeepsAttributes):
         furniture_ids: Sequence[str] = (),
         on_touch: Callable[[], None] | None = None,
     ) -> None:
-        """Looks up who is who.
+        """Looks up the bodies and geoms.
 
         Args:
           model: the compiled world with the robot.

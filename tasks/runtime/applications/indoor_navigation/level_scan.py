@@ -1,4 +1,4 @@
-"""What a level lidar measures, from the plan of the world where that is exact and by MuJoCo where it is not."""
+"""Lidar measurements of a level robot: from the world's plan where that is exact, by MuJoCo where it is not."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false

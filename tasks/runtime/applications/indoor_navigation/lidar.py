@@ -65,7 +65,7 @@ class RangeFinder:
         return self.cast() if distances is None else distances
 
     def cast(self) -> NDArray[np.float64]:
-        """The same from MuJoCo, whatever there is and however the robot stands."""
+        """Measures with MuJoCo's rays, which handle every shape and tilt."""
         origin = self._position + self._rotation @ self._offset
         rays = self._directions @ self._rotation.T
         mujoco.mj_multiRay(
@@ -76,7 +76,7 @@ class RangeFinder:
         return np.where(seen, self._distances, np.inf)
 
     def _level_scan(self, height_m: float, angles_rad: NDArray[np.float64]) -> LevelScan | None:
-        """The quicker way, where there is one."""
+        """Returns the quicker way to measure, where there is one."""
         fan = Fan(len(angles_rad), float(angles_rad[0]))
         around = np.abs(fan.directions - np.exp(1j * angles_rad)).max() < 1e-9
         if not around:

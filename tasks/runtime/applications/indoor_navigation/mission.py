@@ -1,4 +1,4 @@
-"""Keeps the score of a run: rooms, way, touches; and judges it."""
+"""Score of a run: visited rooms, path, touches, and the verdict."""
 
 import math
 from collections.abc import Sequence
@@ -79,7 +79,7 @@ class Mission(KeepsAttributes):
         return len(entered)
 
     def report(self, collisions: list[Collision], touches: int, max_force_N: float) -> EnvironmentReport:  # noqa: N803
-        """Judges the run.
+        """Decides verdict, requirements and metrics of the run.
 
         Args:
           collisions: the touches to list.

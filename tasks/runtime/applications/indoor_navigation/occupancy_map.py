@@ -28,7 +28,7 @@ class OccupancyMap:
     """South-west corner of cell `[0, 0]`, metres."""
 
     occupied: NDArray[np.bool_] | None = None
-    """In which cells something stands; None: nobody asked."""
+    """Which cells are occupied; None: not read."""
 
     def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows and columns of the cells that hold points of shape (n, 2), clipped into the map."""
@@ -80,7 +80,7 @@ def _made_of(path: Path, description: Any) -> OccupancyMap:
 
 @lru_cache(maxsize=1)
 def read_world_map(world_dir: Path) -> OccupancyMap:
-    """Reads the map of a world, which does not change, once for all who ask.
+    """Reads the map of a world, which does not change, once, and caches it.
 
     Raises:
       ValueError: see `read_map`.

@@ -32,7 +32,7 @@ _DRAWN_GROUPS = 3
 
 
 class ScenePhysics(Physics):
-    """Physics that lets somebody look at it several times within one control step."""
+    """Physics with a callback several times within one control step."""
 
     unseen_group: int | None = None
     """Geom group of the fixed things that neither the lidar nor the bumper's sensors can hit."""
@@ -42,7 +42,7 @@ class ScenePhysics(Physics):
 
     @property
     def named(self) -> NamedIndexStructs:
-        """Model and data by the names of their parts, made when somebody asks: most runs go without."""
+        """Model and data by the names of their parts, made on first use: most runs need none."""
         if self._named is None:
             indexers = index.make_axis_indexers(self.model)
             self._named = NamedIndexStructs(
@@ -125,7 +125,7 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
 
 
 def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:
-    """Takes a robot's own parts out of its range sensors' sight, and out of nobody else's."""
+    """Hides a robot's own parts from its range sensors, but not from cameras."""
     own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body_id]
     if unseen_group is not None:
         model.geom_group[own & (model.geom_group < _DRAWN_GROUPS)] = unseen_group

@@ -1,4 +1,4 @@
-"""What is drawn into a recording's scene: goals, and contacts while they last.
+"""Markers in a recording's scene: goals, and contacts while they last.
 
 Both are `visualization_msgs/MarkerArray`, the one type for such things that RViz and Foxglove draw and that every
 ROS 2 distribution has; `ros_gz_interfaces/Contacts` is drawn by neither.
@@ -68,7 +68,7 @@ class ContactMarkers:
         robot_body_id: int,
         furniture_ids: Sequence[str],
     ) -> None:
-        """Looks up who is who.
+        """Looks up the bodies and geoms.
 
         Args:
           recorder: where they go.

@@ -1,4 +1,4 @@
-"""What a world and a robot look like to RViz and Foxglove: a map and markers, sent once since they do not change."""
+"""Shapes of world and robot for RViz and Foxglove: a map and markers, sent once since they do not change."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false

@@ -210,7 +210,7 @@ class Scout(KeepsAttributes):
         return now_s - self._anchor.time_s > _STUCK_S
 
     def _bump(self, pose: Pose, now_s: float) -> None:
-        """Takes it that something stands in front, backs off and plans again."""
+        """Assumes an obstacle in front, backs off and plans again."""
         x, y, yaw = pose
         arc, reach_m = yaw + _BUMP_ARC_RAD, self._limits.radius_m + _BUMP_MARGIN_M
         self._memory.add(np.stack((x + reach_m * np.cos(arc), y + reach_m * np.sin(arc)), axis=1), now_s)

@@ -1,4 +1,4 @@
-"""Makes a way over grid cells into one that a robot drives smoothly."""
+"""Smooths a path over grid cells for a robot to drive along."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Publishes where a robot application is going."""
+"""Publishes the planned path and goal of a robot application."""
 
 from .....schemas.worlds.world import Point
 from ...recording import messages as ros

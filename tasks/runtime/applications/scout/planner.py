@@ -1,4 +1,4 @@
-"""Plans ways for a disc over an occupancy map, away from walls where there is room."""
+"""Path planner: paths for a disc over an occupancy map, away from walls where there is room."""
 
 from collections.abc import Iterable
 from typing import Literal, NamedTuple

@@ -161,7 +161,7 @@ def test_a_robot_that_is_a_program_begins_anew_with_its_run(
         perform_job(job["arn"], later(service))
 
     document = service.catalog.get(job["arn"]).document
-    why = "robot application pusher is a program of its own, which nobody can put back"
+    why = "robot application pusher is a program of its own, whose state cannot be restored"
     assert f"{job['arn']} is run from the start again: {why}" in caplog.text
     assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] == "Completed"
     assert document["runId"] != left.name
