@@ -57,7 +57,7 @@ machine_facts()
 
 
 def run_child(run: RunRequest, progress: Progress) -> int:
-    """Carries a run out in this process, which belongs to it alone.
+    """Runs a run in this process, which belongs to it alone.
 
     Args:
         run: What to do.
@@ -94,7 +94,7 @@ class _StopSignal:
         if not self.reason:
             self.reason = self._progress.stop_reason or "canceled"
         elif self._progress.phase.role is not None:
-            if self.reason == AGENT_GONE:  # who stops a run without its robot now does so for a reason of their own
+            if self.reason == AGENT_GONE:  # a later stop of a run without its robot has another reason
                 self.reason = self._progress.stop_reason or self.reason
             raise RunStopped
 
@@ -144,9 +144,9 @@ def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     try:
         episode = _run(plan, rng, recorder, progress, stop, observers, remote, checkpoints)
     except BaseException as error:
-        # Said before the robot's program is told, whose end would seem to be what went wrong.
+        # Reported before the robot's program is told, whose end would seem to be the failure.
         progress.write_report(_report_of(error, progress))
-        # What failed first is what counts; a full disk may keep the rest from being closed too.
+        # The first failure counts; a full disk may also keep the rest from being closed.
         for observer in observers:
             with suppress(Exception):
                 observer.close(None)
@@ -206,7 +206,7 @@ def _remote_robot(plan: RunPlan, stop: _StopSignal) -> RemoteRobot | RecordedRob
 
 
 def _applications(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
-    """What makes the environment and the agent."""
+    """Returns the factories of the environment and the agent."""
     return plan.simulation_application or BUILT_IN_ENVIRONMENT, plan.robot_application or BUILT_IN_AGENT
 
 

@@ -30,7 +30,7 @@ _BAD_STATE_WARNINGS = (
 
 
 class PhysicsWatcher(Protocol):
-    """Something that looks at the physics from time to time, such as the video."""
+    """An observer of the physics at intervals, such as the video."""
 
     next_time_s: float
     """Simulated time at which it wants to look next."""
@@ -167,12 +167,12 @@ class _Loop:
             self._wall_time_s = self._earlier_s + self._wall_clock() - began
 
     def _resume(self, state: LoopState) -> dm_env.TimeStep:
-        """Goes on from where an earlier attempt was."""
+        """Continues where an earlier attempt was."""
         self._steps, self._clock.time_s, self._earlier_s = state.steps, state.time_s, state.wall_time_s
         return state.timestep
 
     def annotate(self, error: Exception) -> None:
-        """Adds where in the run an exception came from."""
+        """Adds to an exception the phase of the run in which it was raised."""
         if self._steps:
             time_s = self._clock.time_s
             error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
@@ -219,7 +219,7 @@ class _SimulatedClock:
         self._has_physics = hasattr(getattr(environment, "physics", None), "data")
 
     def tick(self) -> None:
-        """Notes the time and lets the watchers look that want to.
+        """Notes the time and calls the watchers whose next look is due.
 
         Raises:
             PhysicsError: MuJoCo found a state that is not finite and silently began anew from time 0.

@@ -52,7 +52,7 @@ class EndAt:
         self.next_time_s = time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Ends the run, as the one that is repeated was ended most likely."""
+        """Ends the run, like the run that is repeated."""
         del environment, time_s
         raise RunEnded("duration limit")
 

@@ -76,7 +76,7 @@ def rehearse(room: Path | None, has_run: HasRun, is_idle: Callable[[], bool] | N
         if has_run(_LOOK_AGAIN_S):
             return
     folder = room / str(os.getpid())
-    # What it says is not for the log of the run that this process will be.
+    # Its output must not get into the log of the run that this process becomes.
     with suppress(Exception), redirect_stdout(io.StringIO()):
         folder.mkdir()
         for _ in _parts(room, folder):

@@ -7,7 +7,7 @@ from ....schemas.wire.base import Model
 
 
 class RunRequest(Model):
-    """What a run's processes are given."""
+    """The plan and the run environment for a run's processes."""
 
     plan: RunPlan = Field(description="The run; all its paths are absolute.")
     environment: dict[str, str] = Field(description="The environment of the run's process.")

@@ -49,7 +49,7 @@ class WaitingRun:
         theirs.close()
 
     def tell(self, request: bytes) -> bool:
-        """Says which run it will be.
+        """Assigns a run to the process.
 
         Args:
             request: A `RunRequest` as JSON in one line.
@@ -64,14 +64,14 @@ class WaitingRun:
         return True
 
     def begin(self) -> int:
-        """Lets the run that it was told of begin; returns the pid."""
-        with suppress(OSError):  # it has been killed, which is noticed by those who wait for its end
+        """Begins the assigned run; returns the pid."""
+        with suppress(OSError):  # it has been killed, which its supervisor notices
             self._pipe.sendall(_BEGIN)
         self._pipe.close()
         return self.pid
 
     def dismiss(self) -> None:
-        """Ends it, before it was begun."""
+        """Ends the process before its run begins."""
         self._pipe.close()
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
@@ -103,7 +103,7 @@ def _become_run(
 
 
 def _awaited_request(stream: BinaryIO) -> RunRequest | None:
-    """What the run is; None when there will be none."""
+    """Receives the run request; None when there will be none."""
     line = stream.readline()
     if not line:
         return None

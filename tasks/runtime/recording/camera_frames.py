@@ -30,7 +30,7 @@ _AS = ', such as {"world": "map", "chassis": "base_link"}'
 
 
 class Mount(NamedTuple):
-    """Where a camera's frame is."""
+    """Pose of a camera's frame."""
 
     parent: str
     """Frame that it is seen from."""
@@ -135,7 +135,7 @@ def transform_of(place: Any, turn: Any) -> ros.Transform:
 
 
 def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[int, str]) -> Mount | None:
-    """Where a camera is fixed to; None where it moves on what has a frame."""
+    """The body that a camera is fixed to; None where it moves on a body that has a frame."""
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value:
         return None
     # From the model's constants, so that it is the same whenever it is worked out.

@@ -1,4 +1,4 @@
-"""ROS 2 messages as bytes, and the texts and hashes of their types: by the type store of `rosbags`.
+"""Serialises ROS 2 messages to CDR, with the definitions and hashes of their types from `rosbags`.
 
 The bytes are XCDR version 1, little endian. The store reads members by name, so that most messages go into it as they
 are; those that are flatter than in ROS, or whose arrays may be any sequence, get its shape here first. What is recorded

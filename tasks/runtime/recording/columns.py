@@ -1,4 +1,4 @@
-"""Messages of fixed size, many at once.
+"""Encodes messages of fixed size, many at once.
 
 State is published at a steady rate in messages that differ from one time to the next only in their stamp and in some
 numbers. So it is kept as columns of numbers, and turned into the records of an MCAP file for a whole chunk at once:

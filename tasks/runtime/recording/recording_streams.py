@@ -44,7 +44,7 @@ class Unbuffered:
 
 
 class Nowhere:
-    """A stream that forgets."""
+    """A stream that discards its bytes."""
 
     def write(self, data: bytes) -> int:
         """Takes it."""

@@ -61,16 +61,16 @@ class RecordedTopic(NamedTuple):
     """A topic of a recording."""
 
     name: str
-    """`/odom`."""
+    """Name, such as `/odom`."""
 
     type: str
-    """`nav_msgs/msg/Odometry`."""
+    """Type, such as `nav_msgs/msg/Odometry`."""
 
     type_hash: str
-    """`RIHS01_…`."""
+    """Hash of the type, `RIHS01_…`."""
 
     messages: int
-    """How many it has."""
+    """Number of messages."""
 
 
 def channel_metadata(topic: str, type_hash: str) -> dict[str, str]:

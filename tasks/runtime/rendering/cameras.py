@@ -41,7 +41,7 @@ class Camera(Protocol):
         ...
 
     def close(self) -> None:
-        """Frees what the driver holds."""
+        """Frees the driver's memory."""
         ...
 
 

@@ -7,13 +7,13 @@ import mujoco
 
 
 def awake(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Lets nothing sleep in a model, and returns it: what sleeps would not follow its `qpos`."""
+    """Switches sleep off in a model, and returns it: sleeping bodies would not follow their `qpos`."""
     model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
     return model
 
 
 def work_out_places(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Brings all places up to date with `qpos`, without collisions and forces."""
+    """Updates all poses from `qpos`, without collisions and forces."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)

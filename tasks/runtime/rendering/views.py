@@ -101,7 +101,7 @@ class FollowView:
         self._model, self._body = model, body
         self._radius_m = radius_of(model, body)
         self._distance_m = _DISTANCE_RADII * self._radius_m
-        # As a plain number: an enumeration's member is not equal to one of numpy.
+        # As a plain number: a member of an enumeration is not equal to a number of numpy.
         first = int(model.jnt_type[model.body_jntadr[body]]) if model.body_jntnum[body] else None
         roams = first == mujoco.mjtJoint.mjJNT_FREE.value
         self._side_deg = 0.0 if roams else _SIDE_DEG

@@ -18,7 +18,7 @@ _FACTS = {"python": "Python", "system": "the system", "libc": "the C library"}
 
 @dataclass(frozen=True)
 class RunOutputs:
-    """What a run wrote down, as far as it is there."""
+    """Stored outputs of a run, as far as they exist."""
 
     provenance: Provenance
     timeline: StateTimeline | None
@@ -28,7 +28,7 @@ class RunOutputs:
     """Absent when the run failed."""
 
     actions: Path | None = None
-    """File of what a robot application that is a program did; absent when it is none, or nothing was kept."""
+    """Action log of a robot program; absent when the robot is no program, or has no log."""
 
 
 def read_outputs(folder: Path) -> RunOutputs:
@@ -49,7 +49,7 @@ def read_outputs(folder: Path) -> RunOutputs:
 
 
 def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[str]:
-    """Why no rerun of a run need have the same states, by the names of what is in the way; empty when it has to.
+    """Returns why a rerun may have other states, by the names of the causes; empty when it has to be identical.
 
     Recorded actions repeat a robot program, with all that its tools contributed.
 
@@ -70,7 +70,7 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
 
 
 def without_robot(plan: RunPlan) -> RunPlan:
-    """A plan for which nothing of the robot application need be there: its recorded actions take its place."""
+    """Returns a plan that needs no robot application: its recorded actions take its place."""
     robot, nothing = plan.robot_application, {"path": None, "package": None}
     return plan.model_copy(
         update={
@@ -81,7 +81,7 @@ def without_robot(plan: RunPlan) -> RunPlan:
 
 
 def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
-    """What two machines differ in that can change the last bit of a number; the processor's name alone cannot."""
+    """Returns differences of two machines that can change the last bit of a number; a processor's name alone cannot."""
     reasons = [
         f"{words} is {getattr(one, name)} there and {getattr(other, name)} here"
         for name, words in _FACTS.items()
@@ -99,7 +99,7 @@ def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
 
 
 def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
-    """What a rerun was given that the run was not: another world, other applications, another seed."""
+    """Returns inputs of a rerun that differ from the run's: another world, other applications, another seed."""
     there = {each.role: each.sha256 for each in one.applications}
     reasons = [
         f"the {each.role} application {each.name} is not what it was"
@@ -120,12 +120,12 @@ def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
 
 
 def _images(plan: RunPlan) -> dict[str, str]:
-    """Ids of the container images of a run's applications, by their roles."""
+    """Returns ids of the container images of a run's applications, by their roles."""
     return {each.role: each.image_id for each in plan.programs if each.image_id is not None}
 
 
 def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy = "none") -> RunPlan:
-    """The plan of a rerun: the same run in folders of its own, ended where the first was stopped.
+    """Makes the plan of a rerun: the same run in folders of its own, ended where the first was stopped.
 
     Args:
         plan: The run, with the folders of this machine.
@@ -162,7 +162,7 @@ def _recorded_actions(of: RunOutputs) -> RecordedActions | None:
 
 
 def _why_no_actions(run: RunOutputs) -> list[str]:
-    """Why the actions of a robot's program cannot be repeated; empty when they can."""
+    """Returns why the actions of a robot program cannot be repeated; empty when they can."""
     about = _about_robot(run)
     if run.actions is None:
         return [f"{about} none of its actions were kept"]
@@ -179,7 +179,7 @@ def _why_no_actions(run: RunOutputs) -> list[str]:
 
 
 def _why_not_in_lockstep(run: RunOutputs) -> list[str]:
-    """Why a robot's program that decides the same when it is run again need not do the same; empty when it has to."""
+    """Returns why even a deterministic robot program may act differently in a rerun; empty when it cannot."""
     about = _about_robot(run)
     if run.actions is None:
         return [f"{about} whether the simulation waited for it is not known"]

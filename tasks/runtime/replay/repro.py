@@ -17,7 +17,7 @@ from .replay import RunOutputs, read_outputs, rerun_plan, why_not_comparable, wh
 
 PLAN_FILE = "plan.json"
 FIRST_OUTPUTS = "first"
-"""Folder of what the run wrote down."""
+"""Folder of the run's outputs."""
 
 _MOST_OF_NAME = 200
 _TEST = '''\
@@ -55,7 +55,7 @@ def test_its_states_are_the_same(rerun: Rerun) -> None:
 
 @dataclass(frozen=True)
 class Rerun:
-    """What came of running it again."""
+    """A rerun and its outcome."""
 
     outcome: RunOutcome
     outputs: RunOutputs
@@ -64,7 +64,7 @@ class Rerun:
 
     @property
     def ending(self) -> dict[str, Any]:
-        """How it ended, for people to compare; see `ending_of`."""
+        """Its outcome, for people to compare; see `ending_of`."""
         return ending_of(self.outputs, self.outcome.failure_code)
 
     @property
@@ -91,15 +91,15 @@ class Reproduction:
 
     @cached_property
     def first(self) -> RunOutputs:
-        """What the run itself wrote down."""
+        """Outputs of the run itself."""
         return read_outputs(self.folder / FIRST_OUTPUTS)
 
     def why_not_comparable(self, rerun: Rerun) -> list[str]:
-        """Why states of a rerun on this machine need not be those of the run; empty when they have to."""
+        """Why a rerun on this machine may have other states than the run; empty when it has to have the same."""
         return why_not_comparable(self.first.provenance.machine, machine_facts()) + self.other_inputs(rerun)
 
     def other_inputs(self, rerun: Rerun) -> list[str]:
-        """What a rerun was given that the run was not, such as an application that has changed since."""
+        """Inputs of a rerun that differ from the run's, such as an application that has changed since."""
         return why_other_inputs(self.first.provenance, rerun.outputs.provenance)
 
     def rerun(self, folder: Path, video: VideoPolicy = "none", launcher: Launcher | None = None) -> Rerun:
@@ -126,7 +126,7 @@ class Reproduction:
 
 
 def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """How a run ended: its verdict and the requirements it missed, or its failure code."""
+    """Outcome of a run: its verdict and the requirements it missed, or its failure code."""
     if outputs.result is None:
         return {"failure_code": failure_code}
     missed = [each.name for each in outputs.result.requirements if not each.satisfied]
@@ -134,13 +134,13 @@ def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
 
 
 def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """How a rerun ends that goes as the run went: one that was stopped from outside ends by itself at that time."""
+    """Expected outcome of an identical rerun: a run that was stopped from outside ends by itself at that time."""
     ending = ending_of(outputs, failure_code)
     return ending | {"ended_by": "duration limit"} if ending.get("ended_by") == "canceled" else ending
 
 
 def in_words(ending: dict[str, Any]) -> str:
-    """How a run ended, as a clause: what it did."""
+    """Returns the outcome of a run as a clause."""
     if "failure_code" in ending:
         return f"failed with {ending['failure_code']}"
     missed = f" ({', '.join(ending['missed'])})" if ending["missed"] else ""
@@ -205,7 +205,7 @@ def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> 
 
 
 def _in_docstring(text: str) -> str:
-    """Text that cannot end a docstring: what a run says of itself may be anything."""
+    """Escapes text so that it cannot end a docstring: texts of a run are untrusted."""
     return text.replace("\\", "/").replace('"', "'")
 
 

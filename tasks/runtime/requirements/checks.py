@@ -41,7 +41,7 @@ class RequirementError(LaunchError):
 
 @dataclass(frozen=True)
 class Scene:
-    """What requirements are measured in: one model and its data."""
+    """The scene that requirements are measured in: one model and its data."""
 
     environment: Any
     model: mujoco.MjModel
@@ -56,7 +56,7 @@ class Scene:
 
     @cached_property
     def names(self) -> list[str]:
-        """What each geom is called."""
+        """Names of the geoms."""
         return geom_names(self.model, [piece.id for piece in self.world.furniture] if self.world else [])
 
     @cached_property
@@ -80,7 +80,7 @@ class Scene:
         return number
 
     def contacts(self, body: int) -> ContactForces:
-        """What touches the robot; the same for all requirements about it."""
+        """Contact forces on the robot, shared by all requirements about it."""
         if body not in self._contacts:
             robot = robot_geoms(self.model, body)
             self._contacts[body] = ContactForces(self.model, self.data, robot, self.names, is_stale=self.is_stale)

@@ -85,7 +85,7 @@ class RequirementsObserver:
         self.next_time_s = state["next_time_s"]
 
     def close(self, ended_by: str | None) -> Findings:
-        """Judges the run; nothing of a run that failed.
+        """Returns the checked requirements; nothing for a run that failed.
 
         Args:
             ended_by: What ended it; None when it failed.
@@ -167,13 +167,13 @@ class _Check:
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
-    """The requirements of environment and job; of two of one name the job's counts."""
+    """Merges the requirements of environment and job; of two with the same name the job's counts."""
     names = {requirement.name for requirement in requested}
     return [*(requirement for requirement in own if requirement.name not in names), *requested]
 
 
 def _own_requirements(environment: Any) -> list[JobRequirement]:
-    """What the environment itself asks for.
+    """Returns the environment's own requirements.
 
     Raises:
         RequirementError: It is no list of requirements.

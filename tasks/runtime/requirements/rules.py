@@ -1,4 +1,4 @@
-"""Keeps the score of requirements: what was measured goes in, a judged requirement comes out.
+"""Scores requirements: turns measurements into satisfied or missed requirements.
 
 Nothing here knows of MuJoCo; times are simulated seconds.
 """
@@ -39,7 +39,7 @@ class Numbers:
 
     @property
     def margin(self) -> float | None:
-        """How far the value is on the right side."""
+        """Margin between value and limit, positive when satisfied."""
         if self.value is None or self.limit is None:
             return None
         return self.value - self.limit if self.at_least else self.limit - self.value
@@ -168,7 +168,7 @@ class _Touch:
 
 
 class CollisionRule(Rule):
-    """How hard and how often something was touched."""
+    """Contact forces and number of touches."""
 
     def __init__(self, requirement: CollisionRequirement) -> None:
         super().__init__(requirement)
@@ -220,7 +220,7 @@ class CollisionRule(Rule):
 
 
 class TimeLimitRule(Rule):
-    """Whether the run was over in time."""
+    """Whether the run ended in time."""
 
     def __init__(self, requirement: TimeLimitRequirement) -> None:
         super().__init__(requirement)
@@ -243,7 +243,7 @@ class TimeLimitRule(Rule):
 
 
 class ClearanceRule(Rule):
-    """How near the robot came to anything."""
+    """Smallest clearance of the robot."""
 
     def __init__(self, requirement: ClearanceRequirement) -> None:
         super().__init__(requirement)
@@ -277,7 +277,7 @@ class _Answer:
 
 
 class PredicateRule(Rule):
-    """What a function of the application said."""
+    """Answers of an application's predicate function."""
 
     def __init__(self, requirement: PredicateRequirement) -> None:
         super().__init__(requirement)

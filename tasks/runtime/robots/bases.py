@@ -33,7 +33,7 @@ class Base(Protocol):
         ...
 
     def read(self) -> BaseState:
-        """Where it is now."""
+        """Returns its pose and motion now."""
         ...
 
 
@@ -43,7 +43,7 @@ def bind_base(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Base:
 
 
 def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Puts joints where they are at the start, and tells position servos to hold their joints there."""
+    """Sets the joints' initial positions, and has position servos hold them."""
     for name, value in robot.home.items():
         data.qpos[int(model.joint(f"{robot.prefix}{name}").qposadr[0])] = value
     for actuator in range(model.nu):

@@ -1,4 +1,4 @@
-"""Drives: from actions to actuators."""
+"""Drives: turn actions into commands of actuators."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false

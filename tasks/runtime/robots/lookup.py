@@ -47,7 +47,7 @@ class _Package(NamedTuple):
 
 
 class FoundRobot(NamedTuple):
-    """A job's robot, and how it came to it."""
+    """A job's robot, and the setting that chose it."""
 
     robot: Robot
     why: str
@@ -59,7 +59,7 @@ class FoundRobot(NamedTuple):
 
 
 def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
-    """The robot of a job.
+    """Finds the robot of a job.
 
     Args:
       application: its robot application, if it names one.
@@ -160,7 +160,7 @@ def _short_name(text: str) -> str:
 
 
 def _package_of(application: ApplicationPlan) -> _Package | None:
-    """Where an application's files are, without importing any of them: whose fault that would be is not known yet."""
+    """Finds an application's files without importing them: a failed import could not be attributed yet."""
     module = application.package or (application.attribute or "").rpartition(".")[0]
     parts = module.split(".") if module else []
     if application.path is not None:

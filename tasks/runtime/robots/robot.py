@@ -25,7 +25,7 @@ Action = NDArray[np.float64] | Sequence[float]
 
 @dataclass(frozen=True)
 class Limits:
-    """How large a robot is and what it can do, for those who plan for it."""
+    """Size and limits of a robot, for planners."""
 
     radius_m: float
     """Of the disc that holds all of it, seen from above."""
@@ -84,11 +84,11 @@ class Controller(Protocol):
         ...
 
     def state(self) -> Any:
-        """What it remembers between two steps, as something that can be pickled."""
+        """Returns its state between two steps; can be pickled."""
         ...
 
     def restore(self, state: Any) -> None:
-        """Goes on from where `state` was taken."""
+        """Restores what `state` returned."""
         ...
 
     def command(self, action: Action) -> bool:
@@ -169,7 +169,7 @@ class Robot:
 
     @property
     def prefix(self) -> str:
-        """What comes before the names of its parts in a compiled world."""
+        """Prefix of the names of its parts in a compiled world."""
         return f"{self.name}/"
 
     def footprint_id(self, model: mujoco.MjModel) -> int:
@@ -184,6 +184,6 @@ def velocity_action_spec(limits: Limits) -> specs.BoundedArray:
 
 
 def robot_of(environment: Any) -> Robot | None:
-    """The robot of an environment that says which one it has."""
+    """Returns an environment's robot, if it names one."""
     robot = getattr(environment, "robot", None)
     return robot if isinstance(robot, Robot) else None

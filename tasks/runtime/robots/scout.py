@@ -193,4 +193,4 @@ SCOUT = Robot(
     lidar=LIDAR,
     imu=("gyro", "accelerometer"),
 )
-"""What the navigation task knows of it."""
+"""Scout, as the navigation task uses it."""

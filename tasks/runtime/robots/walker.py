@@ -227,4 +227,4 @@ WALKER = Robot(
     imu=("gyro", "accelerometer"),
     video_camera="follow",
 )
-"""What the navigation task knows of it."""
+"""The walker, as the navigation task uses it."""

@@ -94,7 +94,7 @@ class TrotGait(KeepsAttributes):
         self._lifted_from: list[Point | None] = [None] * 4
 
     def advance(self, dt_s: float, linear: float, angular: float, motion: Motion) -> list[Angles]:
-        """Moves on.
+        """Advances the gait by one step.
 
         Args:
           dt_s: time since the last call.
@@ -118,7 +118,7 @@ class TrotGait(KeepsAttributes):
         return any(place is not None for place in self._lifted_from)
 
     def _notice(self, dt_s: float, linear: float, angular: float, motion: Motion, *, walking: bool) -> None:
-        """Learns slowly how much more has to be asked for: feet slip, and legs yield."""
+        """Adapts slowly how much to add to commands: feet slip, and legs yield."""
         errors = (linear - motion.forward_mps, angular - motion.turning_radps)
         limits = (0.5 * abs(linear) + 0.02, 0.5 * abs(angular) + 0.1)
         for axis, (error, limit) in enumerate(zip(errors, limits, strict=True)):

@@ -1,4 +1,4 @@
-"""States of a run that are kept: state log, checkpoints, digest, provenance, failure state.
+"""Stored states of a run: state log, checkpoints, digest, provenance, failure state.
 
 May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`.
 """

@@ -29,11 +29,11 @@ class CheckpointError(Exception):
 
 
 class RunTakenError(CheckpointError):
-    """Another process carries the run out."""
+    """Another process runs the run."""
 
 
 class CheckpointHeader(Model):
-    """What can be known of a checkpoint without unpickling it."""
+    """Header of a checkpoint, read without unpickling it."""
 
     sim_time_s: float = Field(description="Simulated time.")
     steps: int = Field(description="Steps of the environment so far.")
@@ -67,7 +67,7 @@ def wall_time_used_s(plan: RunPlan) -> float:
 
 
 def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
-    """Returns the plan of a run that a dead process left, and its last checkpoint.
+    """Returns the plan of a dead process's run, and its last checkpoint.
 
     Args:
         folder: The plan's `checkpoint_dir`.
@@ -116,7 +116,7 @@ def payload_of(path: Path, header: CheckpointHeader) -> bytes:
 
 
 def write_whole(path: Path, *parts: bytes) -> None:
-    """Writes a file that is there whole or not at all, whenever the process is killed."""
+    """Writes a file atomically, also when the process is killed."""
     unfinished = path.with_name(f".{path.name}.unfinished")
     with unfinished.open("wb") as file:
         for part in parts:

@@ -45,7 +45,7 @@ _WORTH_KEEPING = 0.1
 
 @runtime_checkable
 class Resumable(Protocol):
-    """What environments and agents have to offer for their runs to be continued."""
+    """The interface of environments and agents whose runs can be resumed."""
 
     def state(self) -> Any:
         """Returns all that changed since it was made and counts from here on, as something that can be pickled."""

@@ -97,7 +97,7 @@ class Scout(KeepsAttributes):
         self._planner = GridPlanner(known, limits.radius_m)
         self._memory = ObstacleMemory(self._planner)
         self._goals = dict(goals)
-        # All that the map alone says about ways is known before the robot is switched on.
+        # Paths that depend on the map alone are computed before the run begins.
         self._planner.prepare(self._goals.values())
         self._queue: list[str] | None = None
         self._put_off: set[str] = set()
@@ -114,11 +114,11 @@ class Scout(KeepsAttributes):
         """Rooms that could not be reached."""
 
     def state(self) -> dict[str, Any]:
-        """What it remembers; ways on the map are worked out again, and obstacles are put on it before each plan."""
+        """Returns the agent's state; paths on the map are computed again, and obstacles are added before each plan."""
         return {**super().state(), "memory": self._memory.state()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Goes on from there."""
+        """Restores the agent's state."""
         super().restore(state)
         self._memory.restore(state["memory"])
 
@@ -171,7 +171,7 @@ class Scout(KeepsAttributes):
         return order + [room for room in rooms if room not in order]
 
     def _set_out(self, pose: Pose, now_s: float) -> bool:
-        """Finds a path to the next goal that has one; says whether there is one left."""
+        """Finds a path to the next goal that has one; returns whether a goal is left."""
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))
             goal = self._goals[self._queue[0]]

@@ -1,4 +1,4 @@
-"""Drives along a path: pure pursuit, turning on the spot where the path leads elsewhere."""
+"""Path follower: pure pursuit, turning on the spot where the path leads in another direction."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Remembers what the range sensors see and the map does not show."""
+"""Obstacle memory: what the range sensors see and the map does not show."""
 
 import math
 

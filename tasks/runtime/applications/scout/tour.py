@@ -1,4 +1,4 @@
-"""The order in which to visit places."""
+"""Finds a short tour through places."""
 
 from collections.abc import Sequence
 
