@@ -17,7 +17,9 @@ from .retry_limit import give_up, why_not_retried
 _WAIT_S = 0.5
 
 
-def run_under_lease(arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD) -> None:
+def run_under_lease(
+    arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD
+) -> None:
     """Runs `work` on a job unless it has ended, holding its lease meanwhile.
 
     Args:
