@@ -80,7 +80,7 @@ def runs_of(client: Any, arn: str) -> list[Any]:
 
 
 def test_missing_deployments_are_named(service: Service, prefect_server: str) -> None:
-    dispatcher = Dispatcher(service, lanes(1), PrefectWatch(service.settings), deployment="nowhere")
+    dispatcher = Dispatcher(service, job_pools(1), PrefectWatch(service.settings), deployment="nowhere")
 
     with pytest.raises(ConfigurationError, match=r"no deployment PerformSimulationJob/nowhere, .*prefect --no-prompt"):
         dispatcher.prepare()
