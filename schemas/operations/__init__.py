@@ -3,6 +3,7 @@
 May import: `schemas.runs`, `schemas.wire`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = [
     "applications",
     "deployment_jobs",

@@ -7,6 +7,7 @@ no longer ran fleets, worlds inside jobs, or tools and uploads of its own choice
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ..wire.json_values import is_list, is_mapping
 from ..wire.operation_shape import OperationShape
 
 _REFUSED_MEMBERS: Mapping[str, str] = {
@@ -41,10 +42,10 @@ def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[s
 
 def _uses(value: object, place: str) -> Iterator[str]:
     """The uses inside a value, each with its place in the request."""
-    if isinstance(value, list):
+    if is_list(value):
         for index, entry in enumerate(value):
             yield from _uses(entry, f"{place}[{index}]")
-    if isinstance(value, Mapping):
+    if is_mapping(value):
         for member, inner in value.items():
             where = f"{place}.{member}" if place else str(member)
             yield from _uses_of_member(member, inner, where)

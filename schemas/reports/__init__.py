@@ -3,4 +3,5 @@
 May import: `schemas.runs`, `schemas.wire`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["progress", "report", "run_record", "summary"]

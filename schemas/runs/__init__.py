@@ -3,6 +3,7 @@
 May import: `schemas.wire`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = [
     "failure_state",
     "manifest",

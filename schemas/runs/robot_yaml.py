@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field
 
 from ..wire.base import Model
+from ..wire.json_values import is_object
 
 PartName = Annotated[str, Field(min_length=1, max_length=200)]
 Gain = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -218,6 +219,6 @@ ROBOT_MODELS: dict[str, type[RobotModel]] = {
 
 def robot_model_type(document: Any) -> type[RobotModel]:
     """The model that a document is to be checked against, by its `drive.kind`; of the first kind when that is amiss."""
-    drive = document.get("drive") if isinstance(document, dict) else None
-    kind = drive.get("kind") if isinstance(drive, dict) else None
+    drive = document.get("drive") if is_object(document) else None
+    kind = drive.get("kind") if is_object(drive) else None
     return ROBOT_MODELS.get(kind, DifferentialRobotModel) if isinstance(kind, str) else DifferentialRobotModel

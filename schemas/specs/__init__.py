@@ -3,4 +3,5 @@
 May import: `schemas.operations`, `schemas.templates`, `schemas.wire`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["check", "model", "references", "text", "world_counts"]

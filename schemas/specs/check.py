@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from ..operations.registry import OPERATIONS, operation_shape
 from ..wire.errors import Place, Problem, SpecError
+from ..wire.json_values import is_list
 from ..wire.request_problems import nearest, problems_of
 from .inputs import InputCheck
 from .model import REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
@@ -182,9 +183,9 @@ class _Check:
 
     def _check_needs(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> set[str]:
         """The steps that a step names itself."""
-        named = plain(node.entries["needs"]) if "needs" in node.entries else []
+        named: Any = plain(node.entries["needs"]) if "needs" in node.entries else ()
         found: set[str] = set()
-        for position, each in enumerate(named if isinstance(named, list) else []):
+        for position, each in enumerate(named if is_list(named) else []):
             if isinstance(each, str) and each not in scope:
                 hint = nearest(each, scope) or f"; there are {', '.join(scope)}"
                 self._report(("steps", name, "needs", position), f"there is no step {each!r}{hint}")

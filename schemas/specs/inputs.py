@@ -15,6 +15,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from ..operations.registry import OPERATIONS, check_request
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
+from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import RequestProblem, nearest
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
 from .reference_kinds import (
@@ -67,11 +68,11 @@ class InputCheck:
     place: Place
     """Where the input begins: at its key."""
 
-    problems: list[Problem] = field(default_factory=list)
-    names: set[str] = field(default_factory=set)
+    problems: list[Problem] = field(default_factory=list[Problem])
+    names: set[str] = field(default_factory=set[str])
     """Steps it refers to."""
 
-    _references: list[Location] = field(default_factory=list)
+    _references: list[Location] = field(default_factory=list[Location])
 
     def run(self) -> "InputCheck":
         """Finds the problems and the steps it refers to."""
@@ -263,11 +264,12 @@ def _inner(annotation: Any, step: str | int) -> Any:
 def _chosen(annotation: Any, node: MappingNode) -> Any:
     """The one of several models that a mapping says it is; what it was, if there is no choice or no such model."""
     tag = node.entries.get("kind")
-    models = get_args(without_none(annotation)) if isinstance(tag, ScalarNode) else ()
-    for model in models:
-        is_model = isinstance(model, type) and issubclass(model, BaseModel) and "kind" in model.model_fields
-        if is_model and isinstance(tag, ScalarNode) and tag.value in get_args(model.model_fields["kind"].annotation):
-            return model
+    if isinstance(tag, ScalarNode):
+        for model in get_args(without_none(annotation)):
+            if not (isinstance(model, type) and issubclass(model, BaseModel) and "kind" in model.model_fields):
+                continue
+            if tag.value in get_args(model.model_fields["kind"].annotation):
+                return model
     return annotation
 
 
@@ -280,9 +282,9 @@ def _fill(value: Any, texts: tuple[str, ...]) -> Any:
     """Puts values in place of placeholders."""
     if isinstance(value, _Placeholder):
         return _example(value.annotation, texts)
-    if isinstance(value, dict):
+    if is_object(value):
         return {key: _fill(item, texts) for key, item in value.items()}
-    if isinstance(value, list):
+    if is_list(value):
         return [_fill(item, texts) for item in value]
     return value
 

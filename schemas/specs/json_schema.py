@@ -12,6 +12,7 @@ from pydantic.json_schema import models_json_schema
 
 from ..operations.registry import OPERATIONS
 from ..templates.body import WorldTemplateBody
+from ..wire.json_values import is_object
 from .model import FOR_EACH, REUSABLE, Spec, Step
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
@@ -98,7 +99,7 @@ def _forms(schema: dict[str, Any]) -> list[dict[str, Any]]:
     if schema.get("type") == "array":
         items = _flexible(schema.get("items", {}))
         return [{**schema, "items": items}, _for_each(items)]
-    if isinstance(values := schema.get("additionalProperties"), dict):
+    if is_object(values := schema.get("additionalProperties")):
         return [{**schema, "additionalProperties": _flexible(values)}]
     if patterns := schema.get("patternProperties"):
         return [{**schema, "patternProperties": {key: _flexible(each) for key, each in patterns.items()}}]

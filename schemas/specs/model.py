@@ -27,6 +27,7 @@ from ..operations.registry import OPERATIONS
 from ..wire.base import Model, Shape
 from ..wire.common import text
 from ..wire.errors import Place, Problem, SpecError
+from ..wire.json_values import is_list
 from ..wire.request_problems import RequestProblem, problems_of
 from .references import ReferenceMistake, parse_template
 from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, path_text, plain, value_place
@@ -244,7 +245,7 @@ def _resolve(node: Node, scope: Mapping[str, Any], location: Location) -> Any:
 def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
     source = construct.entries[FOR_EACH]
     entries = _resolve(source, scope, (*location, FOR_EACH))
-    if not isinstance(entries, list):
+    if not is_list(entries):
         _fail(source.place, (*location, FOR_EACH), f"is {str(entries)[:80]!r}; it has to be a list")
     variable, value = variable_of(construct), construct.entries["value"]
     return [

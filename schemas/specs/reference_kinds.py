@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal, TypeAlias, Union, get_args, get_orig
 
 from pydantic import BaseModel
 
+from ..wire.json_values import is_list, is_object
+
 
 @dataclass(frozen=True)
 class Anything:
@@ -110,9 +112,9 @@ def kind_of(annotation: Any) -> Kind:
 
 def kind_of_value(value: Any) -> Kind:
     """The kind of a plain value."""
-    if isinstance(value, list):
+    if is_list(value):
         return ListOf(common(*(kind_of_value(item) for item in value)))
-    if isinstance(value, dict):
+    if is_object(value):
         return Record({key: kind_of_value(item) for key, item in value.items()})
     return _SCALARS.get(type(value), ANYTHING)
 

@@ -15,6 +15,7 @@ from typing import Any
 import jmespath
 from jmespath.exceptions import JMESPathError
 
+from ..wire.json_values import is_mapping
 from ..wire.request_problems import nearest
 from .reference_kinds import TEXT, Anything, Kind, Record, Scalar
 from .reference_typing import ReferenceMistake, infer
@@ -164,7 +165,7 @@ def _names(tree: Mapping[str, Any], *, outermost: bool) -> Iterator[str]:
         yield tree.get("value", "@")
     inner = tree["type"] in _NARROWING
     for position, part in enumerate(tree["children"]):
-        if isinstance(part, Mapping):
+        if is_mapping(part):
             yield from _names(part, outermost=outermost and not (inner and position > 0) and part["type"] != "expref")
 
 

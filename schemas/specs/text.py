@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn, Protocol, TypeAlias, TypeGuard, cast
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -34,6 +34,38 @@ _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
+
+
+class _Mark(Protocol):
+    """What is read of a place in the text; ruamel's classes do not say the types of their attributes."""
+
+    line: int
+    column: int
+
+
+class _Event(Protocol):
+    """What is read of an event that begins a node."""
+
+    anchor: str | None
+    start_mark: _Mark
+
+
+class _ScalarEvent(_Event, Protocol):
+    value: str
+    style: str | None
+
+
+class _Mistake(Protocol):
+    """What is read of a `MarkedYAMLError`."""
+
+    context: str | None
+    context_mark: _Mark | None
+    problem: str | None
+    problem_mark: _Mark | None
+
+
+class _Parser(Protocol):
+    def parse(self, stream: str, /) -> Iterator[object]: ...
 
 
 @dataclass(frozen=True)
@@ -129,11 +161,12 @@ def parse(text: str, filename: str) -> Node:
         raise SpecError([Problem(start, "", f"the file is larger than {MAX_BYTES // 1024} KiB")])
     try:
         # The parser in C follows YAML 1.1 and takes no `arn:aws:…` without quotes inside braces.
-        return _Reader(filename, YAML(typ="safe", pure=True).parse(text)).document()
+        return _Reader(filename, cast("_Parser", YAML(typ="safe", pure=True)).parse(text)).document()
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        mistake = cast("_Mistake", error)
+        mark = mistake.problem_mark or mistake.context_mark
         place = Place(filename, mark.line + 1, mark.column + 1) if mark else start
-        message = ", ".join(part for part in (error.context, error.problem) if part)
+        message = ", ".join(part for part in (mistake.context, mistake.problem) if part)
         if "'\\t'" in message:
             message += "; indent with spaces, not with tabs"
         if "${{" in "".join(text.splitlines()[place.line - 1 : place.line]):  # the mark may be behind the last line
@@ -147,7 +180,7 @@ def parse(text: str, filename: str) -> Node:
 class _Reader:
     """Builds nodes from the parser's events."""
 
-    def __init__(self, filename: str, events: Iterator[Any]) -> None:
+    def __init__(self, filename: str, events: Iterator[object]) -> None:
         self._filename = filename
         self._events = events
         self._anchors: dict[str, tuple[Node, int]] = {}
@@ -157,7 +190,7 @@ class _Reader:
         """Reads the only document there is."""
         root: Node | None = None
         for event in self._events:
-            if isinstance(event, NodeEvent):
+            if _is_node(event):
                 if root is not None:
                     self._refuse(event, "a file holds one document; remove what follows the second '---'")
                 root = self._node(event, 0)
@@ -165,10 +198,10 @@ class _Reader:
             raise SpecError([Problem(Place(self._filename, 1, 1), "", "the file is empty")])
         return root
 
-    def _node(self, event: NodeEvent, depth: int) -> Node:
+    def _node(self, event: _Event, depth: int) -> Node:
         if isinstance(event, AliasEvent):
             return self._alias(event)
-        before = self._count
+        anchor, before = event.anchor, self._count
         self._add(1, event)
         if depth > MAX_DEPTH:
             self._refuse(event, f"nested more than {MAX_DEPTH} deep")
@@ -179,17 +212,17 @@ class _Reader:
         elif isinstance(event, SequenceStartEvent):
             node = ListNode(self._place(event), tuple(self._node(each, depth + 1) for each in self._children()))
         else:
-            node = self._scalar(event)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = (node, self._count - before)
+            node = self._scalar(cast("_ScalarEvent", event))  # nothing else begins a node
+        if anchor is not None:
+            self._anchors[anchor] = (node, self._count - before)
         return node
 
-    def _children(self) -> Iterator[NodeEvent]:
+    def _children(self) -> Iterator[_Event]:
         """The events that begin the children of a collection, up to its end."""
-        while isinstance(event := next(self._events), NodeEvent):
+        while _is_node(event := next(self._events)):
             yield event
 
-    def _mapping(self, event: MappingStartEvent, depth: int) -> MappingNode:
+    def _mapping(self, event: _Event, depth: int) -> MappingNode:
         entries: dict[str, Node] = {}
         places: dict[str, Place] = {}
         for key_event in self._children():
@@ -197,29 +230,30 @@ class _Reader:
             if key in entries:
                 self._refuse(key_event, f"{key!r} is there twice; the first is at line {places[key].line}")
             places[key] = self._place(key_event)
-            entries[key] = self._node(next(self._events), depth + 1)
+            value = cast("_Event", next(self._events))  # the parser gives each key one
+            entries[key] = self._node(value, depth + 1)
         return MappingNode(next(iter(places.values()), self._place(event)), entries, places)
 
-    def _key(self, event: NodeEvent) -> str:
-        if isinstance(event, AliasEvent) or not isinstance(event, ScalarEvent):
+    def _key(self, event: _Event) -> str:
+        if not _is_scalar(event):
             self._refuse(event, "a key has to be plain text")
         if event.value == "<<" and event.style is None:
             self._refuse(event, "merge keys (<<) are not part of YAML 1.2; repeat the entries, or alias a whole value")
         return event.value
 
-    def _alias(self, event: AliasEvent) -> Node:
+    def _alias(self, event: _Event) -> Node:
         if event.anchor not in self._anchors:
             self._refuse(event, f"there is no anchor &{event.anchor} before this alias")
         node, size = self._anchors[event.anchor]
         self._add(size, event)
         return node
 
-    def _scalar(self, event: Any) -> ScalarNode:
+    def _scalar(self, event: _ScalarEvent) -> ScalarNode:
         text = event.value
         value = self._plain_value(event, text) if event.style is None else text
         return ScalarNode(self._place(event), value, text)
 
-    def _plain_value(self, event: NodeEvent, text: str) -> str | int | float | bool | None:
+    def _plain_value(self, event: _Event, text: str) -> str | int | float | bool | None:
         if text in _WORDS:
             return _WORDS[text]
         if len(text) <= 400:
@@ -233,14 +267,22 @@ class _Reader:
             self._refuse(event, f"{text[:40]} is not a number that JSON has")
         return text
 
-    def _add(self, count: int, event: NodeEvent) -> None:
+    def _add(self, count: int, event: _Event) -> None:
         self._count += count
         if self._count > MAX_NODES:
             self._refuse(event, f"more than {MAX_NODES} values, aliases counted in full")
 
-    def _place(self, event: NodeEvent) -> Place:
+    def _place(self, event: _Event) -> Place:
         mark = event.start_mark
         return Place(self._filename, mark.line + 1, mark.column + 1)
 
-    def _refuse(self, event: NodeEvent, message: str) -> NoReturn:
+    def _refuse(self, event: _Event, message: str) -> NoReturn:
         raise SpecError([Problem(self._place(event), "", message)])
+
+
+def _is_node(event: object) -> TypeGuard[_Event]:
+    return isinstance(event, NodeEvent)
+
+
+def _is_scalar(event: object) -> TypeGuard[_ScalarEvent]:
+    return isinstance(event, ScalarEvent)

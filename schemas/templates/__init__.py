@@ -3,4 +3,5 @@
 May import: `schemas.wire`, `schemas.worlds`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["body", "doorways", "parsing", "targets"]

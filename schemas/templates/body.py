@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..wire.base import Model
+from ..wire.json_values import is_list, is_object
 from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
 from .doorways import TemplateDoorways
 from .targets import NameText, RoomTarget
@@ -226,8 +227,8 @@ def _with_default(value: Any, path: tuple[str | int, ...], default: Any) -> Any:
         return value
     key, rest = path[0], path[1:]
     if isinstance(key, int):
-        return [_with_default(value[0], rest, default), *value[1:]] if isinstance(value, list) and value else value
-    if not isinstance(value, dict):
+        return [_with_default(value[0], rest, default), *value[1:]] if is_list(value) and value else value
+    if not is_object(value):
         return value
     if not rest:
         return {key: default, **value}
@@ -248,7 +249,7 @@ class WorldTemplateBody(Model):
     @classmethod
     def _default_room(cls, document: Any) -> Any:
         """The default room of version 2."""
-        second = isinstance(document, dict) and document.get("Version") == "2"
+        second = is_object(document) and document.get("Version") == "2"
         return _with_default(document, _ROOMS, [_ROOM_OF_VERSION_2]) if second else document
 
     @property

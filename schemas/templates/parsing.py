@@ -6,13 +6,14 @@ the text is wrong and what would be right.
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from ..wire.errors import InvalidParameterException
+from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import misspelt_members, pattern_in_words
 from ..wire.strict_json import load_strict, show
 from .body import WorldTemplateBody, nearest_of
@@ -66,14 +67,14 @@ def unwrapped_text(text: str) -> str:
 
 def _unwrap(document: Any) -> tuple[Any, str]:
     """The body itself, and what its paths start with in the text the user wrote."""
-    if isinstance(document, dict) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:
+    if is_object(document) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:
         return document["templateBody"], "templateBody."
     return document, ""
 
 
 def _version_problems(document: Any) -> Iterator[str]:
     """Comes first: members of another version's bodies would only add noise."""
-    if not isinstance(document, dict):
+    if not is_object(document):
         yield f"body: {show(document)}: not a JSON object"
     elif document.get("Version", "1") not in ("1", "2"):
         yield f'Version: {show(document["Version"])}: no such version; "1" or "2", in quotes, would be right'
@@ -81,8 +82,9 @@ def _version_problems(document: Any) -> Iterator[str]:
 
 def _null_problems(value: Any, path: str = "") -> Iterator[str]:
     """The published schema knows no null: an absent member is left out."""
-    if isinstance(value, dict | list):
-        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+    if is_object(value) or is_list(value):
+        entries: Iterable[tuple[str | int, Any]] = value.items() if is_object(value) else enumerate(value)
+        for key, item in entries:
             yield from _null_problems(item, _join(path, key))
     elif value is None:
         yield f"{path}: null: not allowed; leave it out instead"

@@ -3,6 +3,7 @@
 May import: nothing of this package.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = [
     "arns",
     "base",
@@ -11,6 +12,7 @@ __all__ = [
     "globs",
     "ids",
     "job_configs",
+    "json_values",
     "operation_shape",
     "request_problems",
     "strict_json",

@@ -57,7 +57,7 @@ class OperationShape:
     uri: str | None = None
     """HTTP path, with members in braces, where it is not the operation's name."""
 
-    locations: Mapping[str, Location] = field(default_factory=dict)
+    locations: Mapping[str, Location] = field(default_factory=dict[str, Location])
     """Members of the request that travel in the path or the query, not in the body."""
 
     result_key: str | None = None

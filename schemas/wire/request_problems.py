@@ -3,12 +3,14 @@
 import difflib
 import re
 import types
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
+
+from .json_values import is_list, is_mapping, is_object
 
 Location = tuple[str | int, ...]
 
@@ -74,9 +76,9 @@ def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]
     """Where plain data has text, or a mapping's key, with the character U+0000: not all databases can store it."""
     if isinstance(value, str):
         return [RequestProblem(location, f"is {_shown(value)}; it may not hold the character U+0000")] * ("\0" in value)
-    if isinstance(value, list):
+    if is_list(value):
         return [found for index, each in enumerate(value) for found in null_characters(each, (*location, index))]
-    if isinstance(value, Mapping):
+    if is_mapping(value):
         keys = "".join(str(key) for key in value)
         problem = RequestProblem(location, "a key holds the character U+0000, which no text may", about_key=True)
         inner = [found for key, each in value.items() for found in null_characters(each, (*location, str(key)))]
@@ -118,9 +120,9 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
 
 def _shown(value: object) -> str:
     """A value as the one who wrote it knows it."""
-    if isinstance(value, dict):
+    if is_object(value):
         return f"a mapping with {_shortened(', '.join(map(str, value)))}" if value else "an empty mapping"
-    if isinstance(value, list) and (not value or any(isinstance(each, list | dict) for each in value)):
+    if is_list(value) and (not value or any(isinstance(each, list | dict) for each in value)):
         return f"a list of {len(value)}" if value else "an empty list"
     words = {None: "null", True: "true", False: "false"}
     return words[value] if value is None or isinstance(value, bool) else _shortened(repr(value))

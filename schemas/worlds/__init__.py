@@ -3,4 +3,5 @@
 May import: `schemas.wire`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["checks", "description", "polygons", "world"]

@@ -3,4 +3,5 @@
 May import: `schemas`, `tasks.catalog`, `tasks.service`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["artifacts", "claims", "held_leases", "leases", "retry_limit", "slots", "steps", "task_pool"]

@@ -8,7 +8,7 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 from uuid import UUID
@@ -34,7 +34,7 @@ _logger = logging.getLogger(__name__)
 
 
 @contextmanager
-def shown_progress(service: Service, description: str) -> Iterator[Service]:
+def shown_progress(service: Service, description: str) -> Generator[Service]:
     """Returns the service with its progress shown as a progress artifact of the running flow."""
     bar = _Bar(description, service.report_progress)
     try:
@@ -71,7 +71,7 @@ def show_picture(key: str, png: bytes, description: str) -> None:
 
 
 @contextmanager
-def _logged(what: str) -> Iterator[None]:
+def _logged(what: str) -> Generator[None]:
     """Logs artifacts that the Prefect server refused or could not take."""
     try:
         yield

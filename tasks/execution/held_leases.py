@@ -9,7 +9,7 @@ import os
 import socket
 import threading
 import uuid
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -45,13 +45,13 @@ def died_here(owner: str) -> bool:
 class HeldLeases:
     """The leases of one process; safe to use from several threads."""
 
-    _owners: dict[str, str] = field(default_factory=dict)
-    _reserved: set[str] = field(default_factory=set)
+    _owners: dict[str, str] = field(default_factory=dict[str, str])
+    _reserved: set[str] = field(default_factory=set[str])
     _closed: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @contextmanager
-    def owner_of(self, arn: str) -> Iterator[str]:
+    def owner_of(self, arn: str) -> Generator[str]:
         """Yields the owner name for a job's lease, valid inside the block.
 
         Raises:
@@ -110,7 +110,7 @@ class HeldLeases:
             self._closed = True
             # A batch's jobs first: when the batch's lease is free, theirs have to be free too.
             held = sorted(self._owners.items(), key=lambda item: ":simulation-job-batch/" in item[0])
-        given_back = []
+        given_back: list[str] = []
         for arn, owner in held:
             try:
                 if catalog.release(arn, owner):

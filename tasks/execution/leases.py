@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -37,7 +37,7 @@ class Lease:
         return self._lost.is_set()
 
     @contextmanager
-    def renewed(self) -> Iterator[None]:
+    def renewed(self) -> Generator[None]:
         """Renews the lease inside the block, and releases it at its end."""
         renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
         renewer.start()
@@ -67,7 +67,7 @@ class Lease:
         return self.job
 
     @contextmanager
-    def _noticing_loss(self) -> Iterator[None]:
+    def _noticing_loss(self) -> Generator[None]:
         """Checks after a refused change whether the lease was lost, before any cleanup."""
         try:
             yield

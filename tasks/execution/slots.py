@@ -10,8 +10,9 @@ few seconds it checks whether the limit has been lowered, and releases slots if 
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from http import HTTPStatus
 from types import TracebackType
 from uuid import UUID
 
@@ -70,7 +71,7 @@ class Slots:
         self._connection.__exit__(kind, error, traceback)
 
     @contextmanager
-    def hold(self, should_stop: Callable[[], bool]) -> Iterator[bool]:
+    def hold(self, should_stop: Callable[[], bool]) -> Generator[bool]:
         """Holds one slot.
 
         Args:
@@ -147,7 +148,7 @@ class Slots:
                     names=[self.name], slots=1, mode="concurrency", lease_duration=_LEASE_S
                 )
             except httpx.HTTPStatusError as error:
-                if error.response.status_code == httpx.codes.LOCKED:
+                if error.response.status_code == HTTPStatus.LOCKED:
                     return  # another worker has them, or a dead one whose leases have not run out
                 raise
             with self._changed:

@@ -48,7 +48,7 @@ def run_tasks(
 
     parts = task(name=name, task_run_name=run_name, cache_policy=NO_CACHE)(part)
 
-    with service.activated(), ThreadPoolTaskRunner(max_workers=workers) as runner:
+    with service.activated(), ThreadPoolTaskRunner[None](max_workers=workers) as runner:
         try:
             futures = [runner.submit(parts, dict(call)) for call in calls]
             waiting = {future.wrapped_future for future in futures}

@@ -5,4 +5,5 @@ May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.runtime.limits
 `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.simulations.ros`, `tasks.worlds`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["batch_runs", "export_runs", "generation_runs", "job_folders", "job_runs", "world_jobs"]

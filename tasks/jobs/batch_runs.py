@@ -115,10 +115,14 @@ class BatchRun:
 
         limit = self._batch.document["batchPolicy"]["maxConcurrency"]
         with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
+
+            def simulate(index: int) -> None:
+                self._simulate(index, slots)
+
             try:
                 run_tasks(
                     "simulate-request",
-                    lambda index: self._simulate(index, slots),
+                    simulate,
                     [{"index": index} for index in indices],
                     run_name="request-{index}",
                     workers=min(limit, len(indices)),

@@ -110,9 +110,12 @@ class GenerationRun:
                     builders.stop()
                 return stopped
 
+            def make_world(index: int, world_arn: str) -> None:
+                self._make_world(index, world_arn, builders)
+
             run_tasks(
                 "generate-world",
-                lambda index, world_arn: self._make_world(index, world_arn, builders),
+                make_world,
                 [{"index": index, "world_arn": arn} for index, arn in missing],
                 run_name="{world_arn}",
                 workers=workers,

@@ -3,4 +3,5 @@
 May import: `schemas`, `tasks.catalog`, `tasks.storage`.
 """
 
+# pyright: reportUnsupportedDunderAll=false
 __all__ = ["builtin_applications", "home", "service"]

@@ -6,7 +6,7 @@ itself calls (in a worker, from a schedule) find it through `Service.current`.
 
 import os
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
@@ -79,7 +79,7 @@ class Service:
         return _active.get() or _from_environment()
 
     @contextmanager
-    def activated(self) -> Iterator["Service"]:
+    def activated(self) -> Generator["Service"]:
         """Makes this service the current one for flows and tasks called inside the block."""
         token = _active.set(self)
         try:

@@ -121,7 +121,7 @@ class _Extraction:
     entries: int = 0
     size: int = 0
     last: str = ""
-    taken: dict[str, tuple[str, bool]] = field(default_factory=dict)
+    taken: dict[str, tuple[str, bool]] = field(default_factory=dict[str, tuple[str, bool]])
     """Path and whether it is a folder, by the path as file systems compare that ignore case and composition."""
 
     def progress(self) -> str:

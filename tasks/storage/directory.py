@@ -8,7 +8,7 @@ not. A key cannot be both an object and the folder of other objects (`a` and `a/
 import hashlib
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
@@ -157,7 +157,7 @@ class DirectoryStore:
         return ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} of {self._root}")
 
     @contextmanager
-    def _opened(self, bucket: str, key: str) -> Iterator[tuple[BinaryIO, ObjectInfo]]:
+    def _opened(self, bucket: str, key: str) -> Generator[tuple[BinaryIO, ObjectInfo]]:
         """Opens an object; reads give one version of it, also when another one takes its name meanwhile."""
         path = self._path(bucket, key)
         with os_failures(f"read {bucket}/{key}"):
@@ -172,7 +172,7 @@ class DirectoryStore:
     @contextmanager
     def _written(
         self, bucket: str, key: str, source: BinaryIO, stopped: Stopped = never
-    ) -> Iterator[tuple[Path, ObjectInfo]]:
+    ) -> Generator[tuple[Path, ObjectInfo]]:
         """Writes a source into a temporary file that is on the disk when the block begins and gone when it ends."""
         check_key(key)
         self._bucket_path(bucket)
@@ -255,7 +255,7 @@ def _keys(folder: Path, prefix: str) -> Iterator[str]:
 
 def _make_folders(folder: Path, top: Path) -> None:
     """Creates the missing folders between `top` and `folder`, and makes their names durable."""
-    missing = []
+    missing: list[Path] = []
     while folder != top and not folder.is_dir():
         missing.append(folder)
         folder = folder.parent

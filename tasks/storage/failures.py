@@ -1,7 +1,7 @@
 """Turns errors of the operating system into errors of the object store."""
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from ...schemas.wire.errors import StorageAccessDeniedError, StorageError, StorageFullError
@@ -11,7 +11,7 @@ _DENIED = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 
 @contextmanager
-def os_failures(doing: str) -> Iterator[None]:
+def os_failures(doing: str) -> Generator[None]:
     """Turns every `OSError` inside the block into the `StorageError` that fits.
 
     Args:

@@ -10,11 +10,11 @@ them: let a lifecycle rule of the bucket abort incomplete multipart uploads.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, Protocol, TypedDict, cast
 from uuid import uuid4
 
 import boto3
@@ -31,12 +31,38 @@ from .naming import check_bucket, check_key, check_prefix
 from .parallel import WORKERS, run_all
 from .s3_failures import s3_failures
 
+if TYPE_CHECKING:
+    from types_boto3_s3 import S3Client
+    from types_boto3_s3.literals import BucketLocationConstraintType as _Region
+    from types_boto3_s3.type_defs import (
+        CreateBucketRequestTypeDef,
+        GetObjectOutputTypeDef,
+        HeadObjectOutputTypeDef,
+        PutObjectRequestTypeDef,
+    )
+
 _PART_BYTES = 16 << 20
 _CONFLICTS = 5
 _RESTARTS = 4
 _LOOK_S = 0.05
 # The last one is what a transfer makes of an object that is replaced between its parts.
 _BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3DownloadFailedError)
+
+
+class _Session(Protocol):
+    """What is asked of a session; the stubs of its `client` name services whose own stubs are not installed."""
+
+    def client(
+        self, service_name: Literal["s3"], *, region_name: str, endpoint_url: str | None, config: Config
+    ) -> "S3Client": ...
+
+
+class _Entry(TypedDict):
+    """What is read of an entry of a list; the stubs call these optional, and every server gives them."""
+
+    Key: str
+    Size: int
+    ETag: str
 
 
 class S3Store:
@@ -62,7 +88,7 @@ class S3Store:
             # Only AWS has a host name for every bucket.
             s3={"addressing_style": "path"} if endpoint_url else {},
         )
-        self._client: Any = (session or boto3.Session()).client(
+        self._client = cast("_Session", session or boto3.Session()).client(
             "s3", region_name=region, endpoint_url=endpoint_url, config=config
         )
         self._region = region
@@ -86,10 +112,12 @@ class S3Store:
         with self._failures(f"look for the bucket {bucket}"):
             if self._bucket_exists(bucket):
                 return
-        where = {} if self._region == "us-east-1" else {"LocationConstraint": self._region}
+        request: CreateBucketRequestTypeDef = {"Bucket": bucket}
+        if self._region != "us-east-1":
+            request["CreateBucketConfiguration"] = {"LocationConstraint": cast("_Region", self._region)}
         with self._failures(f"create the bucket {bucket}"):
             try:
-                self._client.create_bucket(Bucket=bucket, **({"CreateBucketConfiguration": where} if where else {}))
+                self._client.create_bucket(**request)
             except ClientError as error:
                 if _code(error) != "BucketAlreadyOwnedByYou":  # another client was quicker
                     raise
@@ -164,7 +192,7 @@ class S3Store:
             found = [
                 ObjectInfo(bucket, entry["Key"], entry["Size"], entry["ETag"].strip('"'))
                 for page in pages
-                for entry in page.get("Contents", ())
+                for entry in cast("Sequence[_Entry]", page.get("Contents", ()))
                 if not entry["Key"].endswith("/")
             ]
         yield from sorted(found, key=lambda info: info.key.encode())
@@ -196,11 +224,12 @@ class S3Store:
         return True
 
     def _put(self, bucket: str, key: str, data: bytes, *, create_only: bool) -> ObjectInfo:
-        condition = {"IfNoneMatch": "*"} if create_only else {}
-        crc = crc32_of(data)
+        request: PutObjectRequestTypeDef = {"Bucket": bucket, "Key": key, "Body": data, "ChecksumCRC32": crc32_of(data)}
+        if create_only:
+            request["IfNoneMatch"] = "*"
         for last in [False] * _CONFLICTS + [True]:
             try:
-                answer = self._client.put_object(Bucket=bucket, Key=key, Body=data, ChecksumCRC32=crc, **condition)
+                answer = self._client.put_object(**request)
             except ClientError as error:
                 # Two conditional writes met: S3 asks to try again, and then one of them finds the other's object.
                 if _code(error) != "ConditionalRequestConflict" or last:
@@ -224,7 +253,7 @@ class S3Store:
         compare(answer, size, crc, f"{bucket}/{key} as stored at {self._endpoint}")
         return _info(bucket, key, answer)
 
-    def _head(self, bucket: str, key: str) -> dict[str, Any]:
+    def _head(self, bucket: str, key: str) -> "HeadObjectOutputTypeDef":
         try:
             return self._client.head_object(Bucket=bucket, Key=key, ChecksumMode="ENABLED")
         except ClientError as error:
@@ -250,7 +279,7 @@ class S3Store:
                 return _info(bucket, key, answer)
         raise AssertionError("the last attempt returns or raises")
 
-    def _receive(self, bucket: str, key: str, answer: dict[str, Any], target: BinaryIO) -> None:
+    def _receive(self, bucket: str, key: str, answer: "GetObjectOutputTypeDef", target: BinaryIO) -> None:
         """Receives the version that was answered: small ones at once, parts of large ones side by side."""
         # Not `with answer["Body"]`: that gives the raw stream, which compares and translates nothing.
         with closing(answer["Body"]) as body:
@@ -265,7 +294,7 @@ class S3Store:
 class _Known(BaseSubscriber):
     """Tells a transfer what is known of the object, so that it need not ask again."""
 
-    def __init__(self, answer: dict[str, Any]) -> None:
+    def __init__(self, answer: "GetObjectOutputTypeDef") -> None:
         self._answer = answer
 
     def on_queued(self, future: Any, **kwargs: Any) -> None:  # noqa: ARG002 - s3transfer's signature
@@ -292,7 +321,7 @@ def _check(bucket: str, key: str) -> None:
     check_key(key)
 
 
-def _info(bucket: str, key: str, answer: dict[str, Any]) -> ObjectInfo:
+def _info(bucket: str, key: str, answer: "GetObjectOutputTypeDef | HeadObjectOutputTypeDef") -> ObjectInfo:
     return ObjectInfo(bucket, key, answer["ContentLength"], answer["ETag"].strip('"'))
 
 

@@ -1,6 +1,6 @@
 """Turns errors of S3 clients into errors of the object store."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from boto3.exceptions import Boto3Error
@@ -73,7 +73,7 @@ _NO_CREDENTIALS = (
 
 
 @contextmanager
-def s3_failures(doing: str, endpoint: str) -> Iterator[None]:
+def s3_failures(doing: str, endpoint: str) -> Generator[None]:
     """Turns what boto3 and the operating system raise inside the block into the `StorageError` that fits.
 
     Args:
