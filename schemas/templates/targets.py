@@ -7,9 +7,6 @@ from pydantic import Discriminator, Field, Tag
 from ..wire.base import Model
 from ..worlds.world import RoomType
 
-TARGET_ALL = "Target.All"
-"""In place of a target set, in bodies of version 2: everything there is."""
-
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
 """Pydantic puts these into the locations of errors; error messages leave them out."""
 

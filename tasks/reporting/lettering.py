@@ -31,11 +31,6 @@ class Box:
     right: float
     top: float
 
-    @property
-    def middle(self) -> Point:
-        """Its centre."""
-        return (self.left + self.right) / 2, (self.bottom + self.top) / 2
-
 
 def largest_box(polygon: Sequence[Point]) -> Box:
     """The largest rectangle inside an axis-aligned polygon whose sides lie on the corners' coordinates.

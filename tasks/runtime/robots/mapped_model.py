@@ -3,7 +3,6 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
-import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +14,6 @@ import numpy as np
 from ....schemas.runs.robot_yaml import AddedActuator, RobotModel
 from .model_files import load_model
 from .problems import alternatives, invalid
-
-_logger = logging.getLogger(__name__)
 
 FREE_JOINT = "base_free_joint"
 FOOTPRINT = "base_footprint_mark"

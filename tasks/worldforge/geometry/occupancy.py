@@ -5,7 +5,7 @@ The grid speaks of the slice of the world between `ROBOT_LOW_M` and `ROBOT_HIGH_
 `write_map` writes the pair of files that Nav2's map server reads.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil, cos, floor, hypot, sin, sqrt
 from pathlib import Path
@@ -240,11 +240,6 @@ def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
         if x0 == x1:  # polygons are axis-aligned: only these edges cross an eastward ray
             inside ^= (x < x0) & (min(y0, y1) <= y) & (y < max(y0, y1))
     return inside
-
-
-def cells_by_room(grid: OccupancyGrid, cells: NDArray[np.bool_], rooms: Iterable[Room]) -> Mapping[str, int]:
-    """How many of the given cells lie in each room, by its name."""
-    return {room.name: int(np.count_nonzero(cells & room_cells(grid, room))) for room in rooms}
 
 
 def write_map(grid: OccupancyGrid, folder: Path) -> None:

@@ -12,7 +12,6 @@ from .upright import Fan
 
 PROXIMITY_ANGLES_RAD = np.linspace(-np.pi / 3, np.pi / 3, 15)
 PROXIMITY_RANGE_MAX_M = 0.8
-PROXIMITY_HEIGHT_M = 0.04
 
 _VISIBLE_GROUPS = (0, 1, 2)
 """Geom groups that renderers show unless told otherwise."""
