@@ -21,6 +21,15 @@ from ..wire.common import (
     exactly_one,
     text,
 )
+from ..wire.operation_shape import (
+    CREATE_APPLICATION_ERRORS,
+    CREATE_VERSION_ERRORS,
+    DELETE_APPLICATION_ERRORS,
+    LIST_ERRORS,
+    READ_ERRORS,
+    UPDATE_APPLICATION_ERRORS,
+    OperationShape,
+)
 
 RobotSoftwareSuiteType = Annotated[Literal["ROS", "ROS2", "General"], ShapeName("RobotSoftwareSuiteType")]
 RobotSoftwareSuiteVersionType = Annotated[
@@ -141,3 +150,59 @@ class ApplicationListRequest(Shape):
     nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
     filters: Filters | None = Field(default=None, description="Which applications, by `name`; absent: all.")
+
+
+Shapes = tuple[type[Shape], type[Shape]]
+"""What an operation takes, and what it gives."""
+
+
+def application_operations(
+    role: str,
+    *,
+    create: Shapes,
+    create_version: Shapes,
+    describe: Shapes,
+    list_page: Shapes,
+    update: Shapes,
+    delete: Shapes,
+) -> tuple[OperationShape, ...]:
+    """The six operations on the applications of one kind.
+
+    Args:
+      role: `robot` or `simulation`.
+      create: request and response; so on.
+      create_version: keeps an application under a number.
+      describe: tells what one is.
+      list_page: lists them.
+      update: makes one something else.
+      delete: removes one.
+    """
+    name, words = f"{role.capitalize()}Application", f"{role} application"
+    return (
+        OperationShape(f"Create{name}", *create, CREATE_APPLICATION_ERRORS, f"Makes a {words} known under a name."),
+        OperationShape(
+            f"Create{name}Version",
+            *create_version,
+            CREATE_VERSION_ERRORS,
+            f"Keeps a {words} as it is now under a number.",
+        ),
+        OperationShape(
+            f"Describe{name}", *describe, READ_ERRORS, f"Says what a {words}, or a version of it, is made of."
+        ),
+        OperationShape(
+            f"List{name}s",
+            *list_page,
+            LIST_ERRORS,
+            f"Lists {words}s, newest first.",
+            result_key=f"{role}ApplicationSummaries",
+        ),
+        OperationShape(
+            f"Update{name}",
+            *update,
+            UPDATE_APPLICATION_ERRORS,
+            f"Makes a {words} something else, under the same name.",
+        ),
+        OperationShape(
+            f"Delete{name}", *delete, DELETE_APPLICATION_ERRORS, f"Removes a {words}, or one version of it."
+        ),
+    )

@@ -6,15 +6,6 @@ from pydantic import Field
 
 from ..wire.base import Shape, ShapeName
 from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version
-from ..wire.operation_shape import (
-    CREATE_APPLICATION_ERRORS,
-    CREATE_VERSION_ERRORS,
-    DELETE_APPLICATION_ERRORS,
-    LIST_ERRORS,
-    READ_ERRORS,
-    UPDATE_APPLICATION_ERRORS,
-    OperationShape,
-)
 from .applications import (
     ApplicationContent,
     ApplicationListRequest,
@@ -24,6 +15,7 @@ from .applications import (
     ImageDigest,
     NewApplicationVersion,
     RobotSoftwareSuite,
+    application_operations,
 )
 
 
@@ -100,48 +92,12 @@ class DeleteRobotApplicationResponse(Shape):
     """Nothing: what was to be removed is not there any more."""
 
 
-OPERATIONS = (
-    OperationShape(
-        "CreateRobotApplication",
-        CreateRobotApplicationRequest,
-        CreateRobotApplicationResponse,
-        CREATE_APPLICATION_ERRORS,
-        "Makes a robot application known under a name.",
-    ),
-    OperationShape(
-        "CreateRobotApplicationVersion",
-        CreateRobotApplicationVersionRequest,
-        CreateRobotApplicationVersionResponse,
-        CREATE_VERSION_ERRORS,
-        "Keeps a robot application as it is now under a number.",
-    ),
-    OperationShape(
-        "DescribeRobotApplication",
-        DescribeRobotApplicationRequest,
-        DescribeRobotApplicationResponse,
-        READ_ERRORS,
-        "Says what a robot application, or a version of it, is made of.",
-    ),
-    OperationShape(
-        "ListRobotApplications",
-        ListRobotApplicationsRequest,
-        ListRobotApplicationsResponse,
-        LIST_ERRORS,
-        "Lists robot applications, newest first.",
-        result_key="robotApplicationSummaries",
-    ),
-    OperationShape(
-        "UpdateRobotApplication",
-        UpdateRobotApplicationRequest,
-        UpdateRobotApplicationResponse,
-        UPDATE_APPLICATION_ERRORS,
-        "Makes a robot application something else, under the same name.",
-    ),
-    OperationShape(
-        "DeleteRobotApplication",
-        DeleteRobotApplicationRequest,
-        DeleteRobotApplicationResponse,
-        DELETE_APPLICATION_ERRORS,
-        "Removes a robot application, or one version of it.",
-    ),
+OPERATIONS = application_operations(
+    "robot",
+    create=(CreateRobotApplicationRequest, CreateRobotApplicationResponse),
+    create_version=(CreateRobotApplicationVersionRequest, CreateRobotApplicationVersionResponse),
+    describe=(DescribeRobotApplicationRequest, DescribeRobotApplicationResponse),
+    list_page=(ListRobotApplicationsRequest, ListRobotApplicationsResponse),
+    update=(UpdateRobotApplicationRequest, UpdateRobotApplicationResponse),
+    delete=(DeleteRobotApplicationRequest, DeleteRobotApplicationResponse),
 )

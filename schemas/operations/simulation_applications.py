@@ -6,15 +6,6 @@ from pydantic import Field
 
 from ..wire.base import Shape, ShapeName
 from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version, text
-from ..wire.operation_shape import (
-    CREATE_APPLICATION_ERRORS,
-    CREATE_VERSION_ERRORS,
-    DELETE_APPLICATION_ERRORS,
-    LIST_ERRORS,
-    READ_ERRORS,
-    UPDATE_APPLICATION_ERRORS,
-    OperationShape,
-)
 from .applications import (
     ApplicationContent,
     ApplicationListRequest,
@@ -24,6 +15,7 @@ from .applications import (
     ImageDigest,
     NewApplicationVersion,
     RobotSoftwareSuite,
+    application_operations,
 )
 
 SimulationSoftwareSuiteType = Annotated[
@@ -142,48 +134,12 @@ class DeleteSimulationApplicationResponse(Shape):
     """Nothing: what was to be removed is not there any more."""
 
 
-OPERATIONS = (
-    OperationShape(
-        "CreateSimulationApplication",
-        CreateSimulationApplicationRequest,
-        CreateSimulationApplicationResponse,
-        CREATE_APPLICATION_ERRORS,
-        "Makes a simulation application known under a name.",
-    ),
-    OperationShape(
-        "CreateSimulationApplicationVersion",
-        CreateSimulationApplicationVersionRequest,
-        CreateSimulationApplicationVersionResponse,
-        CREATE_VERSION_ERRORS,
-        "Keeps a simulation application as it is now under a number.",
-    ),
-    OperationShape(
-        "DescribeSimulationApplication",
-        DescribeSimulationApplicationRequest,
-        DescribeSimulationApplicationResponse,
-        READ_ERRORS,
-        "Says what a simulation application, or a version of it, is made of.",
-    ),
-    OperationShape(
-        "ListSimulationApplications",
-        ListSimulationApplicationsRequest,
-        ListSimulationApplicationsResponse,
-        LIST_ERRORS,
-        "Lists simulation applications, newest first.",
-        result_key="simulationApplicationSummaries",
-    ),
-    OperationShape(
-        "UpdateSimulationApplication",
-        UpdateSimulationApplicationRequest,
-        UpdateSimulationApplicationResponse,
-        UPDATE_APPLICATION_ERRORS,
-        "Makes a simulation application something else, under the same name.",
-    ),
-    OperationShape(
-        "DeleteSimulationApplication",
-        DeleteSimulationApplicationRequest,
-        DeleteSimulationApplicationResponse,
-        DELETE_APPLICATION_ERRORS,
-        "Removes a simulation application, or one version of it.",
-    ),
+OPERATIONS = application_operations(
+    "simulation",
+    create=(CreateSimulationApplicationRequest, CreateSimulationApplicationResponse),
+    create_version=(CreateSimulationApplicationVersionRequest, CreateSimulationApplicationVersionResponse),
+    describe=(DescribeSimulationApplicationRequest, DescribeSimulationApplicationResponse),
+    list_page=(ListSimulationApplicationsRequest, ListSimulationApplicationsResponse),
+    update=(UpdateSimulationApplicationRequest, UpdateSimulationApplicationResponse),
+    delete=(DeleteSimulationApplicationRequest, DeleteSimulationApplicationResponse),
 )

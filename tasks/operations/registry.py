@@ -26,7 +26,10 @@ from ...schemas.wire.base import Shape
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
 from ..service.service import Service
 
-Handler = Callable[[Any, Service], Shape]
+Answer = Shape | Mapping[str, Any]
+"""A response, or the members of one."""
+
+Handler = Callable[[Any, Service], Answer]
 Performer = Callable[[str, Service], None]
 
 _MODULES = (
@@ -63,7 +66,7 @@ class Operation:
 
     @property
     def resource(self) -> str:
-        """The resource it belongs to: the name of the module of its handler, its shapes and its flows."""
+        """The resource it belongs to: the name of the module of its shapes, its handler and its flows."""
         return self.module.rpartition(".")[2]
 
     @property
@@ -98,7 +101,8 @@ class Operation:
           ServiceError: the request is refused; nothing was stored.
         """
         with self._own_errors():
-            return self.handler(request, service).to_wire()
+            answer = self.handler(request, service)
+            return (answer if isinstance(answer, Shape) else self.shape.response.model_validate(answer)).to_wire()
 
     @contextmanager
     def _own_errors(self) -> Iterator[None]:
@@ -163,7 +167,7 @@ def operation(
         shape = OPERATIONS[name]
         if shape.is_job != (perform is not None):
             raise ValueError(f"{name}: job operations, and only they, have something to perform")
-        _registry[name] = Operation(shape, handler, handler.__module__, perform, describe)
+        _registry[name] = Operation(shape, handler, shape.request.__module__, perform, describe)
         return handler
 
     return register
