@@ -15,15 +15,11 @@ from ...schemas.operations.deployment_jobs import (
     CancelDeploymentJobRequest,
     CancelDeploymentJobResponse,
     CreateDeploymentJobRequest,
-    CreateDeploymentJobResponse,
     DeploymentConfig,
     DescribeDeploymentJobRequest,
-    DescribeDeploymentJobResponse,
     ListDeploymentJobsRequest,
-    ListDeploymentJobsResponse,
     S3Object,
     SyncDeploymentJobRequest,
-    SyncDeploymentJobResponse,
 )
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
@@ -37,14 +33,14 @@ from ..fleet.records import DEPLOYMENT, end_deployment, fleet_held, last_deploym
 from ..service.service import Service
 from ..simulations.planning.applications import find_application
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 _PAGE = 200
 _FILTERS = {"status": "status", "fleetName": "fleetName"}
 
 
 @operation("CreateDeploymentJob")
-def create_deployment_job(request: CreateDeploymentJobRequest, service: Service) -> CreateDeploymentJobResponse:
+def create_deployment_job(request: CreateDeploymentJobRequest, service: Service) -> Answer:
     """Stores a deployment to the robots of a fleet; it stays `Pending`, since deployments do not act yet.
 
     Refused are fleets without robots, and applications that none of the robots can run. A robot that
@@ -57,41 +53,37 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
         order = {"deploymentApplicationConfigs": configs, "deploymentConfig": _config(request, service)}
         with fleet_held(request.fleet, service) as fleet:
             job = service.made_before(token) or _stored(order, fleet, service, token, request.tags)
-    return CreateDeploymentJobResponse.model_validate({**_summary(job), "tags": dict(job.tags)})
+    return {**_summary(job), "tags": dict(job.tags)}
 
 
 @operation("SyncDeploymentJob")
-def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> SyncDeploymentJobResponse:
+def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> Answer:
     """Stores the fleet's latest deployment once more, however it ended, for the robots it has now."""
     token = ClientToken.of("SyncDeploymentJob", request)
     job = service.made_before(token)
     if job is None:
         with fleet_held(request.fleet, service) as fleet:
             job = service.made_before(token) or _repeated(fleet, service, token)
-    return SyncDeploymentJobResponse.model_validate(_summary(job))
+    return _summary(job)
 
 
 @operation("DescribeDeploymentJob")
-def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> DescribeDeploymentJobResponse:
+def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> Answer:
     """Tells how a deployment stands; one that waits names the robots it is meant for."""
     job = _job(request.job, service)
     robots: list[dict[str, Any]] = []
     if not is_terminal(DEPLOYMENT, job.status):
         robots = [{"arn": robot.arn, "status": robot.status} for robot in robots_of(_fleet(job), service)]
-    return DescribeDeploymentJobResponse.model_validate(
-        {**_summary(job), "robotDeploymentSummary": robots, "tags": dict(job.tags)}
-    )
+    return {**_summary(job), "robotDeploymentSummary": robots, "tags": dict(job.tags)}
 
 
 @operation("ListDeploymentJobs")
-def list_deployment_jobs(request: ListDeploymentJobsRequest, service: Service) -> ListDeploymentJobsResponse:
+def list_deployment_jobs(request: ListDeploymentJobsRequest, service: Service) -> Answer:
     """Lists deployment jobs, newest first."""
     page = page_of(
         "ListDeploymentJobs", DEPLOYMENT, request, service, filters=_FILTERS, given=request.filters, most=_PAGE
     )
-    return ListDeploymentJobsResponse.model_validate(
-        {"deploymentJobs": [_summary(job) for job in page.resources], "nextToken": page.next_token}
-    )
+    return {"deploymentJobs": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelDeploymentJob")

@@ -11,9 +11,7 @@ from ...schemas.operations.fleets import (
     DeleteFleetRequest,
     DeleteFleetResponse,
     DescribeFleetRequest,
-    DescribeFleetResponse,
     ListFleetsRequest,
-    ListFleetsResponse,
 )
 from ...schemas.wire.arns import ResourceArn, application_arn
 from ...schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException, ThrottlingException
@@ -21,7 +19,7 @@ from ..catalog import Resource
 from ..fleet.records import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
 from ..service.service import Service
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 from .robots import robot_summaries
 
 _PAGE = 200
@@ -36,21 +34,19 @@ def create_fleet(request: CreateFleetRequest, service: Service) -> CreateFleetRe
 
 
 @operation("DescribeFleet")
-def describe_fleet(request: DescribeFleetRequest, service: Service) -> DescribeFleetResponse:
+def describe_fleet(request: DescribeFleetRequest, service: Service) -> Answer:
     """Tells which robots a fleet has, and how its last deployment stands."""
     fleet = service.catalog.get(_checked(request.fleet), kind=FLEET)
     (summary,) = _summaries([fleet], service)
     robots = robot_summaries(robots_of(fleet.arn, service), service)
-    return DescribeFleetResponse.model_validate({**summary, "robots": robots, "tags": dict(fleet.tags)})
+    return {**summary, "robots": robots, "tags": dict(fleet.tags)}
 
 
 @operation("ListFleets")
-def list_fleets(request: ListFleetsRequest, service: Service) -> ListFleetsResponse:
+def list_fleets(request: ListFleetsRequest, service: Service) -> Answer:
     """Lists fleets, newest first."""
     page = page_of("ListFleets", FLEET, request, service, filters={"name": "name"}, given=request.filters, most=_PAGE)
-    return ListFleetsResponse.model_validate(
-        {"fleetDetails": _summaries(page.resources, service), "nextToken": page.next_token}
-    )
+    return {"fleetDetails": _summaries(page.resources, service), "nextToken": page.next_token}
 
 
 @operation("DeleteFleet")

@@ -12,9 +12,7 @@ from ...schemas.operations.robots import (
     DeregisterRobotRequest,
     DeregisterRobotResponse,
     DescribeRobotRequest,
-    DescribeRobotResponse,
     ListRobotsRequest,
-    ListRobotsResponse,
     RegisterRobotRequest,
     RegisterRobotResponse,
 )
@@ -24,7 +22,7 @@ from ..catalog import Resource
 from ..fleet.records import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
 from ..service.service import Service
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 _PAGE = 200
 _FILTERS = {"status": "status", "fleetName": "fleetName"}
@@ -63,21 +61,19 @@ def create_robot(request: CreateRobotRequest, service: Service) -> CreateRobotRe
 
 
 @operation("DescribeRobot")
-def describe_robot(request: DescribeRobotRequest, service: Service) -> DescribeRobotResponse:
+def describe_robot(request: DescribeRobotRequest, service: Service) -> Answer:
     """Tells what a robot is and where it belongs."""
     robot = service.catalog.get(_checked(request.robot), kind=ROBOT)
     (summary,) = robot_summaries([robot], service)
     group = summary.pop("greenGrassGroupId")
-    return DescribeRobotResponse.model_validate({**summary, "greengrassGroupId": group, "tags": dict(robot.tags)})
+    return {**summary, "greengrassGroupId": group, "tags": dict(robot.tags)}
 
 
 @operation("ListRobots")
-def list_robots(request: ListRobotsRequest, service: Service) -> ListRobotsResponse:
+def list_robots(request: ListRobotsRequest, service: Service) -> Answer:
     """Lists robots, newest first."""
     page = page_of("ListRobots", ROBOT, request, service, filters=_FILTERS, given=request.filters, most=_PAGE)
-    return ListRobotsResponse.model_validate(
-        {"robots": robot_summaries(page.resources, service), "nextToken": page.next_token}
-    )
+    return {"robots": robot_summaries(page.resources, service), "nextToken": page.next_token}
 
 
 @operation("DeleteRobot")

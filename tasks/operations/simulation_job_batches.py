@@ -8,11 +8,8 @@ from ...schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
     CancelSimulationJobBatchResponse,
     DescribeSimulationJobBatchRequest,
-    DescribeSimulationJobBatchResponse,
     ListSimulationJobBatchesRequest,
-    ListSimulationJobBatchesResponse,
     StartSimulationJobBatchRequest,
-    StartSimulationJobBatchResponse,
 )
 from ..catalog import ClientToken, Resource
 from ..execution.claims import run_if_unclaimed, run_under_lease
@@ -21,7 +18,7 @@ from ..service.service import Service
 from ..simulations.inputs.world_rooms import check_rooms
 from ..simulations.planning.run_plans import world_arn
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 from .simulation_jobs import summary
 
 KIND = "simulation-job-batch"
@@ -35,9 +32,7 @@ def perform_simulation_job_batch(arn: str, service: Service) -> None:
 
 
 @operation("StartSimulationJobBatch", perform=perform_simulation_job_batch, describe="DescribeSimulationJobBatch")
-def start_simulation_job_batch(
-    request: StartSimulationJobBatchRequest, service: Service
-) -> StartSimulationJobBatchResponse:
+def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service: Service) -> Answer:
     """Stores a batch; its requests become jobs when it is performed."""
     _check_rooms(request, service)
     policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
@@ -60,22 +55,18 @@ def start_simulation_job_batch(
     )
     answer = _described(batch, service)
     del answer["lastUpdatedAt"]
-    return StartSimulationJobBatchResponse.model_validate(answer)
+    return answer
 
 
 @operation("DescribeSimulationJobBatch")
-def describe_simulation_job_batch(
-    request: DescribeSimulationJobBatchRequest, service: Service
-) -> DescribeSimulationJobBatchResponse:
+def describe_simulation_job_batch(request: DescribeSimulationJobBatchRequest, service: Service) -> Answer:
     """Tells how a batch stands: which requests are jobs, which wait, which failed."""
     batch = service.catalog.get(request.batch, kind=KIND)
-    return DescribeSimulationJobBatchResponse.model_validate(_described(batch, service))
+    return _described(batch, service)
 
 
 @operation("ListSimulationJobBatches")
-def list_simulation_job_batches(
-    request: ListSimulationJobBatchesRequest, service: Service
-) -> ListSimulationJobBatchesResponse:
+def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, service: Service) -> Answer:
     """Lists batches; says of their requests only how many are in which state."""
     page = page_of(
         "ListSimulationJobBatches",
@@ -87,14 +78,12 @@ def list_simulation_job_batches(
         members=_COUNTS,
     )
     created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
-    return ListSimulationJobBatchesResponse.model_validate(
-        {
-            "simulationJobBatchSummaries": [
-                _summary(batch, created.get(batch.arn, 0), service) for batch in page.resources
-            ],
-            "nextToken": page.next_token,
-        }
-    )
+    return {
+        "simulationJobBatchSummaries": [
+            _summary(batch, created.get(batch.arn, 0), service) for batch in page.resources
+        ],
+        "nextToken": page.next_token,
+    }
 
 
 @operation("CancelSimulationJobBatch")

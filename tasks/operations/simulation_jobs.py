@@ -11,11 +11,8 @@ from ...schemas.operations.simulation_jobs import (
     CancelSimulationJobRequest,
     CancelSimulationJobResponse,
     CreateSimulationJobRequest,
-    CreateSimulationJobResponse,
     DescribeSimulationJobRequest,
-    DescribeSimulationJobResponse,
     ListSimulationJobsRequest,
-    ListSimulationJobsResponse,
     RestartSimulationJobRequest,
     RestartSimulationJobResponse,
     SimulationJob,
@@ -29,7 +26,7 @@ from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE
 from ..simulations.stored_jobs import store_job
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 KIND = "simulation-job"
 # What lists filter by: the job's status, and the labels that `store_job` gives it.
@@ -49,20 +46,20 @@ def perform_simulation_job(arn: str, service: Service) -> None:
 
 
 @operation("CreateSimulationJob", perform=perform_simulation_job, describe="DescribeSimulationJob")
-def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> CreateSimulationJobResponse:
+def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
     """Stores a simulation job whose applications, world and data exist."""
     token = ClientToken.of("CreateSimulationJob", request)
     job = store_job(request, service, token=token)
     described = describe(job)
     for member in ("name", "failureReason", "networkInterface"):
         described.pop(member, None)
-    return CreateSimulationJobResponse.model_validate(described)
+    return described
 
 
 @operation("DescribeSimulationJob")
-def describe_simulation_job(request: DescribeSimulationJobRequest, service: Service) -> DescribeSimulationJobResponse:
+def describe_simulation_job(request: DescribeSimulationJobRequest, service: Service) -> Answer:
     """Tells how a simulation job stands."""
-    return DescribeSimulationJobResponse.model_validate(describe(service.catalog.get(request.job, kind=KIND)))
+    return describe(service.catalog.get(request.job, kind=KIND))
 
 
 @operation("BatchDescribeSimulationJob")
@@ -77,12 +74,10 @@ def batch_describe_simulation_job(
 
 
 @operation("ListSimulationJobs")
-def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> ListSimulationJobsResponse:
+def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> Answer:
     """Lists jobs, 100 a page at most."""
     page = page_of("ListSimulationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
-    return ListSimulationJobsResponse.model_validate(
-        {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
-    )
+    return {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelSimulationJob")

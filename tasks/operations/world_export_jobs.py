@@ -7,11 +7,8 @@ from ...schemas.operations.world_export_jobs import (
     CancelWorldExportJobRequest,
     CancelWorldExportJobResponse,
     CreateWorldExportJobRequest,
-    CreateWorldExportJobResponse,
     DescribeWorldExportJobRequest,
-    DescribeWorldExportJobResponse,
     ListWorldExportJobsRequest,
-    ListWorldExportJobsResponse,
 )
 from ...schemas.wire.errors import (
     InvalidParameterException,
@@ -23,7 +20,7 @@ from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service
 from ..simulations.outputs.locations import check_output_location
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 KIND = "world-export-job"
 _ORIGINS = ("generationJobId", "templateId")
@@ -37,12 +34,12 @@ def perform_world_export_job(arn: str, service: Service) -> None:
 
 
 @operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")
-def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> CreateWorldExportJobResponse:
+def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> Answer:
     """Stores an export job for worlds that exist."""
     token = ClientToken.of("CreateWorldExportJob", request)
     answer = _described(service.made_before(token) or _stored(request, token, service))
     del answer["worlds"], answer["failureReason"]
-    return CreateWorldExportJobResponse.model_validate(answer)
+    return answer
 
 
 def _stored(request: CreateWorldExportJobRequest, token: ClientToken | None, service: Service) -> Resource:
@@ -65,12 +62,10 @@ def _labels(worlds: Sequence[Resource], key: str) -> list[str]:
 
 
 @operation("ListWorldExportJobs")
-def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service) -> ListWorldExportJobsResponse:
+def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service) -> Answer:
     """Lists export jobs, newest first."""
     page = page_of("ListWorldExportJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
-    return ListWorldExportJobsResponse.model_validate(
-        {"worldExportJobSummaries": [_summary(job) for job in page.resources], "nextToken": page.next_token}
-    )
+    return {"worldExportJobSummaries": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelWorldExportJob")
@@ -84,11 +79,9 @@ def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Servi
 
 
 @operation("DescribeWorldExportJob")
-def describe_world_export_job(
-    request: DescribeWorldExportJobRequest, service: Service
-) -> DescribeWorldExportJobResponse:
+def describe_world_export_job(request: DescribeWorldExportJobRequest, service: Service) -> Answer:
     """Tells how an export job stands."""
-    return DescribeWorldExportJobResponse.model_validate(_described(service.catalog.get(request.job, kind=KIND)))
+    return _described(service.catalog.get(request.job, kind=KIND))
 
 
 def _summary(job: Resource) -> dict[str, Any]:

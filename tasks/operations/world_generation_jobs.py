@@ -7,11 +7,8 @@ from ...schemas.operations.world_generation_jobs import (
     CancelWorldGenerationJobRequest,
     CancelWorldGenerationJobResponse,
     CreateWorldGenerationJobRequest,
-    CreateWorldGenerationJobResponse,
     DescribeWorldGenerationJobRequest,
-    DescribeWorldGenerationJobResponse,
     ListWorldGenerationJobsRequest,
-    ListWorldGenerationJobsResponse,
 )
 from ..catalog import ClientToken, Resource
 from ..execution.claims import run_under_lease
@@ -19,7 +16,7 @@ from ..jobs.generation_runs import NO_FAILURES, in_order, run_generation
 from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 KIND = "world-generation-job"
 _FILTERS = {"status": "status", "templateId": "templateId"}
@@ -31,13 +28,11 @@ def perform_world_generation_job(arn: str, service: Service) -> None:
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
-def create_world_generation_job(
-    request: CreateWorldGenerationJobRequest, service: Service
-) -> CreateWorldGenerationJobResponse:
+def create_world_generation_job(request: CreateWorldGenerationJobRequest, service: Service) -> Answer:
     """Stores a generation job; the template's body is kept as it is now."""
     token = ClientToken.of("CreateWorldGenerationJob", request)
     job = service.made_before(token) or _stored(request, token, service)
-    return CreateWorldGenerationJobResponse.model_validate(_described(job))
+    return _described(job)
 
 
 def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None, service: Service) -> Resource:
@@ -58,9 +53,7 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
 
 
 @operation("DescribeWorldGenerationJob")
-def describe_world_generation_job(
-    request: DescribeWorldGenerationJobRequest, service: Service
-) -> DescribeWorldGenerationJobResponse:
+def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, service: Service) -> Answer:
     """Tells how a generation job stands, with the worlds finished so far."""
     job = service.catalog.get(request.job, kind=KIND)
     worlds = job.document.get("succeededWorlds")
@@ -74,21 +67,17 @@ def describe_world_generation_job(
         "succeededWorlds": worlds,
         "failureSummary": failures,
     }
-    return DescribeWorldGenerationJobResponse.model_validate(response)
+    return response
 
 
 @operation("ListWorldGenerationJobs")
-def list_world_generation_jobs(
-    request: ListWorldGenerationJobsRequest, service: Service
-) -> ListWorldGenerationJobsResponse:
+def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service: Service) -> Answer:
     """Lists generation jobs, newest first."""
     page = page_of("ListWorldGenerationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
-    return ListWorldGenerationJobsResponse.model_validate(
-        {
-            "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
-            "nextToken": page.next_token,
-        }
-    )
+    return {
+        "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
+        "nextToken": page.next_token,
+    }
 
 
 @operation("CancelWorldGenerationJob")

@@ -10,7 +10,6 @@ from ...schemas.operations.world_templates import (
     GetWorldTemplateBodyRequest,
     GetWorldTemplateBodyResponse,
     ListWorldTemplatesRequest,
-    ListWorldTemplatesResponse,
     TemplateLocation,
     UpdateWorldTemplateRequest,
     UpdateWorldTemplateResponse,
@@ -21,7 +20,7 @@ from ...schemas.wire.ids import new_id
 from ..catalog import ClientToken, Resource
 from ..service.service import Service
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 KIND = "world-template"
 _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to four bytes
@@ -100,7 +99,7 @@ def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Servi
 
 
 @operation("ListWorldTemplates")
-def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> ListWorldTemplatesResponse:
+def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> Answer:
     """Lists templates, newest first."""
     page = page_of("ListWorldTemplates", KIND, request, service, filters={})
     summaries = [
@@ -113,7 +112,7 @@ def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -
         }
         for template in page.resources
     ]
-    return ListWorldTemplatesResponse.model_validate({"templateSummaries": summaries, "nextToken": page.next_token})
+    return {"templateSummaries": summaries, "nextToken": page.next_token}
 
 
 @operation("DeleteWorldTemplate")

@@ -8,16 +8,14 @@ from ...schemas.operations.worlds import (
     BatchDeleteWorldsRequest,
     BatchDeleteWorldsResponse,
     DescribeWorldRequest,
-    DescribeWorldResponse,
     ListWorldsRequest,
-    ListWorldsResponse,
 )
 from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..service.service import Service
 from ..worlds.bundles import delete_world
 from .pages import page_of
-from .registry import operation
+from .registry import Answer, operation
 
 KIND = "world"
 # The service documented `status`, though its worlds have none: here they all are `Active`.
@@ -27,21 +25,17 @@ _logger = logging.getLogger(__name__)
 
 
 @operation("DescribeWorld")
-def describe_world(request: DescribeWorldRequest, service: Service) -> DescribeWorldResponse:
+def describe_world(request: DescribeWorldRequest, service: Service) -> Answer:
     """Tells where a world comes from, what it holds and what was proven of it."""
     world = service.catalog.get(request.world, kind=KIND)
-    return DescribeWorldResponse.model_validate(
-        {**_summary(world), "tags": dict(world.tags), "worldDescriptionBody": _description(world, service)}
-    )
+    return {**_summary(world), "tags": dict(world.tags), "worldDescriptionBody": _description(world, service)}
 
 
 @operation("ListWorlds")
-def list_worlds(request: ListWorldsRequest, service: Service) -> ListWorldsResponse:
+def list_worlds(request: ListWorldsRequest, service: Service) -> Answer:
     """Lists worlds, newest first."""
     page = page_of("ListWorlds", KIND, request, service, filters=_FILTERS, given=request.filters)
-    return ListWorldsResponse.model_validate(
-        {"worldSummaries": [_summary(world) for world in page.resources], "nextToken": page.next_token}
-    )
+    return {"worldSummaries": [_summary(world) for world in page.resources], "nextToken": page.next_token}
 
 
 @operation("BatchDeleteWorlds")
