@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 
 from ...schemas.behaviour import Kind
 from ...schemas.behaviours import BEHAVIOURS, behaviours_of
-from ...schemas.operation_groups import OPERATION_GROUPS
+from ...schemas.operations.resources import OPERATION_GROUPS
 
 _MARK = re.compile(r"<!-- made: (?P<name>[a-z-]+) -->\n.*?<!-- end -->", re.DOTALL)
 

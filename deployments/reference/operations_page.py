@@ -9,8 +9,8 @@ from types import ModuleType
 from ...schemas.behaviour import Behaviour, Kind
 from ...schemas.behaviours import BEHAVIOURS, behaviours_of
 from ...schemas.differences import ANYTHING, DIFFERENCES, LINE_BREAKS
-from ...schemas.operation_groups import OPERATION_GROUPS
 from ...schemas.operations.registry import OPERATIONS
+from ...schemas.operations.resources import OPERATION_GROUPS
 from ...schemas.wire import errors
 from ...schemas.wire.errors import RobomakerError
 from ...schemas.wire.operation_shape import OperationShape

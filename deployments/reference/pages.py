@@ -1,9 +1,10 @@
-"""Which pages are made, and what they have to hold."""
+"""Which pages and files are made, and what they have to hold."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from ...schemas.wire.errors import ConfigurationError
+from .door import operation_flows_module, with_deployments
 from .guide import with_tables
 from .operations_page import operations_page
 
@@ -12,7 +13,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def pages() -> Mapping[Path, str]:
-    """Makes the pages; what people have written in them stays.
+    """Makes the pages, and the files that list all flows; what people have written in them stays.
 
     Raises:
       ConfigurationError: this is an installed package, which has no documentation.
@@ -20,4 +21,10 @@ def pages() -> Mapping[Path, str]:
     guide = DOCS / "coming-from-robomaker.md"
     if not guide.exists():
         raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
-    return {DOCS / "operations.md": operations_page(), guide: with_tables(guide.read_text())}
+    deployments = DOCS.parent / "deployments" / "prefect.yaml"
+    return {
+        DOCS / "operations.md": operations_page(),
+        guide: with_tables(guide.read_text()),
+        DOCS.parent / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),
+        deployments: with_deployments(deployments.read_text()),
+    }

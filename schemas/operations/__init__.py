@@ -11,6 +11,7 @@ __all__ = [
     "fleets",
     "registry",
     "requested_requirements",
+    "resources",
     "robot_applications",
     "robots",
     "simulation_applications",

@@ -15,20 +15,7 @@ from ..wire.common import MAX_SEED
 from ..wire.errors import InvalidParameterException
 from ..wire.operation_shape import ErrorClass, OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
-from . import (
-    deployment_jobs,
-    fleets,
-    robot_applications,
-    robots,
-    simulation_applications,
-    simulation_job_batches,
-    simulation_jobs,
-    tags,
-    world_export_jobs,
-    world_generation_jobs,
-    world_templates,
-    worlds,
-)
+from .resources import OPERATION_GROUPS
 from .simulation_jobs import SimulationJobRequestMembers
 from .world_generation_jobs import CreateWorldGenerationJobRequest
 
@@ -47,23 +34,9 @@ SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"
 
 _Value = TypeVar("_Value")
-_RESOURCES = (
-    deployment_jobs,
-    fleets,
-    robot_applications,
-    robots,
-    simulation_applications,
-    simulation_job_batches,
-    simulation_jobs,
-    tags,
-    world_export_jobs,
-    world_generation_jobs,
-    world_templates,
-    worlds,
-)
 
 OPERATIONS: Mapping[str, OperationShape] = {
-    operation.name: operation for resource in _RESOURCES for operation in resource.OPERATIONS
+    shape.name: shape for title in sorted(OPERATION_GROUPS) for shape in OPERATION_GROUPS[title]
 }
 """Every operation by name."""
 

@@ -22,6 +22,7 @@ from typing import Any
 
 from ...schemas.operations.deprecations import deprecated_uses
 from ...schemas.operations.registry import OPERATIONS, OperationShape, parse_request
+from ...schemas.operations.resources import RESOURCES
 from ...schemas.wire.base import Shape
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
 from ..service.service import Service
@@ -31,21 +32,6 @@ Answer = Shape | Mapping[str, Any]
 
 Handler = Callable[[Any, Service], Answer]
 Performer = Callable[[str, Service], None]
-
-_MODULES = (
-    "deployment_jobs",
-    "fleets",
-    "robot_applications",
-    "robots",
-    "simulation_applications",
-    "simulation_job_batches",
-    "simulation_jobs",
-    "tags",
-    "world_export_jobs",
-    "world_generation_jobs",
-    "world_templates",
-    "worlds",
-)
 
 
 @dataclass(frozen=True)
@@ -176,7 +162,7 @@ def operation(
 @cache
 def registry() -> Mapping[str, Operation]:
     """All operations, by name."""
-    for module in _MODULES:
+    for module in RESOURCES:
         importlib.import_module(f".{module}", __package__)
     return dict(sorted(_registry.items()))
 

@@ -70,7 +70,7 @@ def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> di
 
 
 def _operations_by_group() -> str:
-    from ....schemas.operation_groups import OPERATION_GROUPS
+    from ....schemas.operations.resources import OPERATION_GROUPS
 
     width = max(len(each.name) for group in OPERATION_GROUPS.values() for each in group)
     lines = ["operations:"]

@@ -10,8 +10,8 @@ from prefect_robomaker.deployments.reference.pages import DOCS, pages
 from prefect_robomaker.deployments.reference.tables import Tables
 from prefect_robomaker.schemas.behaviours import BEHAVIOURS
 from prefect_robomaker.schemas.differences import DIFFERENCES
-from prefect_robomaker.schemas.operation_groups import OPERATION_GROUPS
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
 
 OPERATIONS_PAGE = DOCS / "operations.md"
 HINT = "run `python -m prefect_robomaker.deployments.reference` and commit what it writes"

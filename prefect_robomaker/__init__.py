@@ -1,0 +1,87 @@
+"""RoboMaker's operations as Prefect flows: what users import, each name loaded when it is first used.
+
+```python
+from prefect_robomaker import CreateWorldGenerationJob, Service, call
+```
+
+Importing this package imports neither Prefect nor MuJoCo nor pydantic. All 57 operations are here under their own
+names, as Prefect flows, with the flows that carry stored jobs to their end (`operation_flows`).
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from . import old_paths, operation_flows
+
+if TYPE_CHECKING:
+    from .flows.pipelines import RunInterrupted as RunInterrupted
+    from .flows.pipelines import RunPipeline as RunPipeline
+    from .flows.pipelines import run_spec as run_spec
+    from .operation_flows import *  # noqa: F403 - the flows of all operations
+    from .schemas.settings import Settings as Settings
+    from .schemas.specs.check import load_spec as load_spec
+    from .schemas.wire.errors import ConfigurationError as ConfigurationError
+    from .schemas.wire.errors import InvalidParameterException as InvalidParameterException
+    from .schemas.wire.errors import ResourceNotFoundException as ResourceNotFoundException
+    from .schemas.wire.errors import RobomakerError as RobomakerError
+    from .schemas.wire.errors import ServiceError as ServiceError
+    from .schemas.wire.errors import SpecError as SpecError
+    from .schemas.wire.errors import StorageError as StorageError
+    from .tasks.operations.registry import call as call
+    from .tasks.service.service import Service as Service
+
+    __version__: str
+
+__all__ = [
+    "ConfigurationError",
+    "InvalidParameterException",
+    "ResourceNotFoundException",
+    "RobomakerError",
+    "RunInterrupted",
+    "RunPipeline",
+    "Service",
+    "ServiceError",
+    "Settings",
+    "SpecError",
+    "StorageError",
+    "__version__",
+    "call",
+    "load_spec",
+    "run_spec",
+]
+__all__ += operation_flows.__all__
+
+_ERRORS = "ConfigurationError InvalidParameterException ResourceNotFoundException RobomakerError ServiceError SpecError"
+_MODULES = {
+    "RunInterrupted": "flows.pipelines",
+    "RunPipeline": "flows.pipelines",
+    "Service": "tasks.service.service",
+    "Settings": "schemas.settings",
+    "StorageError": "schemas.wire.errors",
+    "call": "tasks.operations.registry",
+    "load_spec": "schemas.specs.check",
+    "run_spec": "flows.pipelines",
+    **dict.fromkeys(_ERRORS.split(), "schemas.wire.errors"),
+    **{name: f"flows.{module}" for module, names in operation_flows.FLOWS.items() for name in names},
+}
+
+old_paths.install()
+
+
+def __getattr__(name: str) -> Any:
+    """Loads a name when it is first used (PEP 562)."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        value: Any = version("prefect-robomaker")
+    elif name in _MODULES:
+        value = getattr(import_module(f".{_MODULES[name]}", __name__), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """What there is, loaded or not."""
+    return sorted({*globals(), *__all__})
