@@ -68,18 +68,20 @@ _MODULES = {
 old_paths.install()
 
 
-def __getattr__(name: str) -> Any:
-    """Loads a name when it is first used (PEP 562)."""
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # type checkers know the names above, and no others
 
-        value: Any = version("prefect-robomaker")
-    elif name in _MODULES:
-        value = getattr(import_module(f".{_MODULES[name]}", __name__), name)
-    else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = value
-    return value
+    def __getattr__(name: str) -> Any:
+        """Loads a name when it is first used (PEP 562)."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value = version("prefect-robomaker")
+        elif name in _MODULES:
+            value = getattr(import_module(f".{_MODULES[name]}", __name__), name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -33,13 +33,16 @@ class _OldPaths(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Answers for what is in the table; everything else is found as usual."""
+        """Answers for what is in the table and below it; everything else is found as usual."""
         del target
+        parent, _, child = fullname.rpartition(".")
+        if parent in MOVED and (package := sys.modules[parent].__name__) != parent:
+            return ModuleSpec(fullname, _Moved(fullname, MOVED.get(fullname, f"{package}.{child}")))
         if fullname not in MOVED:
             return None
         found = PathFinder.find_spec(fullname, path)
         if found is None:
-            return ModuleSpec(fullname, _Moved(fullname))
+            return ModuleSpec(fullname, _Moved(fullname, MOVED[fullname]))
         if isinstance(found.loader, SourceFileLoader):
             found.loader = _PackageLoader(fullname, found.loader.path)
         return found
@@ -48,17 +51,17 @@ class _OldPaths(MetaPathFinder):
 class _Moved(Loader):
     """Loads the module at the new path in place of the one that was asked for."""
 
-    def __init__(self, old: str) -> None:
+    def __init__(self, old: str, new: str) -> None:
         self._old = old
+        self._new = new
 
     def exec_module(self, module: ModuleType) -> None:
         """Puts the moved module under its old name, too."""
-        new = MOVED[self._old]
         if self._old in SPLIT:
             module.__dict__["__getattr__"] = _names_of(self._old)
             return
-        _warn(self._old, new)
-        sys.modules[self._old] = importlib.import_module(new)
+        _warn(self._old, self._new)
+        sys.modules[self._old] = importlib.import_module(self._new)
 
 
 class _PackageLoader(SourceFileLoader):

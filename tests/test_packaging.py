@@ -6,14 +6,15 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.tasks.operations.registry import registry
 
-TOP = ("schemas", "tasks", "flows", "deployments")
+TOP = ("prefect_robomaker", "schemas", "tasks", "flows", "deployments")
+DOOR = "prefect_robomaker"
 
 
 def test_every_package_folder_is_declared() -> None:
     declared = set(tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
 
     found = {
-        "prefect_robomaker." + ".".join(path.parent.relative_to(REPOSITORY).parts)
+        ".".join((DOOR, *path.parent.relative_to(REPOSITORY).parts)) if top != DOOR else DOOR
         for top in TOP
         for path in (REPOSITORY / top).rglob("__init__.py")
         if REPOSITORY / "deployments" / "specs" not in path.parents
