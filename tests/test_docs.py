@@ -105,7 +105,11 @@ def test_commands_of_the_aws_cli_name_operations_and_their_members(page: Path) -
         assert given <= known | {"--max-items", "--page-size", "--query"}, command
 
 
-@pytest.mark.parametrize("page", [*PAGES, REPOSITORY / "CHANGELOG.md"], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [*PAGES, *(REPOSITORY / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "llms.txt"))],
+    ids=lambda page: page.name,
+)
 def test_links_to_files_lead_somewhere(page: Path) -> None:
     targets = re.findall(r"\]\(([^)#]+)", page.read_text())
 
@@ -118,3 +122,9 @@ def test_the_readme_lists_the_commands_there_are() -> None:
     help_text = build_parser().format_help()
 
     assert listed == set(re.findall(r"^    ([a-z-]+) {2,}", help_text, re.MULTILINE))
+
+
+def test_the_map_of_the_documentation_names_every_page() -> None:
+    linked = set(re.findall(r"\]\(([^)#]+)", (ROOT / "docs" / "index.md").read_text()))
+
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} - linked == {"index.md"}

@@ -61,3 +61,10 @@ def test_prefect_yaml_deploys_every_flow_and_the_specifications_it_names_exist()
     for deployment in declared:
         if spec := deployment.get("parameters", {}).get("spec"):
             assert (REPOSITORY / spec).is_file()
+
+
+def test_the_licence_is_that_of_the_distribution() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+
+    assert (project["license"], project["license-files"]) == ("Apache-2.0", ["LICENSE"])
+    assert "Apache License" in (REPOSITORY / "LICENSE").read_text()
