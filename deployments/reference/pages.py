@@ -7,6 +7,7 @@ from ...schemas.wire.errors import ConfigurationError
 from .door import operation_flows_module, with_deployments
 from .guide import with_tables
 from .operations_page import operations_page
+from .rooms import with_rooms
 
 DOCS = Path(__file__).parents[2] / "docs"
 """Folder of the documentation, in a copy of the repository."""
@@ -21,10 +22,12 @@ def pages() -> Mapping[Path, str]:
     guide = DOCS / "coming-from-robomaker.md"
     if not guide.exists():
         raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
-    deployments = DOCS.parent / "deployments" / "prefect.yaml"
+    root, architecture = DOCS.parent, DOCS / "architecture.md"
+    deployments = root / "deployments" / "prefect.yaml"
     return {
         DOCS / "operations.md": operations_page(),
         guide: with_tables(guide.read_text()),
-        DOCS.parent / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),
+        architecture: with_rooms(architecture.read_text(), root),
+        root / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),
         deployments: with_deployments(deployments.read_text()),
     }
