@@ -4,7 +4,8 @@ An observer looks at the physics from time to time and says at the end what it f
 the run: with and without it, the same seed gives the same states.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
@@ -68,6 +69,63 @@ class EndAt:
         return Findings()
 
 
+@dataclass(frozen=True)
+class _Watched:
+    """What observers are made from; see `make_observers`."""
+
+    plan: RunPlan
+    video_backend: str | None
+    applications: Sequence[ApplicationPlan]
+    actions: Actions | None
+
+
+def _provenance(run: _Watched) -> Observer:
+    return ProvenanceKeeper(run.plan, run.applications, run.actions)
+
+
+def _failure_state(run: _Watched) -> Observer:
+    return FailureKeeper(run.plan.output_dir)
+
+
+def _state_log(run: _Watched) -> Observer | None:
+    """For videos that are made afterwards (`failure_videos`), too."""
+    if run.plan.video == "none":
+        return None
+    return StateLogger(run.plan.work_dir / STATE_LOG_FOLDER, settings_of(run.plan).rate_hz)
+
+
+def _video(run: _Watched) -> Observer | None:
+    if run.plan.video != "always":
+        return None
+    return VideoWatcher(run.plan.output_dir, run.video_backend, settings_of(run.plan))
+
+
+def _requirements(run: _Watched) -> Observer:
+    return RequirementsObserver(run.plan)
+
+
+def _live_view(run: _Watched) -> Observer | None:
+    if run.plan.live_view_port is None:
+        return None
+    return LiveView(run.plan, run.video_backend, settings_of(run.plan))
+
+
+def _end(run: _Watched) -> Observer | None:
+    return None if run.plan.end_at_s is None else EndAt(run.plan.end_at_s)
+
+
+# In the order in which they look: video before requirements, so that it shows the state that ended the run.
+_MAKERS: tuple[Callable[[_Watched], Observer | None], ...] = (
+    _provenance,
+    _failure_state,
+    _state_log,
+    _video,
+    _requirements,
+    _live_view,
+    _end,
+)
+
+
 def make_observers(
     plan: RunPlan,
     video_backend: str | None,
@@ -82,21 +140,5 @@ def make_observers(
         applications: What makes environment and agent, built-in ones included.
         actions: See `ProvenanceRecorder`.
     """
-    # Videos come before requirements, so that they show the state that ended the run.
-    video_observers = _video_observers(plan, video_backend)
-    recorders = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]
-    observers: list[Observer] = [*recorders, *video_observers, RequirementsObserver(plan)]
-    if plan.live_view_port is not None:
-        observers.append(LiveView(plan, video_backend, settings_of(plan)))
-    if plan.end_at_s is not None:
-        observers.append(EndAt(plan.end_at_s))
-    return observers
-
-
-def _video_observers(plan: RunPlan, video_backend: str | None) -> list[Observer]:
-    """What a video policy needs while the run goes on; the rest is made afterwards (`failure_films`)."""
-    if plan.video == "none":
-        return []
-    settings = settings_of(plan)
-    log = StateLogger(plan.work_dir / STATE_LOG_FOLDER, settings.rate_hz)
-    return [log, VideoWatcher(plan.output_dir, video_backend, settings)] if plan.video == "always" else [log]
+    run = _Watched(plan, video_backend, applications, actions)
+    return [observer for make in _MAKERS if (observer := make(run)) is not None]

@@ -1,103 +1,17 @@
-"""Arrangement rules for each kind of furniture, and default furniture of rooms."""
+"""What rooms hold when a template does not say, and how full they are."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from ....schemas.worlds.world import RoomType
+from .catalogue import RULES as RULES
+from .rules import KITCHEN_RUN as KITCHEN_RUN
+from .rules import Rule as Rule
 
-Relation = Literal["beside", "before", "around", "desk", "facing", "gathered", "run", ""]
-Spot = Literal["wall", "corner", "open"]
 Density = Literal["Sparse", "Moderate", "Dense"]
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """How one kind of furniture is placed.
-
-    Clearances are what people need, from the usual handbooks of ergonomics and kitchen design, metres:
-    0.6 to stand and turn before a piece, 0.75 to pull out a drawer or open a wardrobe and stand before it,
-    0.9 to work at an appliance with its door open or to push a chair back from a desk, 0.75 around a dining
-    table to sit down, 0.5 beside a bed to get up, 0.4 between a sofa and its table for the legs.
-    """
-
-    spot: Spot = "wall"
-    """Where it stands on its own."""
-    prefer: Literal["middle", "corner", "any"] = "any"
-    """Which part of a wall suits it best."""
-    front_m: float = 0.0
-    """What stays free before it: to get up, to open it, to stand at it."""
-    beside_m: float = 0.0
-    """What stays free on both sides; on one side of a bed for one."""
-    around_m: float = 0.0
-    """What stays free on every side of a piece that stands in the open."""
-    relation: Relation = ""
-    """How it stands to the kinds in `near`, tried before `spot`."""
-    near: tuple[str, ...] = ()
-    """Kinds it belongs to."""
-    bound: bool = False
-    """Whether it makes no sense away from those kinds where the room has one."""
-    seat_m: float = 0.0
-    """How far a chair will stand before it, so that the place must not be at a door."""
-    gap_m: float = 0.0
-    """Distance for `before` and `gathered`."""
-    hides_window: bool = False
-    """Whether it never stands before a window, however low it is."""
-    counts: tuple[int, int, int] = (1, 1, 1)
-    """Pieces wanted at first in sparse, moderate and dense rooms."""
-    limit: int = 1
-    """At most so many per 30 m2."""
-
-
-KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
-"""What stands in a kitchen's line."""
-
 HALLWAY_WAY_M = 0.9
 """What stays free before everything that stands in a hallway."""
-
-_SEATS = ("Sofas", "LivingRoomChairs")
-
-# In the order of placing: what rooms are arranged around comes first.
-RULES: dict[str, Rule] = {
-    "Beds": Rule(prefer="middle", front_m=0.6, beside_m=0.5),
-    "MediaStorage": Rule(prefer="middle", front_m=0.75, hides_window=True),
-    "Sofas": Rule(prefer="middle", front_m=0.5, relation="facing", near=("MediaStorage",), gap_m=0.5, limit=2),
-    "DiningTables": Rule(spot="open", around_m=0.75),
-    "Fridges": Rule(prefer="corner", front_m=0.9, relation="run", near=KITCHEN_RUN),
-    "Ovens": Rule(front_m=0.9, relation="run", near=KITCHEN_RUN),
-    "DishWashers": Rule(front_m=0.9, relation="run", near=KITCHEN_RUN),
-    "Storage": Rule(prefer="corner", front_m=0.75, relation="run", near=KITCHEN_RUN, counts=(1, 1, 2), limit=3),
-    "Toilets": Rule(prefer="corner", front_m=0.6, beside_m=0.15),
-    "VanityCounters": Rule(front_m=0.7, hides_window=True),
-    "Showers": Rule(prefer="corner", front_m=0.6),
-    "Baths": Rule(prefer="corner", front_m=0.6),
-    "WashingMachinesAndDryers": Rule(prefer="corner", front_m=0.75, relation="run", near=KITCHEN_RUN),
-    "Desks": Rule(front_m=0.9, seat_m=0.5, limit=2),
-    "Dressers": Rule(front_m=0.75, limit=2),
-    "Bookcases": Rule(prefer="corner", front_m=0.6, limit=4),
-    "SideboardsAndBuffets": Rule(prefer="middle", front_m=0.75, limit=2),
-    "BarCabinets": Rule(front_m=0.75),
-    "CornerCabinets": Rule(spot="corner", front_m=0.6, limit=2),
-    "KitchenIslandsAndCarts": Rule(spot="open", around_m=0.9),
-    "ConsoleTables": Rule(prefer="middle", front_m=0.5, limit=2),
-    "StorageBenches": Rule(front_m=0.6, limit=2),
-    "Nightstands": Rule(relation="beside", near=("Beds",), bound=True, counts=(1, 2, 2), limit=4),
-    "CoffeeTables": Rule(spot="open", relation="before", near=_SEATS, bound=True, gap_m=0.4),
-    "DiningChairs": Rule(relation="around", near=("DiningTables",), bound=True, counts=(2, 4, 6), limit=8),
-    "DeskChairs": Rule(relation="desk", near=("Desks",), bound=True, limit=2),
-    "LivingRoomChairs": Rule(
-        prefer="corner",
-        front_m=0.45,
-        relation="gathered",
-        near=("CoffeeTables",),
-        gap_m=0.46,
-        counts=(1, 1, 2),
-        limit=3,
-    ),
-    "EndAndSideTables": Rule(relation="beside", near=_SEATS, bound=True, limit=3),
-    "Ottomans": Rule(relation="before", near=("LivingRoomChairs", "Sofas"), gap_m=0.3, limit=2),
-    "FloorLamps": Rule(prefer="corner", relation="beside", near=_SEATS, limit=2),
-    "ServingCarts": Rule(prefer="corner", front_m=0.3),
-}
 
 _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Beds", "Nightstands", "Storage"),

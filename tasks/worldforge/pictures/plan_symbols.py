@@ -6,6 +6,8 @@ towards +x, so `depth` runs along x and `width` along y. Nothing here depends on
 
 from collections.abc import Callable
 
+from ..furniture.catalogue import CATALOGUE
+
 Symbol = Callable[[float, float], str]
 """From (depth, width) in metres to SVG elements."""
 
@@ -18,7 +20,8 @@ def number(value: float) -> str:
 
 def symbol(model_type: str, depth: float, width: float) -> str:
     """The SVG of one piece of furniture; a plain outline for types without a symbol of their own."""
-    return _SYMBOLS.get(model_type, _plain)(depth, width)
+    kind = CATALOGUE.get(model_type)
+    return _SYMBOLS[kind.symbol if kind else "plain"](depth, width)
 
 
 def _box(x: float, y: float, depth: float, width: float, radius: float = 0.0) -> str:
@@ -188,35 +191,25 @@ def _ottoman(depth: float, width: float) -> str:
 
 
 _SYMBOLS: dict[str, Symbol] = {
-    "BarCabinets": _drawers,
-    "Baths": _bath,
-    "Beds": _bed,
-    "Bookcases": _shelf,
-    "CoffeeTables": _table,
-    "ConsoleTables": _table,
-    "CornerCabinets": _corner_cabinet,
-    "DeskChairs": _desk_chair,
-    "Desks": _table,
-    "DiningChairs": _chair,
-    "DiningTables": _table,
-    "DishWashers": _dish_washer,
-    "Dressers": _drawers,
-    "EndAndSideTables": _table,
-    "FloorLamps": _lamp,
-    "Fridges": _fridge,
-    "KitchenIslandsAndCarts": _island,
-    "LivingRoomChairs": _sofa,
-    "MediaStorage": _drawers,
-    "Nightstands": _drawers,
-    "Ottomans": _ottoman,
-    "Ovens": _hob,
-    "ServingCarts": _island,
-    "Showers": _shower,
-    "SideboardsAndBuffets": _drawers,
-    "Sofas": _sofa,
-    "Storage": _cupboard,
-    "StorageBenches": _ottoman,
-    "Toilets": _toilet,
-    "VanityCounters": _basin,
-    "WashingMachinesAndDryers": _washer,
+    "plain": _plain,
+    "basin": _basin,
+    "bath": _bath,
+    "bed": _bed,
+    "chair": _chair,
+    "corner_cabinet": _corner_cabinet,
+    "cupboard": _cupboard,
+    "desk_chair": _desk_chair,
+    "dish_washer": _dish_washer,
+    "drawers": _drawers,
+    "fridge": _fridge,
+    "hob": _hob,
+    "island": _island,
+    "lamp": _lamp,
+    "ottoman": _ottoman,
+    "shelf": _shelf,
+    "shower": _shower,
+    "sofa": _sofa,
+    "table": _table,
+    "toilet": _toilet,
+    "washer": _washer,
 }
