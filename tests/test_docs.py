@@ -125,6 +125,6 @@ def test_the_readme_lists_the_commands_there_are() -> None:
 
 
 def test_the_map_of_the_documentation_names_every_page() -> None:
-    linked = set(re.findall(r"\]\(([^)#]+)", (ROOT / "docs" / "index.md").read_text()))
+    linked = set(re.findall(r"\]\(([^)#]+)", (REPOSITORY / "docs" / "index.md").read_text()))
 
-    assert {page.name for page in (ROOT / "docs").glob("*.md")} - linked == {"index.md"}
+    assert {page.name for page in (REPOSITORY / "docs").glob("*.md")} - linked == {"index.md"}

@@ -1,3 +1,4 @@
+# pyright: reportUnsupportedDunderAll=false
 """Object stores: a directory or an S3 endpoint, one layout.
 
 May import: `schemas`.

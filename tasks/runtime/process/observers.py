@@ -12,8 +12,7 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ..episode.results import Findings
 from ..episode.stops import RunEnded
 from ..requirements.observer import RequirementsObserver
-from ..states.failure_state import FailureRecorder
-from ..states.provenance import Actions, ProvenanceRecorder
+from ..states.provenance import Actions
 from ..states.state_log_writer import StateLogger
 from ..video.live_view import LiveView
 from ..video.video import VideoWatcher
@@ -80,11 +79,11 @@ class _Watched:
 
 
 def _provenance(run: _Watched) -> Observer:
-    return ProvenanceKeeper(run.plan, run.applications, run.actions)
+    return ProvenanceRecorder(run.plan, run.applications, run.actions)
 
 
 def _failure_state(run: _Watched) -> Observer:
-    return FailureKeeper(run.plan.output_dir)
+    return FailureRecorder(run.plan.output_dir)
 
 
 def _state_log(run: _Watched) -> Observer | None:
