@@ -63,7 +63,7 @@ def record_failure_videos(
         problem = str(error)
     if problem:
         _remove_unfinished(plan.output_dir)
-        add_note(plan.output_dir, f"No video of the failure: {problem}.")
+        add_note(plan.output_dir, f"The video of the failure is missing: {problem}.")
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:

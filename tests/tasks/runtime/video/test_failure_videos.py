@@ -141,7 +141,7 @@ def test_with_always_a_run_that_passes_has_no_clip(launcher: Launcher, plan_of: 
 def test_a_run_that_fails_before_its_first_step_says_why_there_is_no_film(launcher: Launcher, make_plan: Any) -> None:
     plan = make_plan(agent="unable", video="on-failure")
     assert launcher.run(plan, lambda: None).status == "Failed"
-    assert "No video of the failure: no state was noted: it failed before its first step" in errors_of(plan)
+    assert "The video of the failure is missing: no state was noted: it failed before its first step" in errors_of(plan)
 
 
 def test_a_camera_that_is_not_there_is_told(launcher: Launcher, plan_of: PlanOf) -> None:
@@ -149,8 +149,8 @@ def test_a_camera_that_is_not_there_is_told(launcher: Launcher, plan_of: PlanOf)
     assert launcher.run(plan, lambda: None).status == "Completed"
     assert films_in(plan) == set()
     assert (
-        "No video of the failure: ROBOMAKER_VIDEO_CAMERA: there is no camera 'chase'; the model's cameras are: side"
-        in (errors_of(plan))
+        "The video of the failure is missing: "
+        "ROBOMAKER_VIDEO_CAMERA: there is no camera 'chase'; the model's cameras are: side" in (errors_of(plan))
     )
 
 
@@ -191,9 +191,9 @@ def test_filming_ends_when_the_job_is_stopped_or_it_takes_too_long(launcher: Lau
     filming = plan.work_dir / "film.log"
     outcome = launcher.run(plan, lambda: "canceled" if filming.exists() else None)
     assert (outcome.status, outcome.timed_out) == ("Completed", False), "the run itself was over"
-    assert "No video of the failure: the job was stopped (canceled)" in errors_of(plan)
+    assert "The video of the failure is missing: the job was stopped (canceled)" in errors_of(plan)
     began = time.monotonic()
     record_failure_videos(plan, outcome, lambda: None, {}, limit_s=0.3)
     assert time.monotonic() - began < 10
-    assert "No video of the failure: it took too long" in errors_of(plan)
+    assert "The video of the failure is missing: it took too long" in errors_of(plan)
     assert films_in(plan) == set()
