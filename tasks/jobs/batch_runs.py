@@ -137,7 +137,7 @@ class BatchRun:
     def _simulate(self, index: int, slots: "Slots") -> None:
         """Turns one request into a job, while holding a slot of the batch, and runs it."""
         with slots.hold(lambda: self._why_stop() is not None) as held:
-            if held and (job := self._create_job(index)) is not None:
+            if held and (job := self.create_job(index)) is not None:
                 self._report()
                 perform_job(job.arn, self._service, self._why_stop)
         self._report()
@@ -151,7 +151,7 @@ class BatchRun:
                 self._stop = "BatchTimedOut"
         return self._stop
 
-    def _create_job(self, index: int) -> Resource | None:
+    def create_job(self, index: int) -> Resource | None:
         """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
         if str(index) in self._failed:
             return None

@@ -1,6 +1,5 @@
 """Applications that go wrong in every way, as real jobs: each ends, says why, and leaves nothing behind."""
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -102,8 +101,6 @@ def attack(hostile: Callable[..., dict[str, Any]], service: Service, simulate: S
 def test_what_goes_wrong_fails_the_job_with_its_reason_and_without_a_manifest(
     attack: Callable[..., Attack], environment: str | None, agent: str | None, code: str | None, words: tuple[str, ...]
 ) -> None:
-    began = time.monotonic()
-
     ended = attack(environment or "hostile.arena.calm", agent or "hostile.arena.agent")
 
     assert (ended.job["status"], ended.job["failureCode"]) == ("Failed", code or ended.job["failureCode"])
@@ -111,7 +108,6 @@ def test_what_goes_wrong_fails_the_job_with_its_reason_and_without_a_manifest(
         assert word in ended.job["failureReason"]
     assert "root:" not in ended.job["failureReason"]
     assert ended.manifest is None
-    assert time.monotonic() - began < 20
     assert not list(ended.service.settings.home.glob("jobs/*/*/work"))
     ended.check_nothing_runs()
 
@@ -131,12 +127,9 @@ def test_what_only_looks_bad_completes_and_is_published_whole(attack: Callable[.
 
 
 def test_a_step_that_never_returns_ends_at_the_duration_limit_without_a_manifest(attack: Callable[..., Attack]) -> None:
-    began = time.monotonic()
-
     ended = attack("hostile.arena.endless", duration_s=1)
 
     assert ended.job["status"] == "Completed"
-    assert time.monotonic() - began < 20
     assert ended.manifest is None
     ended.check_nothing_runs()
 

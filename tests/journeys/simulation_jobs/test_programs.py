@@ -167,14 +167,12 @@ def test_a_job_knows_no_secret_of_whoever_performs_it(
 def test_a_job_cancels_itself_with_the_command(service: Service, order_command: Order, run: Any) -> None:
     script = """
       robomaker call CancelSimulationJob --input "{\\"job\\": \\"$AWS_ROBOMAKER_SIMULATION_JOB_ARN\\"}"
-      sleep 60
+      sleep 1000
     """
-    began = time.monotonic()
 
     job = run(order_command(script))
 
     assert (job["status"], job.get("failureCode")) == ("Canceled", None)
-    assert time.monotonic() - began < 30
 
 
 def test_a_job_cancels_itself_with_boto3_and_leaves_a_tag(
@@ -339,7 +337,7 @@ def test_a_container_has_its_folders_tools_and_command(
 
 
 def test_a_cancelled_container_is_removed(service: Service, order_command: Order, fake: FakeEngine) -> None:
-    fake.add_image("my-sim", command=["sleep", "300"])
+    fake.add_image("my-sim", command=["sleep", "1000"])
     Applications.of("Simulation", service).create("image", environment={"uri": "my-sim"})
     request = order_command("", "image")
     request["simulationApplications"][0]["launchConfig"] = {}
@@ -350,11 +348,9 @@ def test_a_cancelled_container_is_removed(service: Service, order_command: Order
         while not [name for name in fake.containers() if name.endswith("-simulation")]:
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        began = time.monotonic()
         call("CancelSimulationJob", {"job": arn}, service)
         until(service, arn, "Canceled")
 
-    assert time.monotonic() - began < 10
     assert fake.containers() == []
 
 

@@ -60,12 +60,11 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
             restart(service, arn)
         second = await_status(arn, "Running")
         assert not old & working_below(service.settings.home)
-        restarted_at = time.monotonic()
         job = await_status(arn, "Completed", "Failed")
         assert job["status"] == "Completed", job["failureReason"]
         performer.wait(10)
 
-    assert time.monotonic() - restarted_at > 5, "the limit of 6 s counts from the restart"
+    assert job["simulationTimeMillis"] >= 6000, "the limit of 6 s counts from the restart"
     assert second["lastStartedAt"] > first["lastStartedAt"]
     assert second["networkInterface"] == first["networkInterface"]
     assert 6000 <= job["simulationTimeMillis"] < 30_000

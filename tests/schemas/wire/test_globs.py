@@ -1,7 +1,6 @@
 """Globs of upload configurations, against a translation into regular expressions."""
 
 import re
-import time
 
 import pytest
 from hypothesis import given
@@ -107,11 +106,10 @@ def test_any_glob_matches_what_its_expression_matches(glob: str, path: str) -> N
 
 
 def test_a_twisted_glob_takes_no_longer_than_its_length_times_the_paths() -> None:
+    """One that tries every way to read it would not come back while the test run lasts."""
     glob = Glob("/" + "**a" * 300)
-    began = time.monotonic()
 
     assert not glob.matches("/" + "a" * 299 + "b" * 100)
-    assert time.monotonic() - began < 5
 
 
 def test_names_that_are_not_in_utf_8_match() -> None:

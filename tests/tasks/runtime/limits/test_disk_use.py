@@ -148,7 +148,6 @@ class TestRuns:
     def test_a_program_that_goes_on_is_ended(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
     ) -> None:
-        began = time.monotonic()
         plan = plan_programs(program(FILL + "print('full', flush=True); time.sleep(1000)"), compute=SMALL)
         reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
         assert reason.startswith(
@@ -156,7 +155,6 @@ class TestRuns:
         )
         assert "; the biggest files are output/deep/big.bin (15 MB), output/small.bin (9 MB)\n" in reason
         assert reason.endswith("full")
-        assert time.monotonic() - began < 10
         assert processes_with(str(tmp_path)) == []
 
     def test_one_that_has_ended_by_then_has_failed_all_the_same(
