@@ -19,7 +19,6 @@ from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
     wall_corners,
 )
 from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
-from prefect_robomaker.tasks.worldforge.interiors.placement import contains
 
 from ..conftest import MakeBody
 
@@ -62,7 +61,7 @@ def test_furniture_stands_in_its_room_and_nowhere_else(make_body: MakeBody, seed
     walls = [extent(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
     for item in furniture:
         x0, y0, x1, y1 = extent(furniture_corners(item))
-        assert all(contains(rooms[item.room], corner) for corner in furniture_corners(item)), item.id
+        assert all(contains(rooms[item.room].polygon, *corner) for corner in furniture_corners(item)), item.id
         assert all(min(x1, w[2]) - max(x0, w[0]) < 1e-6 or min(y1, w[3]) - max(y0, w[1]) < 1e-6 for w in walls), item.id
     seats = {"DiningChairs", "DeskChairs"}
     for a, b in combinations([item for item in furniture if not item.movable], 2):
@@ -77,7 +76,7 @@ def test_a_robot_reaches_every_goal_and_the_origin_is_clear(make_body: MakeBody,
     grid = occupancy_grid(plan, furniture)
     reached = reachable(grid, (0.0, 0.0), 0.2)
     for room in plan.rooms:
-        assert contains(room, room.goal)
+        assert contains(room.polygon, *room.goal)
         assert reached[grid.cell(room.goal)], room.name
     for item in furniture:
         x0, y0, x1, y1 = extent(furniture_corners(item))
