@@ -12,7 +12,8 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ..episode.results import Findings
 from ..episode.stops import RunEnded
 from ..requirements.observer import RequirementsObserver
-from ..states.provenance import Actions
+from ..states.failure_state import FailureRecorder
+from ..states.provenance import Actions, ProvenanceRecorder
 from ..states.state_log_writer import StateLogger
 from ..video.live_view import LiveView
 from ..video.video import VideoWatcher

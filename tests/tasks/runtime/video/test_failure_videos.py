@@ -191,8 +191,6 @@ def test_filming_ends_when_the_job_is_stopped_or_it_takes_too_long(launcher: Lau
     outcome = launcher.run(plan, lambda: "canceled" if filming.exists() else None)
     assert (outcome.status, outcome.timed_out) == ("Completed", False), "the run itself was over"
     assert "The video of the failure is missing: the job was stopped (canceled)" in errors_of(plan)
-    began = time.monotonic()
     record_failure_videos(plan, outcome, lambda: None, {}, limit_s=0.3)
-    assert time.monotonic() - began < 10
     assert "The video of the failure is missing: it took too long" in errors_of(plan)
     assert films_in(plan) == set()
