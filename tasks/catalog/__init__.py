@@ -13,7 +13,7 @@ It runs on SQLite, one file that many processes of one machine share, and on Pos
 May import: `schemas`.
 """
 
-from .catalog import Catalog
+from .catalog import Catalog, Stored
 from .records import ClientToken, NewResource, Page, Resource
 
-__all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource"]
+__all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource", "Stored"]

@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, RowMapping, and_, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
+from ...schemas.documents.base import Changes, Document
 from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.common import MAX_TAGS
@@ -27,7 +28,11 @@ from .tables import client_tokens, resources
 
 _MAX_ATTEMPTS = 100
 
-Document = dict[str, Any]
+Stored = dict[str, Any]
+"""A document as it is stored."""
+
+Change = Changes | Mapping[str, Any]
+"""What a document is changed to: a whole `Document`, or `Changes` of some members; a mapping is plain JSON."""
 
 
 class Catalog(CatalogLeases):
@@ -169,7 +174,7 @@ class Catalog(CatalogLeases):
     def update(
         self,
         arn: str,
-        changes: Callable[[Document], Document],
+        changes: Changes | Callable[[Stored], Change],
         *,
         owner: str | None = None,
         name: str | None = None,
@@ -180,9 +185,9 @@ class Catalog(CatalogLeases):
 
         Args:
           arn: its ARN.
-          changes: given the document, returns the new one; has to be quick, and is called again
-            when somebody else changed the resource meanwhile; what it raises is raised, and nothing
-            is changed.
+          changes: the members that are set; or a function that, given the document, returns these or
+            the whole new document. It has to be quick, and is called again when another process
+            changed the resource meanwhile; what it raises is raised, and nothing is changed.
           owner: who has to hold the lease; `None`: it does not matter.
           name: its new name, for kinds whose names may repeat; `None`: as it is.
           labels: its new labels; `None`: as they are.
@@ -198,7 +203,11 @@ class Catalog(CatalogLeases):
         def compute(row: RowMapping) -> dict[str, Any]:
             if status is not None and row["kind"] in LIFECYCLES:
                 raise StateConflictError(f"{arn} is a {row['kind']}; its status changes by events only")
-            return {**others, "document": changes(dict(row["document"]))}
+            document = dict(row["document"])
+            return {
+                **others,
+                "document": _changed(document, changes if isinstance(changes, Changes) else changes(document)),
+            }
 
         return self._change(arn, owner, compute)
 
@@ -239,7 +248,7 @@ class Catalog(CatalogLeases):
         arn: str,
         event: str,
         *,
-        document_changes: Mapping[str, Any] | None = None,
+        document_changes: Change | None = None,
         owner: str | None = None,
     ) -> Resource:
         """Moves a resource to the state that follows an event; of several callers one succeeds.
@@ -263,7 +272,8 @@ class Catalog(CatalogLeases):
                 status = next_state(LIFECYCLES[row["kind"]], row["status"], event)
             except StateConflictError as error:
                 raise StateConflictError(f"{arn}: {error}") from error
-            return {"status": status, "document": {**row["document"], **(document_changes or {})}}
+            changes = document_changes.to_json() if isinstance(document_changes, Changes) else document_changes or {}
+            return {"status": status, "document": {**row["document"], **changes}}
 
         return self._change(arn, owner, compute)
 
@@ -309,6 +319,13 @@ class Catalog(CatalogLeases):
         if asked is None:
             raise not_found(arn)
         return bool(asked)
+
+
+def _changed(document: Stored, change: Change) -> Stored:
+    """The document after a change; one that is a whole document takes its place."""
+    if isinstance(change, Document):
+        return change.to_json()
+    return {**document, **change.to_json()} if isinstance(change, Changes) else dict(change)
 
 
 def _changed_by_others(arn: str) -> StateConflictError:

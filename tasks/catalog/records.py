@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+from ...schemas.documents.base import Document
 from ...schemas.wire.base import Shape
 
 
@@ -34,7 +35,7 @@ class NewResource:
     """Further values that lists filter by, such as the names of a job's applications."""
 
     document: Mapping[str, Any] = field(default_factory=dict)
-    """Plain JSON: the request, and whatever its performer records."""
+    """Plain JSON: the request, and what is recorded later. It is read by its kind's type in `schemas.documents`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +60,7 @@ class Resource(NewResource):
         parent: str | None = None,
         tags: Mapping[str, str] | None = None,
         labels: Mapping[str, Sequence[str]] | None = None,
-        document: Mapping[str, Any] | None = None,
+        document: Document | Mapping[str, Any] | None = None,
     ) -> NewResource:
         """Describes a resource to create; the catalog adds the times."""
         return NewResource(
@@ -71,7 +72,7 @@ class Resource(NewResource):
             parent=parent,
             tags=tags or {},
             labels={key: list(values) for key, values in (labels or {}).items()},
-            document=document or {},
+            document=document.to_json() if isinstance(document, Document) else document or {},
         )
 
 

@@ -4,10 +4,10 @@ import logging
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from typing import Any
 
+from ...schemas.documents.base import Changes
 from ...schemas.wire.errors import ServiceUnavailableException, StateConflictError
-from ..catalog import Resource
+from ..catalog import Resource, Stored
 from ..service.service import Service
 
 _logger = logging.getLogger(__name__)
@@ -48,15 +48,15 @@ class Lease:
             renewer.join()
             self._service.catalog.release(self.job.arn, self._owner)
 
-    def transition(self, event: str, **changes: Any) -> Resource:
+    def transition(self, event: str, changes: Changes | None = None) -> Resource:
         """Moves the job on and sets members of its document; returns the job, which `job` is from then on."""
         with self._noticing_loss():
             catalog, arn = self._service.catalog, self.job.arn
             self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner)
         return self.job
 
-    def update(self, changes: Callable[[dict[str, Any]], dict[str, Any]]) -> Resource:
-        """Changes the job's document; safe to call from several threads."""
+    def update(self, changes: Changes | Callable[[Stored], Changes]) -> Resource:
+        """Sets members of the job's document, see `Catalog.update`; safe to call from several threads."""
         with self._noticing_loss():
             self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
         return self.job

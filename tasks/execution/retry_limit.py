@@ -4,8 +4,8 @@ A simulation runs in a process of its own, so a crash of it does not end the job
 again and again, would kill workers for ever, through lack of memory or a defect. Such a job fails.
 """
 
-from typing import Any
-
+from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.simulation_jobs import Outcome
 from ...schemas.lifecycles import LIFECYCLES
 from ..service.service import Service
 from .leases import Lease
@@ -14,6 +14,7 @@ MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10
 """The limit for a batch is higher: the job at fault in it reaches its own limit first."""
 
+_CODE = "InternalServiceError"
 _EVENTS = ("terminate", "fail", "canceled")
 
 
@@ -29,11 +30,11 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
 def give_up(lease: Lease, reason: str, service: Service) -> None:
     """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
     transitions = LIFECYCLES[lease.job.kind].transitions
-    changes: dict[str, Any] = {"failureCode": "InternalServiceError", "failureReason": reason}
+    changes = FailureChanges(failure_code=_CODE, failure_reason=reason)
     if lease.job.kind == "simulation-job":
-        changes["ending"] = {"status": "Failed", **changes}
+        changes = Outcome(status="Failed", failure_code=_CODE, failure_reason=reason).announced(finished=None)
     for job in service.catalog.children(lease.job.arn, kind="simulation-job"):
         service.catalog.request_cancel(job.arn)
     for event in _EVENTS:
         if (lease.job.status, event) in transitions:
-            lease.transition(event, **changes)
+            lease.transition(event, changes)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.wire.arns import ResourceArn
@@ -67,7 +68,7 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
         if job is None:
             plan = outputs.provenance.plan
             job = service.catalog.get_many([plan.job_arn]).get(plan.job_arn)
-            if job is not None and job.document.get("runId") == plan.run_id:  # earlier runs of it have ended
+            if job is not None and SimulationJobDocument.of(job).run_id == plan.run_id:  # earlier runs of it have ended
                 _check_ended(job)
         yield FoundRun(outputs, scratch, job)
 
@@ -90,11 +91,10 @@ def _check_ended(job: Resource) -> None:
 
 def _fetch_of_job(job: Resource, folder: Path, service: Service) -> None:
     """Fetches what the last run of a job wrote down, from the store or from this machine."""
-    document = job.document
-    run_id = document.get("runId")
-    kept = service.settings.home / "jobs" / job.id / str(run_id) / "output"
-    if place := document.get("outputs"):
-        _fetch(place["bucket"], place["prefix"], folder, service)
+    document = SimulationJobDocument.of(job)
+    kept = service.settings.home / "jobs" / job.id / str(document.run_id) / "output"
+    if place := document.outputs:
+        _fetch(place.bucket, place.prefix, folder, service)
     elif kept.is_dir():
         _copy(kept, folder)
     else:

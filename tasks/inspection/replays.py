@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.runs.plan import RunOutcome, RunPlan, VideoPolicy
 from ...schemas.runs.verification import ReproductionFolder, RobotRepeat, Verification
 from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
@@ -99,7 +100,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         if reasons := why_not_repeatable(run.outputs):
             raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
-        failure_code = run.job.document.get("failureCode") if run.job else None
+        failure_code = SimulationJobDocument.of(run.job).failure_code if run.job else None
         plan = _plan_here(run, scratch / "inputs", service, ros_domain)
         try:
             test = write_reproduction(plan, run.folder, failure_code, folder)
@@ -194,7 +195,8 @@ def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service, r
     """The plan as the job orders it; of a robot whose actions are repeated neither bundle nor image is fetched."""
     if not plan.has_robot_program or plan.programs:
         return run_plan(job, plan.run_id, folder, service, ros_domain)
-    request = {name: value for name, value in job.document["request"].items() if name != "robotApplications"}
-    job = replace(job, document={**job.document, "request": request})
+    document = SimulationJobDocument.of(job)
+    request = {name: value for name, value in document.request.items() if name != "robotApplications"}
+    job = replace(job, document=document.model_copy(update={"request": request}).to_json())
     planned = run_plan(job, plan.run_id, folder, service, ros_domain)
     return planned.model_copy(update={"robot_application": plan.robot_application})

@@ -10,6 +10,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.reports.summary import ReportSummary
@@ -149,20 +152,20 @@ def _single_job(arn: str, service: Service) -> list[ReportedJob]:
 
 
 def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
-    document = service.catalog.get(arn, kind="simulation-job-batch").document
+    document = SimulationJobBatchDocument.of(service.catalog.get(arn, kind="simulation-job-batch"))
     jobs = {
-        job.document["requestIndex"]: _reported_job(job, service)
+        SimulationJobDocument.of(job).request_index or 0: _reported_job(job, service)
         for job in service.catalog.children(arn, kind="simulation-job")
     }
-    for place, failure in document["failed"].items():
+    for place, failure in document.failed.items():
         index = int(place)
         jobs[index] = ReportedJob(
             label=f"request {index + 1}",
             status="NotCreated",
-            failure_code=failure["failureCode"],
-            failure_reason=failure["failureReason"],
-            world_arn=world_arn(document["request"]["createSimulationJobRequests"][index]),
-            application=_application(document["request"]["createSimulationJobRequests"][index]),
+            failure_code=failure.failure_code,
+            failure_reason=failure.failure_reason,
+            world_arn=world_arn(document.requests[index]),
+            application=_application(document.requests[index]),
         )
     return [jobs[index] for index in sorted(jobs)]
 
@@ -173,17 +176,18 @@ def installed_versions() -> dict[str, str]:
 
 
 def _reported_job(job: Resource, service: Service) -> ReportedJob:
-    files, result, poster = _outputs(job.document.get("outputs"), service)
-    duration = job.document.get("simulationTimeMillis")
+    document = SimulationJobDocument.of(job)
+    files, result, poster = _outputs(document.outputs, service)
+    duration = document.simulation_time_millis
     return ReportedJob(
         label=job.id,
         arn=job.arn,
         status=job.status,
-        failure_code=job.document.get("failureCode"),
-        failure_reason=job.document.get("failureReason"),
-        world_arn=world_arn(job.document["request"]),
-        application=_application(job.document["request"]),
-        seed=job.document["seed"],
+        failure_code=document.failure_code,
+        failure_reason=document.failure_reason,
+        world_arn=world_arn(document.request),
+        application=_application(document.request),
+        seed=document.seed,
         result=result,
         poster_png=poster,
         files=files,
@@ -201,11 +205,11 @@ def _application(request: Mapping[str, Any]) -> str | None:
         return said or None
 
 
-def _outputs(place: Mapping[str, str] | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes]:
+def _outputs(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes]:
     """Files, result and poster of a run; nothing of outputs that cannot be read any more."""
     if place is None:
         return [], None, b""
-    bucket, prefix = place["bucket"], place["prefix"]
+    bucket, prefix = place.bucket, place.prefix
     try:
         entries = read_manifest(service.store, bucket, prefix).files
         names = {entry.path for entry in entries}
@@ -242,11 +246,11 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
 
 def _job_records(jobs: Sequence[ReportedJob], service: Service) -> list[JobRecord]:
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
-    places = {arn: resource.document.get("outputs") for arn, resource in stored.items()}
+    places = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
     return [_job_record(job, places.get(job.arn or ""), service) for job in jobs]
 
 
-def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Service) -> JobRecord:
+def _job_record(job: ReportedJob, place: StoredPlace | None, service: Service) -> JobRecord:
     result = job.result
     return JobRecord(
         arn=job.arn,
@@ -262,7 +266,7 @@ def _job_record(job: ReportedJob, place: Mapping[str, str] | None, service: Serv
         verdict_reason=_why_failed(result),
         remarks=result.remarks if result else [],
         metrics=result.metrics if result else {},
-        output_uri=service.store.uri(place["bucket"], place["prefix"]) if place else None,
+        output_uri=service.store.uri(place.bucket, place.prefix) if place else None,
     )
 
 

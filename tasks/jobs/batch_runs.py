@@ -3,10 +3,13 @@
 import time
 from collections.abc import Mapping
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from ...schemas.documents.simulation_job_batches import BatchProgress, FailedRequest, SimulationJobBatchDocument
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
+from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError
 from ..catalog import ClientToken, Resource
@@ -27,9 +30,9 @@ _END_EVENTS: Mapping[str, str] = {
     "Canceled": "canceled",
 }
 # Why the jobs of a batch have to stop, by its status.
-_STOPPING: Mapping[str, str] = {"Canceling": "BatchCanceled", "TimingOut": "BatchTimedOut"}
-# What befalls a batch whose jobs have to stop, by their failure code.
-_STOPS: Mapping[str, str] = {"BatchCanceled": "cancel", "BatchTimedOut": "time_out"}
+_STOPPING: Mapping[str, StopReason] = {"Canceling": StopReason.BATCH_CANCELED, "TimingOut": StopReason.BATCH_TIMED_OUT}
+# What befalls a batch whose jobs have to stop, by the reason: their failure code.
+_STOPS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReason.BATCH_TIMED_OUT: "time_out"}
 # What becomes of a request that the service's own checks refuse for good.
 _FAILURE_CODES: Mapping[str, str] = {
     "ResourceNotFoundException": "ResourceNotFound",
@@ -40,7 +43,8 @@ _FAILURE_CODES: Mapping[str, str] = {
 
 def jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
     """The batch's jobs by the place of their request."""
-    return {job.document["requestIndex"]: job for job in service.catalog.children(batch.arn, kind="simulation-job")}
+    jobs = service.catalog.children(batch.arn, kind="simulation-job")
+    return {index: job for job in jobs if (index := SimulationJobDocument.of(job).request_index) is not None}
 
 
 class BatchRun:
@@ -56,12 +60,13 @@ class BatchRun:
         self._service = service
         self._batch = batch = lease.job
         self._arn = batch.arn
-        policy = batch.document["batchPolicy"]
-        self._requests = batch.document["request"]["createSimulationJobRequests"]
-        self._failed: dict[str, dict[str, Any]] = dict(batch.document["failed"])
+        document = SimulationJobBatchDocument.of(batch)
+        self._policy, self._requests = document.batch_policy, document.requests
+        self._failed = dict(document.failed)
+        self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
-        self._stop: str | None = _STOPPING.get(batch.status)
-        self._deadline = batch.created_at + timedelta(seconds=policy["timeoutInSeconds"])
+        self._stop: StopReason | None = _STOPPING.get(batch.status)
+        self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
 
     def run(self) -> None:
         """Runs every request that has not ended and settles the batch."""
@@ -88,7 +93,7 @@ class BatchRun:
         Returns:
           Whether all jobs have ended.
         """
-        reason = self._why_stop() or "BatchCanceled"
+        reason = self._why_stop() or StopReason.BATCH_CANCELED
         performed = [
             job.arn for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
         ]
@@ -113,7 +118,7 @@ class BatchRun:
     def _run_requests(self, indices: list[int]) -> None:
         from ..execution.slots import Slots
 
-        limit = self._batch.document["batchPolicy"]["maxConcurrency"]
+        limit = self._policy.max_concurrency
         with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
 
             def simulate(index: int) -> None:
@@ -142,13 +147,13 @@ class BatchRun:
                 perform_job(job.arn, self._service, self._why_stop)
         self._report()
 
-    def _why_stop(self) -> str | None:
-        """The failure code with which the batch's jobs have to stop, if they have to; the first reason stays."""
+    def _why_stop(self) -> StopReason | None:
+        """Why the batch's jobs have to stop, if they have to; the first reason stays."""
         if self._stop is None:
             if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
-                self._stop = "BatchCanceled"
+                self._stop = StopReason.BATCH_CANCELED
             elif self._service.clock() >= self._deadline:
-                self._stop = "BatchTimedOut"
+                self._stop = StopReason.BATCH_TIMED_OUT
         return self._stop
 
     def create_job(self, index: int) -> Resource | None:
@@ -168,13 +173,14 @@ class BatchRun:
     def _fail_request(self, index: int, code: str, reason: str) -> None:
         """Notes that a request never becomes a job; `_save_failures` records it."""
         failed_at = self._service.clock().isoformat()
-        self._failed[str(index)] = {"failureCode": code, "failureReason": shorten(reason), "failedAt": failed_at}
+        self._failed[str(index)] = FailedRequest(failure_code=code, failure_reason=shorten(reason), failed_at=failed_at)
 
     def _save_failures(self) -> None:
         """Records the failed requests: all new ones at once, as the batch's document can be large."""
         failed = dict(self._failed)
-        if len(failed) > len(self._lease.job.document["failed"]):
-            self._lease.update(lambda document: {**document, "failed": failed, "failedCount": len(failed)})
+        if len(failed) > self._saved:
+            self._lease.update(BatchProgress(failed=failed, failed_count=len(failed)))
+            self._saved = len(failed)
 
     def _report(self) -> None:
         """Tells whoever watches how many requests are in which state."""
@@ -207,7 +213,7 @@ class BatchRun:
     def _settle(self) -> None:
         jobs = jobs_by_request(self._batch, self._service)
         waiting = self._waiting()
-        if waiting or any(job.document.get("failureCode") in _STOPS for job in jobs.values()):
+        if waiting or any(SimulationJobDocument.of(job).failure_code in _STOPS for job in jobs.values()):
             self._note_stop()  # the last jobs may have ended before anybody looked why
         status = self._lease.job.status
         for index in waiting:
@@ -216,16 +222,16 @@ class BatchRun:
         self._save_failures()
         end = batch_outcome(
             pending=0,
-            failed=[failure["failureCode"] for failure in self._failed.values()],
+            failed=[failure.failure_code for failure in self._failed.values()],
             created=[job.status for job in jobs.values()],
             timed_out=status == "TimingOut",
             canceled=status == "Canceling",
         )
         if end == "Completed" and status == "InProgress":
             self._lease.transition("drain")
-        changes: dict[str, Any] = {}
+        changes = None
         if end == "Failed":
             reason = "at least one request could not become a job because of an internal fault"
-            changes = {"failureCode": "InternalServiceError", "failureReason": reason}
-        self._lease.transition(_END_EVENTS[end], **changes)
+            changes = BatchProgress(failure_code="InternalServiceError", failure_reason=reason)
+        self._lease.transition(_END_EVENTS[end], changes)
         self._report()

@@ -2,6 +2,7 @@
 
 import logging
 
+from ...schemas.documents.world_export_jobs import WorldExportJobDocument, WorldExportProgress
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import (
     BucketNotFoundError,
@@ -23,20 +24,21 @@ _logger = logging.getLogger(__name__)
 
 def run_export(lease: Lease, service: Service) -> None:
     """Carries an export job to its end: packs its worlds and stores the archive."""
-    if lease.job.status == "Pending" and not move_on(lease, "start", started=True):
+    if lease.job.status == "Pending" and not move_on(lease, "start", WorldExportProgress(started=True)):
         return
     if lease.job.status == "Canceling" or service.catalog.cancel_requested(lease.job.arn):
         _remove_archive(lease.job, service)
         end_canceled(lease)
         return
-    total = len(lease.job.document["request"]["worlds"])
+    total = len(WorldExportJobDocument.of(lease.job).request.worlds)
     try:
         stored = _stored_archive(lease, service)
     except Exception as error:  # the job has to end whatever breaks
         code = _failure_code(error)
         if code == _INTERNAL:
             _logger.exception("world export job %s broke", lease.job.arn)
-        move_on(lease, "fail", failureCode=code, failureReason=shorten(str(error) or type(error).__name__))
+        reason = shorten(str(error) or type(error).__name__)
+        move_on(lease, "fail", WorldExportProgress(failure_code=code, failure_reason=reason))
         service.report_progress(Progress({"failed": total}, total))
         return
     if not stored:
@@ -57,7 +59,7 @@ def _stored_archive(lease: Lease, service: Service) -> bool:
 
 def _remove_archive(job: Resource, service: Service) -> None:
     """Removes what a cancelled job has stored, also where its performer died just after that."""
-    if not job.document.get("started"):
+    if not WorldExportJobDocument.of(job).started:
         return
     try:
         service.store.delete(*archive_place(job))

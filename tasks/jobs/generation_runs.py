@@ -5,8 +5,13 @@ import threading
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import Any
 
+from ...schemas.documents.world_generation_jobs import (
+    WorldFailureCount,
+    WorldFailures,
+    WorldGenerationJobDocument,
+    WorldGenerationProgress,
+)
 from ...schemas.operations.world_generation_jobs import too_many_worlds
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import StateConflictError
@@ -16,10 +21,10 @@ from ..execution.steps import step_runner
 from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
 from ..worlds.builders import WorldBuilders
-from ..worlds.generation import generate_world
+from ..worlds.generation import WorldFailure, generate_world
 from .world_jobs import end_canceled, move_on
 
-NO_FAILURES: dict[str, Any] = {"totalFailureCount": 0, "failures": []}
+NO_FAILURES = WorldFailures()
 """The summary of a job none of whose worlds failed."""
 
 
@@ -28,21 +33,24 @@ def run_generation(lease: Lease, service: Service) -> None:
 
     So it was with the service: the call took any number, and the job said that it was too many.
     """
-    count = lease.job.document["request"]["worldCount"]
+    count = WorldGenerationJobDocument.of(lease.job).request.world_count
     most = service.settings.max_worlds_per_job
-    reason = too_many_worlds(count["floorplanCount"], count["interiorCountPerFloorplan"], most)
+    reason = too_many_worlds(count.floorplan_count, count.interior_count_per_floorplan, most)
     if reason and lease.job.status == "Pending":
         move_on(
             lease,
             "fail",
-            failures=NO_FAILURES,
-            succeededWorlds=[],
-            failureCode="AllWorldGenerationFailed",
-            failureReason=reason,
+            WorldGenerationProgress(
+                failures=NO_FAILURES,
+                succeeded_worlds=[],
+                failure_code="AllWorldGenerationFailed",
+                failure_reason=reason,
+            ),
         )
     elif reason and lease.job.status == "Canceling":
         worlds = service.catalog.children(lease.job.arn, kind="world")
-        end_canceled(lease, failures=NO_FAILURES, succeededWorlds=in_order(world.arn for world in worlds))
+        made = in_order(world.arn for world in worlds)
+        end_canceled(lease, WorldGenerationProgress(failures=NO_FAILURES, succeeded_worlds=made))
     else:
         GenerationRun(lease, service).run()
 
@@ -59,11 +67,10 @@ class GenerationRun:
         self._lease = lease
         self._service = service
         self._job = job = lease.job
-        count = job.document["request"]["worldCount"]
-        self._total = count["floorplanCount"] * count["interiorCountPerFloorplan"]
+        self._total = WorldGenerationJobDocument.of(job).request.world_count.total
         self._lock = threading.Lock()
         self._made: set[str] = set()
-        self._failures: list[dict[str, Any]] = []
+        self._failures: list[WorldFailure] = []
 
     def run(self) -> None:
         """Generates every world that does not exist and ends the job."""
@@ -89,7 +96,7 @@ class GenerationRun:
         """Whether no more worlds are wanted."""
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
-    def _note_end(self, world_arn: str, failure: dict[str, Any] | None) -> None:
+    def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
         """Counts a world that was made, or why there is none; called from several threads."""
         with self._lock:
             if failure:
@@ -127,38 +134,41 @@ class GenerationRun:
     def _record_failures(self) -> None:
         """Lets descriptions of the running job tell its failures."""
         summary = _failure_summary(self._failures)
-        if summary != (self._lease.job.document.get("failures") or NO_FAILURES):
+        if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
             with suppress(StateConflictError):  # another performer has taken over
-                self._lease.update(lambda document: {**document, "failures": summary})
+                self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:
         """Ends the job; what it made is recorded, and told also when worlds are deleted later."""
-        made: dict[str, Any] = {
-            "failures": _failure_summary(self._failures),
-            "succeededWorlds": in_order(self._made),
-        }
+        failures, worlds = _failure_summary(self._failures), in_order(self._made)
+        made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds)
         if len(self._made) + len(self._failures) < self._total:
-            end_canceled(self._lease, **made)
+            end_canceled(self._lease, made)
         elif not self._failures:
-            move_on(self._lease, "complete", **made)
+            move_on(self._lease, "complete", made)
         elif len(self._failures) < self._total:
-            move_on(self._lease, "partially_fail", **made)
+            move_on(self._lease, "partially_fail", made)
         else:
-            reason = shorten(self._failures[0]["reason"])
-            move_on(self._lease, "fail", **made, failureCode="AllWorldGenerationFailed", failureReason=reason)
+            failed = WorldGenerationProgress(
+                failures=failures,
+                succeeded_worlds=worlds,
+                failure_code="AllWorldGenerationFailed",
+                failure_reason=shorten(self._failures[0].reason),
+            )
+            move_on(self._lease, "fail", failed)
 
 
-def _failure_summary(failures: list[dict[str, Any]]) -> dict[str, Any]:
+def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
     """Failures of worlds, summed up by code as the service does."""
-    counts = Counter(failure["code"] for failure in failures)
-    samples = {failure["code"]: failure["reason"] for failure in reversed(failures)}
-    return {
-        "totalFailureCount": len(failures),
-        "failures": [
-            {"failureCode": code, "sampleFailureReason": shorten(samples[code]), "failureCount": count}
+    counts = Counter(failure.code for failure in failures)
+    samples = {failure.code: failure.reason for failure in reversed(failures)}
+    return WorldFailures(
+        total_failure_count=len(failures),
+        failures=[
+            WorldFailureCount(failure_code=code, sample_failure_reason=shorten(samples[code]), failure_count=count)
             for code, count in counts.most_common()
         ],
-    }
+    )
 
 
 def in_order(arns: Iterable[str]) -> list[str]:

@@ -5,11 +5,11 @@ job over, the next performer on the machine ends the containers, whatever job it
 """
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
+from ...schemas.documents.simulation_jobs import EarlierRun, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Resource
@@ -24,7 +24,7 @@ KIND = "simulation-job"
 _logger = logging.getLogger(__name__)
 
 
-def clean_up_job(folder: Path, document: Mapping[str, Any], run_id: str) -> None:
+def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> None:
     """Removes what is not needed any more of a job that nobody performs.
 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
@@ -36,8 +36,8 @@ def clean_up_job(folder: Path, document: Mapping[str, Any], run_id: str) -> None
     """
     remove_containers_of_job(folder)
     run = folder / run_id
-    if "outputs" in document:
-        kept = {run_id for run_id, run in kept_runs(document).items() if "outputs" not in run}
+    if document.outputs is not None:
+        kept = {run_id for run_id, run in kept_runs(document).items() if run.outputs is None}
         for each in folder.glob("*"):  # also what performers left that died
             if each.name not in kept:
                 remove_run(each)
@@ -51,9 +51,9 @@ def clean_up_job(folder: Path, document: Mapping[str, Any], run_id: str) -> None
         folder.rmdir()
 
 
-def kept_runs(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def kept_runs(document: SimulationJobDocument) -> dict[str, EarlierRun]:
     """The runs before a job's last one, by their ids."""
-    return {run["runId"]: run for run in document.get("earlierRuns", ())}
+    return {run.run_id: run for run in document.earlier_runs}
 
 
 def clear_containers_of_the_dead(service: Service) -> None:
@@ -69,7 +69,8 @@ def clear_containers_of_the_dead(service: Service) -> None:
         for run, job in runs_of_nobody(service):
             _logger.warning("containers of %s are removed: nobody performs it any more", run)
             if is_terminal(job.kind, job.status):
-                clean_up_job(run.parent, job.document, job.document.get("runId", run.name))
+                document = SimulationJobDocument.of(job)
+                clean_up_job(run.parent, document, document.run_id or run.name)
             else:
                 remove_containers(run)
             if has_containers(run):

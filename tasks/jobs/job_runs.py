@@ -1,12 +1,19 @@
 """Running one simulation job: prepare, run its process, store its outputs, settle its end; again after a restart."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
+from ...schemas.documents.simulation_jobs import (
+    EarlierRun,
+    Outcome,
+    SimulationJobDocument,
+    SimulationJobProgress,
+    StoredNetworkInterface,
+)
 from ...schemas.runs.plan import RunOutcome, RunPlan
+from ...schemas.runs.stops import RunStop, StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import LaunchError, ServiceUnavailableException, StateConflictError, StorageError
 from ..execution.claims import run_if_unclaimed, run_under_lease
@@ -22,12 +29,11 @@ from ..simulations.planning.resuming import plan_to_resume
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, clear_containers_of_the_dead, kept_runs
-from .outcomes import CANCELED, END_EVENTS, Ending, ending_of, failed, members_of, stopped, without_outputs
+from .outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
 
-Stop = Callable[[], str | None]
-"""Asked while a job runs; answers the failure code it should stop with, or `None`."""
+Stop = Callable[[], StopReason | None]
+"""Asked while a job runs; answers why it should stop, or `None`."""
 
-_RESTART = "restarted"
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _NOBODY_LEFT = "the job was stopped after its performer had died"
 _DIED = "whoever performed the job died while this run went on; the job was run again"
@@ -54,13 +60,13 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step:
     run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
 
 
-def stop_idle_job(arn: str, service: Service, reason: str = CANCELED) -> bool:
+def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
     """Ends a job that has to stop, if nobody performs it: outputs that a dead performer left here are stored.
 
     Args:
       arn: the job.
       service: where it is stored.
-      reason: the failure code it stops with, or `CANCELED`.
+      reason: why it has to stop.
 
     Returns:
       Whether the job has ended; false if another performs it, who sees to its end.
@@ -101,33 +107,37 @@ class JobRun:
                     self._keep_dead_run()
             reason = self._why_stop()  # perhaps by now
             if reason or self._lease.job.status == "Terminating":
-                self.end(reason or CANCELED)
+                self.end(reason or StopReason.CANCELED)
                 return
             with own_domain(self._lease.job.arn) as ros_domain:
                 again, is_first = self._run_once(left, ros_domain), False
 
-    def end(self, reason: str) -> None:
+    def end(self, reason: StopReason) -> None:
         """Ends a job that does not run; what a dead performer's run left on this machine is stored first.
 
         Args:
-          reason: why it has to stop, `CANCELED` or a failure code; one that is `Terminating` keeps the
-            ending that it has already.
+          reason: why it has to stop; one that is `Terminating` keeps the outcome that it has already.
         """
-        run_id = self._lease.job.document.get("runId")
+        run_id = self._document.run_id
         if self._lease.job.status == "Terminating":
             self._settle(self._published_after_all())
         elif run_id is None or not Path(self._folder(run_id), "output").is_dir():
             self._terminate(stopped(reason, _BEFORE_IT_RAN if run_id is None else _NOBODY_LEFT))
         else:
-            ending = stopped(reason, _NOBODY_LEFT)
-            self._lease.transition("terminate", ending=ending, finished=False, **members_of(ending))
-            self._settle(self._published(run_id, ending))
+            outcome = stopped(reason, _NOBODY_LEFT)
+            self._lease.transition("terminate", outcome.announced(finished=False))
+            self._settle(self._published(run_id, outcome))
         if run_id is not None:
             self._clean_up(run_id)
 
+    @property
+    def _document(self) -> SimulationJobDocument:
+        """The job's document as it is now."""
+        return SimulationJobDocument.of(self._lease.job)
+
     def _left_by_a_dead_performer(self) -> RunPlan | None:
         """The run that can be continued, if there is one."""
-        run_id = self._lease.job.document.get("runId")
+        run_id = self._document.run_id
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
 
     def _run_once(self, left: RunPlan | None, ros_domain: int) -> bool:
@@ -136,13 +146,13 @@ class JobRun:
         try:
             if left is None:
                 return self._carry_out(self._run_step("prepare", lambda: self._prepared(run_id, ros_domain)))
-            self._lease.update(lambda document: {**document, "attempts": document.get("attempts", 1) + 1})
+            self._lease.update(SimulationJobProgress(attempts=self._document.attempts + 1))
             variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have that of before
             return self._carry_out(left.model_copy(update={"environment": variables}))
         except LaunchError as error:
             reason = self._why_stop()  # which is why something was given up, perhaps
-            ending = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
-            self._terminate(ending, of_run=run_id)
+            outcome = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
+            self._terminate(outcome, of_run=run_id)
         except Exception as error:  # the job has to end whatever breaks
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
@@ -154,20 +164,22 @@ class JobRun:
         """Fetches all that a new run needs; it counts as running from then on."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         # What an earlier run failed of is nothing that this one has.
-        self._lease.transition("prepare", runId=run_id, failureCode=None, failureReason=None)
+        self._lease.transition("prepare", SimulationJobProgress(run_id=run_id, failure_code=None, failure_reason=None))
         self._outputs(run_id).prepare()
         remove_containers_of_job(folder.parent)  # of performers that died together with all that they had started
         is_stopped = lambda: self._why_stop() is not None  # noqa: E731
         plan = run_plan(self._lease.job, run_id, folder, self._service, ros_domain, is_stopped)
         self._lease.transition(
             "start",
-            lastStartedAt=self._service.clock().isoformat(),
-            networkInterface={
-                "networkInterfaceId": f"eni-{self._lease.job.id.removeprefix('sim-')}",
-                # Clients index either address without looking; all ports are those of this machine.
-                "privateIpAddress": "127.0.0.1",
-                "publicIpAddress": "127.0.0.1",
-            },
+            SimulationJobProgress(
+                last_started_at=self._service.clock().isoformat(),
+                network_interface=StoredNetworkInterface(
+                    network_interface_id=f"eni-{self._lease.job.id.removeprefix('sim-')}",
+                    # Clients index either address without looking; all ports are those of this machine.
+                    private_ip_address="127.0.0.1",
+                    public_ip_address="127.0.0.1",
+                ),
+            ),
         )
         return plan
 
@@ -175,26 +187,24 @@ class JobRun:
         """Carries out a planned run; returns whether the job is to be run again."""
         run_id = plan.run_id
         with self._outputs(run_id).rolling():
-            outcome = self._run_step("simulate", lambda: self._simulated(plan))
+            ended = self._run_step("simulate", lambda: self._simulated(plan))
         why_stop = self._why_stop()
-        ending = ending_of(outcome, why_stop)
+        outcome = outcome_of(ended, why_stop)
         try:
-            self._lease.transition(
-                "terminate" if why_stop else "finish", ending=ending, finished=outcome.finished, **members_of(ending)
-            )
+            self._lease.transition("terminate" if why_stop else "finish", outcome.announced(finished=ended.finished))
         except StateConflictError:
             if self._lease.lost or self._lease.refreshed().status != "Restarting":
                 raise
-            self._keep_earlier_run(run_id, outcome)
+            self._keep_earlier_run(run_id, ended)
             return True
-        self._settle(self._run_step("upload", lambda: self._published(run_id, ending)))
+        self._settle(self._run_step("upload", lambda: self._published(run_id, outcome)))
         return False
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
         """Runs the plan's processes to their end."""
         return launcher().run(
             plan,
-            lambda: "canceled" if self._why_interrupt() else None,
+            lambda: RunStop.CANCELED if self._is_interrupted() else None,
             on_crash=self._note_crash,
             on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
         )
@@ -202,7 +212,7 @@ class JobRun:
     def _note_crash(self, code: str, reason: str) -> None:
         """Says of a job that goes on after a crash that something crashed."""
         try:
-            self._lease.transition("crash", failureCode=code, failureReason=shorten(reason))
+            self._lease.transition("crash", SimulationJobProgress(failure_code=code, failure_reason=shorten(reason)))
         except StateConflictError:  # it is to be restarted, or another performer has it
             _logger.debug("%s crashed while it was ended: %s", self._lease.job.arn, reason)
         except ServiceUnavailableException as error:
@@ -210,27 +220,27 @@ class JobRun:
 
     # Stopping
 
-    def _why_stop(self) -> str | None:
-        """Why the job has to end, if it has to: `CANCELED` or a failure code."""
+    def _why_stop(self) -> StopReason | None:
+        """Why the job has to end, if it has to."""
         return self._asked()[1]
 
-    def _why_interrupt(self) -> str | None:
-        """Why the run that goes on has to end, if it has to."""
+    def _is_interrupted(self) -> bool:
+        """Whether the run that goes on has to end, with its job or for a restart."""
         status, reason = self._asked()
-        return reason or (_RESTART if status == "Restarting" else None)
+        return reason is not None or status == "Restarting"
 
-    def _asked(self) -> tuple[str, str | None]:
+    def _asked(self) -> tuple[str, StopReason | None]:
         """The job's status, which is `Restarting` when a restart of its run is ordered; and why it has to end."""
         if self._lease.lost:
-            return self._lease.job.status, CANCELED  # whoever took over runs the job again
+            return self._lease.job.status, StopReason.CANCELED  # whoever took over runs the job again
         try:
             status, canceled = self._service.catalog.standing(self._lease.job.arn)
-            return status, CANCELED if canceled else self._stop()
+            return status, StopReason.CANCELED if canceled else self._stop()
         except ServiceUnavailableException as error:  # nothing to end a run for; it is asked again at once
             _logger.warning("whether %s is to be stopped is not known: %s", self._lease.job.arn, error)
             return self._lease.job.status, None
 
-    def _terminate(self, ending: Ending, of_run: str | None = None) -> None:
+    def _terminate(self, outcome: Outcome, of_run: str | None = None) -> None:
         """Ends the job; what a run that could not be started has left is stored, without a manifest.
 
         Such as its log, and all that the attempts before wrote, of one that was to go on from a checkpoint.
@@ -238,12 +248,11 @@ class JobRun:
         output = self._folder(of_run) / "output" if of_run else None
         has_left = output is not None and output.is_dir() and any(output.iterdir())
         if self._lease.job.status != "Terminating":
-            left = {"finished": False} if has_left else {}
-            self._lease.transition("terminate", ending=ending, **left, **members_of(ending))
-        self._settle(self._published(of_run, ending) if of_run and has_left else ending)
+            self._lease.transition("terminate", outcome.announced(finished=False if has_left else None))
+        self._settle(self._published(of_run, outcome) if of_run and has_left else outcome)
 
-    def _settle(self, ending: Ending) -> None:
-        self._lease.transition(END_EVENTS[ending["status"]], **members_of(ending))
+    def _settle(self, outcome: Outcome) -> None:
+        self._lease.transition(END_EVENTS[outcome.status], outcome.changes())
 
     # Outputs
 
@@ -253,45 +262,48 @@ class JobRun:
     def _outputs(self, run_id: str) -> RunOutputs:
         return RunOutputs(self._lease.job, run_id, self._folder(run_id), self._service)
 
-    def _published(self, run_id: str, ending: Ending) -> Ending:
-        """Stores the outputs; returns the ending, which is a failure when that does not work."""
+    def _published(self, run_id: str, outcome: Outcome) -> Outcome:
+        """Stores the outputs; returns the outcome, which is a failure when that does not work."""
         outputs = self._outputs(run_id)
         settle_containers(self._folder(run_id), outputs.output_dir)
         try:
-            return {**ending, "outputs": outputs.store(ending, finished=self._lease.job.document["finished"])}
+            place = outputs.store(outcome.to_json(), finished=bool(self._document.finished))
         except (StorageError, OSError) as error:
-            return without_outputs(ending, failure_code_of(error), outputs.not_stored(error))
+            return without_outputs(outcome, failure_code_of(error), outputs.not_stored(error))
+        return outcome.model_copy(update={"outputs": place})
 
-    def _published_after_all(self) -> Ending:
-        """The ending of a job whose performer died in the midst of publishing; its outputs may be here or stored."""
-        document = self._lease.job.document
-        ending, run_id = document["ending"], document.get("runId")
-        if run_id is None or "finished" not in document:
-            return ending  # it ended before it ran
+    def _published_after_all(self) -> Outcome:
+        """The outcome of a job whose performer died in the midst of publishing; its outputs may be here or stored."""
+        document = self._document
+        outcome, run_id = document.outcome, document.run_id
+        if outcome is None:
+            return failed("InternalServiceError", "the catalog does not say how the job finished")
+        if run_id is None or document.finished is None:
+            return outcome  # it ended before it ran
         if self._folder(run_id).is_dir():
-            return self._published(run_id, ending)
+            return self._published(run_id, outcome)
         outputs = self._outputs(run_id)
         try:
-            if document["finished"]:
+            if document.finished:
                 outputs.were_stored()
         except StorageError as error:
             where = f"s3://{outputs.bucket}/{outputs.prefix}"
             reason = f"the machine it ran on died before its outputs were stored in {where}: {error}"
-            return without_outputs(ending, "InternalServiceError", reason)
-        return {**ending, "outputs": outputs.place}
+            return without_outputs(outcome, "InternalServiceError", reason)
+        return outcome.model_copy(update={"outputs": outputs.place})
 
-    def _keep_earlier_run(self, run_id: str, outcome: RunOutcome) -> None:
+    def _keep_earlier_run(self, run_id: str, ended: RunOutcome) -> None:
         """Stores what a run left that was ended for another, and notes it; the restart goes on unless it is stopped."""
-        self._keep_run(run_id, {**ending_of(outcome, None), "restarted": True}, finished=outcome.finished)
+        self._keep_run(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
 
     def _keep_dead_run(self) -> None:
         """Stores what a run left here that died with its performer and that none goes on with, and notes it.
 
         Nobody can say of it any more whether it had ended, so it gets no manifest.
         """
-        job = self._lease.job
-        run_id = job.document.get("runId")
-        if run_id is None or run_id in kept_runs(job.document) or job.status not in _RUNS:
+        job, document = self._lease.job, self._document
+        run_id = document.run_id
+        if run_id is None or run_id in kept_runs(document) or job.status not in _RUNS:
             return
         output = self._folder(run_id) / "output"
         if not output.is_dir():
@@ -300,29 +312,44 @@ class JobRun:
         if not any(output.iterdir()):
             return
         add_note(output, _DIED)
-        about = failed("InternalServiceError", _DIED) | {"restarted": job.status == "Restarting"}
-        self._keep_run(run_id, about, finished=False)
+        outcome = failed("InternalServiceError", _DIED)
+        self._keep_run(run_id, outcome, restarted=job.status == "Restarting", finished=False)
 
-    def _keep_run(self, run_id: str, about: Mapping[str, Any], *, finished: bool) -> None:
+    def _keep_run(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
         """Stores the outputs of a run that is not the job's last one; says in the job where they are.
 
         One that has to end while the store does not answer has no other: this run's outputs become those of the job.
         """
-        run: dict[str, Any] = {"runId": run_id, "startedAt": self._lease.job.document["lastStartedAt"], **about}
+        document = self._document
         outputs = self._outputs(run_id)
+        place, not_stored = None, None
         try:
-            run["outputs"] = outputs.store(about, finished=finished, stopped=lambda: self._why_stop() is not None)
+            about = {**outcome.to_json(), "restarted": restarted}
+            place = outputs.store(about, finished=finished, stopped=lambda: self._why_stop() is not None)
         except (StorageError, OSError) as error:
             if self._why_stop() is not None:
                 return
-            run["notStored"] = shorten(outputs.not_stored(error))
-            _logger.warning("%s is run again, but its %s", self._lease.job.arn, run["notStored"])
-        self._lease.update(lambda document: {**document, "earlierRuns": [*document.get("earlierRuns", []), run]})
-        if "outputs" in run:  # noted by now: a performer that dies here leaves a folder, and no outputs nobody knows of
+            not_stored = shorten(outputs.not_stored(error))
+            _logger.warning("%s is run again, but its %s", self._lease.job.arn, not_stored)
+        run = EarlierRun(
+            run_id=run_id,
+            started_at=document.last_started_at,
+            status=outcome.status,
+            failure_code=outcome.failure_code,
+            failure_reason=outcome.failure_reason,
+            simulation_time_millis=outcome.simulation_time_millis,
+            restarted=restarted,
+            outputs=place,
+            not_stored=not_stored,
+        )
+        self._lease.update(SimulationJobProgress(earlier_runs=[*document.earlier_runs, run]))
+        if (
+            place is not None
+        ):  # noted by now: a performer that dies here leaves a folder, and no outputs nobody knows of
             remove_run(self._folder(run_id))
 
     def _clean_up(self, run_id: str) -> None:
         """Removes what is not needed any more; outputs that could not be stored stay."""
         if self._lease.lost:
             return  # whoever took over may go on with the same run
-        clean_up_job(self._folder(run_id).parent, self._lease.job.document, run_id)
+        clean_up_job(self._folder(run_id).parent, self._document, run_id)

@@ -1,57 +1,51 @@
-"""How a simulation job ends, as the catalog keeps it: status, failure code, reason, how long it ran."""
+"""How a simulation job finishes: the outcome of its last run, or of stopping it before there was one."""
 
-from typing import Any
+from collections.abc import Mapping
 
+from ...schemas.documents.simulation_jobs import Outcome, OutcomeStatus
 from ...schemas.runs.plan import RunOutcome
+from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 
-Ending = dict[str, Any]
-"""`status`, and those of `failureCode`, `failureReason`, `simulationTimeMillis` and `outputs` that there are."""
-
-CANCELED = "Canceled"
-"""Why a job stops that was cancelled itself; other reasons are failure codes."""
-
-END_EVENTS = {"Completed": "complete", "Failed": "fail", CANCELED: "cancel"}
-"""The event that leads from `Terminating` to an ending's status."""
+END_EVENTS: Mapping[OutcomeStatus, str] = {"Completed": "complete", "Failed": "fail", "Canceled": "cancel"}
+"""The event that leads from `Terminating` to an outcome's status."""
 
 
-def ending_of(outcome: RunOutcome, stopped_because: str | None) -> Ending:
-    """The ending that a run leads to.
+def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
+    """The outcome of a job that a run leads to.
 
     Args:
-      outcome: how the run ended.
-      stopped_because: why the job had to stop, `CANCELED` or a failure code; `None` if it did not have to.
+      run: how the run ended.
+      stopped_because: why the job had to stop; `None` if it did not have to.
     """
-    ending: Ending = {"status": outcome.status}
-    if outcome.failure_code:
-        ending |= failed(outcome.failure_code, outcome.failure_reason or "") | {"status": outcome.status}
-    elif outcome.status == CANCELED:
-        ending = stopped(stopped_because or CANCELED, "the job was stopped while it ran")
-    duration = outcome.ended_at - outcome.started_at
-    return ending | {"simulationTimeMillis": round(duration.total_seconds() * 1000)}
+    outcome = Outcome(status=run.status)
+    if run.failure_code:
+        outcome = _with_failure(outcome, run.failure_code, run.failure_reason or "")
+    elif run.status == "Canceled":
+        outcome = stopped(stopped_because or StopReason.CANCELED, "the job was stopped while it ran")
+    duration = run.ended_at - run.started_at
+    return outcome.model_copy(update={"simulation_time_millis": round(duration.total_seconds() * 1000)})
 
 
-def stopped(reason: str, words: str) -> Ending:
-    """The ending of a job that had to stop, because of `CANCELED` or a failure code."""
-    if reason == CANCELED:
-        return {"status": CANCELED}
-    return {"status": CANCELED, "failureCode": reason, "failureReason": words}
+def stopped(reason: StopReason, words: str) -> Outcome:
+    """The outcome of a job that had to stop; one that was cancelled itself has no failure code."""
+    if reason is StopReason.CANCELED:
+        return Outcome(status="Canceled")
+    return Outcome(status="Canceled", failure_code=reason.value, failure_reason=words)
 
 
-def failed(code: str, reason: str) -> Ending:
-    """The ending of a job that failed."""
-    return {"status": "Failed", "failureCode": code, "failureReason": shorten(reason)}
+def failed(code: str, reason: str) -> Outcome:
+    """The outcome of a job that failed."""
+    return _with_failure(Outcome(status="Failed"), code, reason)
 
 
-def without_outputs(ending: Ending, code: str, reason: str) -> Ending:
-    """An ending that lost its outputs: a crash that came before keeps its code, a cancelled job stays cancelled."""
-    reasons = [reason, ending["failureReason"]] if "failureReason" in ending else [reason]
-    failure = failed(code, "\n".join(reasons))
-    if ending["status"] != "Completed":
-        failure |= {"status": ending["status"], "failureCode": ending.get("failureCode", code)}
-    return ending | failure
+def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
+    """An outcome that lost its outputs: a crash that came before keeps its code, a cancelled job stays cancelled."""
+    reasons = [reason] if outcome.failure_reason is None else [reason, outcome.failure_reason]
+    if outcome.status == "Completed":
+        outcome = outcome.model_copy(update={"status": "Failed", "failure_code": None})
+    return _with_failure(outcome, outcome.failure_code or code, "\n".join(reasons))
 
 
-def members_of(ending: Ending) -> dict[str, Any]:
-    """What of an ending is a member of the job's document; its status is the job's own."""
-    return {key: value for key, value in ending.items() if key != "status"}
+def _with_failure(outcome: Outcome, code: str, reason: str) -> Outcome:
+    return outcome.model_copy(update={"failure_code": code, "failure_reason": shorten(reason)})

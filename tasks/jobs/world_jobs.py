@@ -2,15 +2,16 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
 
+from ...schemas.documents.world_export_jobs import WorldExportProgress
+from ...schemas.documents.world_generation_jobs import WorldGenerationProgress
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import StateConflictError
 from ..execution.claims import run_if_unclaimed
 from ..execution.leases import Lease
 from ..service.service import Service
 
-_ONLY_OF_FAILURES = ("failureCode", "failureReason")
+WorldJobProgress = WorldGenerationProgress | WorldExportProgress
 
 
 def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
@@ -35,7 +36,7 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
     run_if_unclaimed(arn, kind, service, work)
 
 
-def move_on(lease: Lease, event: str, **changes: Any) -> bool:
+def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -> bool:
     """Moves a job on, unless it is being cancelled meanwhile: then it ends as cancelled.
 
     Args:
@@ -50,16 +51,16 @@ def move_on(lease: Lease, event: str, **changes: Any) -> bool:
       StateConflictError: the event cannot happen, or the lease was lost.
     """
     try:
-        lease.transition(event, **changes)
+        lease.transition(event, changes)
     except StateConflictError:
         if lease.refreshed().status != "Canceling":
             raise
-        lease.transition("canceled", **{key: changes[key] for key in changes if key not in _ONLY_OF_FAILURES})
+        lease.transition("canceled", changes and changes.without("failure_code", "failure_reason"))
         return False
     return True
 
 
-def end_canceled(lease: Lease, **changes: Any) -> None:
+def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
     """Ends a job as cancelled, whether its status says already that it will be or not.
 
     Raises:
@@ -67,4 +68,4 @@ def end_canceled(lease: Lease, **changes: Any) -> None:
     """
     with suppress(StateConflictError):
         lease.transition("cancel")
-    lease.transition("canceled", **changes)
+    lease.transition("canceled", changes)

@@ -1,8 +1,8 @@
 """Simulation job batches: many jobs, never more than `maxConcurrency` at once."""
 
-from datetime import datetime
 from typing import Any
 
+from ...schemas.documents.simulation_job_batches import BatchCounts, SimulationJobBatchDocument, StoredBatchPolicy
 from ...schemas.operations.requested_requirements import rooms_asked
 from ...schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
@@ -23,7 +23,6 @@ from .simulation_jobs import summary
 
 KIND = "simulation-job-batch"
 MAX_TIMEOUT_S = 1_209_600
-_COUNTS = ("requestCount", "failedCount")
 
 
 def perform_simulation_job_batch(arn: str, service: Service) -> None:
@@ -39,17 +38,16 @@ def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service:
     batch = service.store_job(
         KIND,
         "batch",
-        {
-            "request": request.to_wire(),
-            "batchPolicy": {
-                "timeoutInSeconds": policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
-                "maxConcurrency": policy.get("maxConcurrency", service.settings.max_jobs),
-            },
-            "failed": {},
-            # Lists read these two instead of the whole batch.
-            "requestCount": len(request.createSimulationJobRequests),
-            "failedCount": 0,
-        },
+        SimulationJobBatchDocument(
+            request=request.to_wire(),
+            batch_policy=StoredBatchPolicy(
+                timeout_in_seconds=policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
+                max_concurrency=policy.get("maxConcurrency", service.settings.max_jobs),
+            ),
+            failed={},
+            request_count=len(request.createSimulationJobRequests),
+            failed_count=0,
+        ),
         tags=request.tags,
         token=ClientToken.of("StartSimulationJobBatch", request),
     )
@@ -75,7 +73,7 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
         service,
         filters={"status": "status"},
         given=request.filters,
-        members=_COUNTS,
+        members=BatchCounts.members(),
     )
     created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
     return {
@@ -128,27 +126,28 @@ def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:
 
 def _counts(batch: Resource, service: Service) -> tuple[int, int]:
     """How many requests a batch has, and how many failed."""
-    if not set(_COUNTS) <= set(batch.document):  # it is from before they were counted
-        whole = service.catalog.get(batch.arn).document
-        return len(whole["request"]["createSimulationJobRequests"]), len(whole["failed"])
-    return batch.document["requestCount"], batch.document["failedCount"]
+    counts = BatchCounts.model_validate(batch.document)
+    if counts.request_count is None or counts.failed_count is None:  # it is from before they were counted
+        whole = SimulationJobBatchDocument.of(service.catalog.get(batch.arn))
+        return len(whole.requests), len(whole.failed)
+    return counts.request_count, counts.failed_count
 
 
 def _described(batch: Resource, service: Service) -> dict[str, Any]:
-    requests = batch.document["request"]["createSimulationJobRequests"]
-    failed = batch.document["failed"]
+    document = SimulationJobBatchDocument.of(batch)
+    requests, failed = document.requests, document.failed
     jobs = jobs_by_request(batch, service)
     return {
         "arn": batch.arn,
         "status": batch.status,
         "lastUpdatedAt": batch.updated_at,
         "createdAt": batch.created_at,
-        "clientRequestToken": batch.document["request"].get("clientRequestToken"),
-        "batchPolicy": batch.document["batchPolicy"],
-        "failureCode": batch.document.get("failureCode"),
-        "failureReason": batch.document.get("failureReason"),
+        "clientRequestToken": document.request.get("clientRequestToken"),
+        "batchPolicy": document.batch_policy.to_json(),
+        "failureCode": document.failure_code,
+        "failureReason": document.failure_reason,
         "failedRequests": [
-            {"request": requests[int(index)], **failure, "failedAt": datetime.fromisoformat(failure["failedAt"])}
+            {"request": requests[int(index)], **failure.to_json(), "failedAt": failure.time}
             for index, failure in sorted(failed.items(), key=lambda item: int(item[0]))
         ],
         "pendingRequests": [

@@ -1,9 +1,9 @@
 """Simulation jobs: one robot, one world, one run."""
 
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Any
 
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
@@ -111,46 +111,45 @@ def restart_simulation_job(request: RestartSimulationJobRequest, service: Servic
 
 def describe(job: Resource) -> dict[str, Any]:
     """The members of a job's description, those without a value as `None`."""
-    document = job.document
-    request = document["request"]
-    started = document.get("lastStartedAt")
+    document = SimulationJobDocument.of(job)
+    request = document.request
     return {
         "arn": job.arn,
         "name": job.id,
         "status": job.status,
-        "lastStartedAt": datetime.fromisoformat(started) if started else None,
+        "lastStartedAt": document.started_at,
         "lastUpdatedAt": job.updated_at,
         "failureBehavior": request.get("failureBehavior", "Fail"),
-        "failureCode": document.get("failureCode"),
-        "failureReason": document.get("failureReason"),
+        "failureCode": document.failure_code,
+        "failureReason": document.failure_reason,
         "clientRequestToken": request.get("clientRequestToken"),
         "outputLocation": request.get("outputLocation"),
         "loggingConfig": request.get("loggingConfig"),
         "maxJobDurationInSeconds": request["maxJobDurationInSeconds"],
-        "simulationTimeMillis": document.get("simulationTimeMillis", 0),
+        "simulationTimeMillis": document.simulation_time_millis or 0,
         "iamRole": request.get("iamRole"),
         "robotApplications": request.get("robotApplications"),
         "simulationApplications": request.get("simulationApplications"),
-        "dataSources": document.get("dataSources") or None,
+        "dataSources": [source.to_json() for source in document.data_sources or []] or None,
         "tags": dict(job.tags),
         "vpcConfig": request.get("vpcConfig"),
-        "networkInterface": document.get("networkInterface"),
+        "networkInterface": document.network_interface and document.network_interface.to_json(),
         "compute": _compute(request),
     }
 
 
 def summary(job: Resource) -> dict[str, Any]:
     """The members of a job's entry in a list."""
-    document = job.document
+    document = SimulationJobDocument.of(job)
     return {
         "arn": job.arn,
         "lastUpdatedAt": job.updated_at,
         "name": job.id,
         "status": job.status,
-        "simulationApplicationNames": document["simulationApplicationNames"],
-        "robotApplicationNames": document["robotApplicationNames"],
-        "dataSourceNames": [source["name"] for source in document.get("dataSources") or []],
-        "computeType": _compute(document["request"])["computeType"],
+        "simulationApplicationNames": document.simulation_application_names,
+        "robotApplicationNames": document.robot_application_names,
+        "dataSourceNames": [source.name for source in document.data_sources or []],
+        "computeType": _compute(document.request)["computeType"],
     }
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from ...schemas.documents.world_export_jobs import WorldExportJobDocument, WorldExportRequest
 from ...schemas.operations.world_export_jobs import (
     CancelWorldExportJobRequest,
     CancelWorldExportJobResponse,
@@ -50,7 +51,7 @@ def _stored(request: CreateWorldExportJobRequest, token: ClientToken | None, ser
     return service.store_job(
         KIND,
         "export",
-        {"request": request.to_wire()},
+        WorldExportJobDocument(request=WorldExportRequest.model_validate(request.to_wire())),
         tags=request.tags,
         token=token,
         labels={origin: _labels(worlds, origin) for origin in _ORIGINS},
@@ -90,16 +91,17 @@ def _summary(job: Resource) -> dict[str, Any]:
 
 
 def _described(job: Resource) -> dict[str, Any]:
-    request = job.document["request"]
+    document = WorldExportJobDocument.of(job)
+    request = document.request
     return {
         "arn": job.arn,
         "status": job.status,
         "createdAt": job.created_at,
-        "failureCode": job.document.get("failureCode"),
-        "failureReason": job.document.get("failureReason"),
-        "clientRequestToken": request.get("clientRequestToken"),
-        "worlds": request["worlds"],
-        "outputLocation": request["outputLocation"],
-        "iamRole": request["iamRole"],
+        "failureCode": document.failure_code,
+        "failureReason": document.failure_reason,
+        "clientRequestToken": request.client_request_token,
+        "worlds": request.worlds,
+        "outputLocation": request.output_location.to_json(),
+        "iamRole": request.iam_role,
         "tags": dict(job.tags),
     }

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument, WorldGenerationRequest
+from ...schemas.documents.world_templates import WorldTemplateDocument
 from ...schemas.operations.registry import seed_of
 from ...schemas.operations.world_generation_jobs import (
     CancelWorldGenerationJobRequest,
@@ -41,11 +43,11 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
     return service.store_job(
         KIND,
         "generation",
-        {
-            "request": request.to_wire(),
-            "templateBody": template.document["templateBody"],
-            "seed": service.new_seed() if seed is None else seed,
-        },
+        WorldGenerationJobDocument(
+            request=WorldGenerationRequest.model_validate(request.to_wire()),
+            template_body=WorldTemplateDocument.of(template).template_body,
+            seed=service.new_seed() if seed is None else seed,
+        ),
         tags=request.tags,
         token=token,
         labels={"templateId": [template.id]},
@@ -56,16 +58,17 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
 def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, service: Service) -> Answer:
     """Tells how a generation job stands, with the worlds finished so far."""
     job = service.catalog.get(request.job, kind=KIND)
-    worlds = job.document.get("succeededWorlds")
+    document = WorldGenerationJobDocument.of(job)
+    worlds = document.succeeded_worlds
     if worlds is None:
         worlds = in_order(world.arn for world in service.catalog.children(job.arn, kind="world"))
-    failures = job.document.get("failures") or NO_FAILURES
+    failures = document.failures or NO_FAILURES
     response = _described(job)
-    response["failureReason"] = job.document.get("failureReason")
+    response["failureReason"] = document.failure_reason
     response["finishedWorldsSummary"] = {
-        "finishedCount": len(worlds) + failures["totalFailureCount"],
+        "finishedCount": len(worlds) + failures.total_failure_count,
         "succeededWorlds": worlds,
-        "failureSummary": failures,
+        "failureSummary": failures.to_json(),
     }
     return response
 
@@ -93,30 +96,32 @@ def cancel_world_generation_job(
 
 
 def _summary(job: Resource, service: Service) -> dict[str, Any]:
-    worlds = job.document.get("succeededWorlds")
+    document = WorldGenerationJobDocument.of(job)
+    worlds = document.succeeded_worlds
     succeeded = sum(service.catalog.count_children(job.arn, "world").values()) if worlds is None else len(worlds)
-    request = job.document["request"]
+    request = document.request
     return {
         "arn": job.arn,
-        "template": request["template"],
+        "template": request.template,
         "createdAt": job.created_at,
         "status": job.status,
-        "worldCount": request["worldCount"],
+        "worldCount": request.world_count.to_json(),
         "succeededWorldCount": succeeded,
-        "failedWorldCount": (job.document.get("failures") or NO_FAILURES)["totalFailureCount"],
+        "failedWorldCount": (document.failures or NO_FAILURES).total_failure_count,
     }
 
 
 def _described(job: Resource) -> dict[str, Any]:
-    request = job.document["request"]
+    document = WorldGenerationJobDocument.of(job)
+    request = document.request
     return {
         "arn": job.arn,
         "status": job.status,
         "createdAt": job.created_at,
-        "failureCode": job.document.get("failureCode"),
-        "clientRequestToken": request.get("clientRequestToken"),
-        "template": request["template"],
-        "worldCount": request["worldCount"],
+        "failureCode": document.failure_code,
+        "clientRequestToken": request.client_request_token,
+        "template": request.template,
+        "worldCount": request.world_count.to_json(),
         "tags": dict(job.tags),
-        "worldTags": request.get("worldTags") or {},
+        "worldTags": request.world_tags or {},
     }

@@ -1,5 +1,8 @@
 """World templates: what worlds should be like."""
 
+from ...schemas.documents.base import Changes
+from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
+from ...schemas.documents.world_templates import TemplateBody, WorldTemplateDocument
 from ...schemas.operations.world_templates import (
     CreateWorldTemplateRequest,
     CreateWorldTemplateResponse,
@@ -51,7 +54,11 @@ def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, serv
             name=request.name or "",
             status="Active",
             tags=request.tags or {},
-            document={**body, "clientRequestToken": request.clientRequestToken},
+            document=WorldTemplateDocument(
+                version=body.version,
+                template_body=body.template_body,
+                client_request_token=request.clientRequestToken,
+            ),
         ),
         token=token,
     )
@@ -61,10 +68,10 @@ def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, serv
 def update_world_template(request: UpdateWorldTemplateRequest, service: Service) -> UpdateWorldTemplateResponse:
     """Changes a template's name, body or both; jobs that were made before keep the body they were made with."""
     service.catalog.get(request.template, kind=KIND)
-    body: dict[str, str] = {}
+    body: TemplateBody | None = None
     if request.templateBody is not None or request.templateLocation is not None:
         body = _checked_body(request.templateBody, request.templateLocation, service)
-    resource = service.catalog.update(request.template, lambda document: {**document, **body}, name=request.name)
+    resource = service.catalog.update(request.template, body or Changes(), name=request.name)
     return UpdateWorldTemplateResponse(
         arn=resource.arn,
         name=resource.name or None,
@@ -77,14 +84,15 @@ def update_world_template(request: UpdateWorldTemplateRequest, service: Service)
 def describe_world_template(request: DescribeWorldTemplateRequest, service: Service) -> DescribeWorldTemplateResponse:
     """Tells everything about a template but its body."""
     resource = service.catalog.get(request.template, kind=KIND)
+    document = WorldTemplateDocument.of(resource)
     return DescribeWorldTemplateResponse(
         arn=resource.arn,
-        clientRequestToken=resource.document.get("clientRequestToken"),
+        clientRequestToken=document.client_request_token,
         name=resource.name or None,
         createdAt=resource.created_at,
         lastUpdatedAt=resource.updated_at,
         tags=dict(resource.tags),
-        version=resource.document["version"],
+        version=document.version,
     )
 
 
@@ -92,10 +100,10 @@ def describe_world_template(request: DescribeWorldTemplateRequest, service: Serv
 def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Service) -> GetWorldTemplateBodyResponse:
     """Returns a template's body as it is now, or as it was when a generation job was made."""
     if request.template is not None:
-        resource = service.catalog.get(request.template, kind=KIND)
-    else:
-        resource = service.catalog.get(str(request.generationJob), kind="world-generation-job")
-    return GetWorldTemplateBodyResponse(templateBody=resource.document["templateBody"])
+        template = service.catalog.get(request.template, kind=KIND)
+        return GetWorldTemplateBodyResponse(templateBody=WorldTemplateDocument.of(template).template_body)
+    job = service.catalog.get(str(request.generationJob), kind="world-generation-job")
+    return GetWorldTemplateBodyResponse(templateBody=WorldGenerationJobDocument.of(job).template_body)
 
 
 @operation("ListWorldTemplates")
@@ -108,7 +116,7 @@ def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -
             "createdAt": template.created_at,
             "lastUpdatedAt": template.updated_at,
             "name": template.name or None,
-            "version": template.document["version"],
+            "version": WorldTemplateDocument.of(template).version,
         }
         for template in page.resources
     ]
@@ -123,10 +131,10 @@ def delete_world_template(request: DeleteWorldTemplateRequest, service: Service)
     return DeleteWorldTemplateResponse()
 
 
-def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> dict[str, str]:
+def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> TemplateBody:
     """The members of a template's document that its body decides."""
     given = text or _read_body(location, service)
-    return {"version": parse_template_body(given).Version, "templateBody": unwrapped_text(given)}
+    return TemplateBody(version=parse_template_body(given).Version, template_body=unwrapped_text(given))
 
 
 def _read_body(location: TemplateLocation | None, service: Service) -> str:

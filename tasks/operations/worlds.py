@@ -4,6 +4,7 @@ import json
 import logging
 from typing import Any
 
+from ...schemas.documents.worlds import WorldDocument
 from ...schemas.operations.worlds import (
     BatchDeleteWorldsRequest,
     BatchDeleteWorldsResponse,
@@ -52,15 +53,14 @@ def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> 
 
 def _description(world: Resource, service: Service) -> str | None:
     """What the world's bundle says of it, and the bundle's hash; worlds of earlier releases may have no description."""
-    key = world.document.get("descriptionKey")
-    if key is None:
+    document = WorldDocument.of(world)
+    if document.bundle is None or document.description_key is None:
         return None
-    bucket = world.document["bundle"]["bucket"]
     try:
-        description = json.loads(service.store.get_bytes(bucket, key))
+        description = json.loads(service.store.get_bytes(document.bundle.bucket, document.description_key))
     except StorageError as error:
         raise InternalServerException(f"the description of {world.arn} cannot be read: {error}") from error
-    return json.dumps({**description, "contentHash": world.document["bundle"]["prefix"].rsplit("/", 1)[-1]})
+    return json.dumps({**description, "contentHash": document.bundle.last_part})
 
 
 def _deleted(world: Resource, service: Service) -> bool:
@@ -79,5 +79,5 @@ def _summary(world: Resource) -> dict[str, Any]:
         "arn": world.arn,
         "createdAt": world.created_at,
         "generationJob": world.parent,
-        "template": world.document.get("template"),
+        "template": WorldDocument.of(world).template,
     }

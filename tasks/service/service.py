@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ...schemas.documents.base import Document
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import resource_arn
 from ...schemas.wire.ids import IdPrefix, new_id
@@ -105,7 +106,7 @@ class Service:
         self,
         kind: str,
         prefix: IdPrefix,
-        document: Mapping[str, Any],
+        document: Document | Mapping[str, Any],
         *,
         tags: Mapping[str, str] | None,
         token: ClientToken | None,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.requested_requirements import requirements_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
@@ -17,6 +18,7 @@ from .planning.applications import find_application
 from .planning.run_plans import world_arn
 
 KIND = "simulation-job"
+_ROLES: tuple[ApplicationRole, ...] = ("robot", "simulation")
 
 
 def store_job(
@@ -43,7 +45,7 @@ def store_job(
     if (earlier := service.made_before(token)) is not None:
         return earlier
     wire = request.to_wire()
-    applications = {f"{role}ApplicationNames": _applications(wire, role, service) for role in ("robot", "simulation")}
+    robots, simulations = (_applications(wire, role, service) for role in _ROLES)
     if (world := world_arn(wire)) is not None:
         check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
@@ -52,19 +54,20 @@ def store_job(
     return service.store_job(
         KIND,
         "sim",
-        {
-            "request": wire,
-            "requestIndex": batch[1] if batch else None,
-            "seed": service.new_seed() if seed is None else seed,
-            "video": video_of(request) or "none",
-            "requirements": [each.to_wire() for each in requirements_of(request)],
-            "dataSources": data_sources,
-            **applications,
-        },
+        SimulationJobDocument(
+            request=wire,
+            request_index=batch[1] if batch else None,
+            seed=service.new_seed() if seed is None else seed,
+            video=video_of(request) or "none",
+            requirements=[each.to_wire() for each in requirements_of(request)],
+            data_sources=data_sources,
+            robot_application_names=robots,
+            simulation_application_names=simulations,
+        ),
         tags=request.tags,
         token=token,
         parent=batch[0] if batch else None,
-        labels={members.removesuffix("s"): names for members, names in applications.items()},
+        labels={"robotApplicationName": robots, "simulationApplicationName": simulations},
     )
 
 

@@ -6,9 +6,10 @@ removed just when another world of the same content is added, by this process or
 
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.wire.errors import BucketNotFoundError, ResourceAlreadyExistsException, ResourceNotFoundException
 from ..catalog import Resource
 from ..service.service import Service
@@ -21,17 +22,17 @@ _HELD_AT_MOST_S = 120.0
 _WAIT_S = 0.05
 
 
-def bundle_label(bundle: Mapping[str, str]) -> str:
+def bundle_label(bundle: StoredPlace) -> str:
     """What worlds of one stored bundle are found by.
 
     Args:
-      bundle: its `bucket` and `prefix`.
+      bundle: where it is.
     """
-    return f"{bundle['bucket']}/{bundle['prefix']}"
+    return f"{bundle.bucket}/{bundle.prefix}"
 
 
 @contextmanager
-def bundle_held(bundle: Mapping[str, str], service: Service) -> Iterator[None]:
+def bundle_held(bundle: StoredPlace, service: Service) -> Iterator[None]:
     """Keeps others from adding or taking away worlds of a bundle; waits for those who do."""
     arn = service.arn("world", f"bundle/{bundle_label(bundle)}")
     owner = uuid.uuid4().hex
@@ -53,7 +54,7 @@ def delete_world(world: Resource, service: Service) -> None:
       ResourceNotFoundException: somebody else has just removed it.
       StorageError: the bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
     """
-    bundle = world.document.get("bundle")
+    bundle = WorldDocument.of(world).bundle
     if not bundle:
         service.catalog.delete(world.arn)
         return
@@ -61,7 +62,7 @@ def delete_world(world: Resource, service: Service) -> None:
         sharing = service.catalog.list("world", filters={BUNDLE_LABEL: [bundle_label(bundle)]}, limit=2).resources
         if all(each.arn == world.arn for each in sharing):
             with suppress(BucketNotFoundError):  # then there is nothing to remove
-                unpublish(service.store, bundle["bucket"], bundle["prefix"])
+                unpublish(service.store, bundle.bucket, bundle.prefix)
         service.catalog.delete(world.arn)
 
 

@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from ...schemas.documents.world_export_jobs import WorldExportJobDocument
 from ...schemas.wire.errors import TransferStoppedError
 from ..catalog import Resource
 from ..execution.steps import RunStep
@@ -32,7 +33,7 @@ def export_worlds(job: Resource, service: Service, stopped: Callable[[], bool], 
     """
     bucket, key = archive_place(job)
     prepare_bucket(service, bucket)
-    worlds = [service.catalog.get(arn, kind="world") for arn in job.document["request"]["worlds"]]
+    worlds = [service.catalog.get(arn, kind="world") for arn in WorldExportJobDocument.of(job).request.worlds]
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             archive = Path(scratch, "export.zip")

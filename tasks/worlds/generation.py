@@ -2,10 +2,12 @@
 
 import tempfile
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
+from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ...schemas.wire.ids import world_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
@@ -21,9 +23,17 @@ from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
 WORLDS_PREFIX = "worlds"
 
 
+@dataclass(frozen=True)
+class WorldFailure:
+    """Why there is no world."""
+
+    code: str
+    reason: str
+
+
 def generate_world(
     service: Service, job: Resource, index: int, world_arn: str, builders: WorldBuilders, run_step: RunStep
-) -> dict[str, Any] | None:
+) -> WorldFailure | None:
     """Generates the world of one place in a job, stores its bundle and adds it to the catalog.
 
     Args:
@@ -35,26 +45,26 @@ def generate_world(
       run_step: how the step `upload` is run.
 
     Returns:
-      `None`, or why there is no world, `{"code": …, "reason": …}`.
+      `None`, or why there is no world.
     """
-    document = job.document
-    interiors = document["request"]["worldCount"]["interiorCountPerFloorplan"]
-    seeds = seeds_for(document["seed"], index // interiors, index % interiors)
+    document = WorldGenerationJobDocument.of(job)
+    interiors = document.request.world_count.interior_count_per_floorplan
+    seeds = seeds_for(document.seed, index // interiors, index % interiors)
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             folder = Path(scratch, "bundle")
-            content = builders.build(document["templateBody"], *seeds, folder)
+            content = builders.build(document.template_body, *seeds, folder)
             run_step("upload", lambda: _store(service, job, index, world_arn, folder, content))
     except WorldGenerationError as error:
-        return {"code": "InternalServiceError", "reason": str(error)}
+        return WorldFailure("InternalServiceError", str(error))
     except (StorageError, OSError) as error:
-        return {"code": "InternalServiceError", "reason": f"the world could not be stored: {error}"}
+        return WorldFailure("InternalServiceError", f"the world could not be stored: {error}")
     return None
 
 
 def _store(service: Service, job: Resource, index: int, world_arn: str, folder: Path, content: str) -> None:
     prefix = f"{WORLDS_PREFIX}/{content}"
-    bundle = {"bucket": service.settings.bucket, "prefix": prefix}
+    bundle = StoredPlace(bucket=service.settings.bucket, prefix=prefix)
     publish_bundle(service, prefix, folder, service.clock())
     with bundle_held(bundle, service):
         # Stores nothing, unless the last world with this content was deleted just now.
@@ -68,20 +78,19 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
     publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
 
 
-def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: dict[str, str]) -> None:
+def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: StoredPlace) -> None:
+    request = WorldGenerationJobDocument.of(job).request
     world = Resource.new(
         arn=arn,
         kind="world",
         id=world_id(job.id, index + 1),
         status="Active",
         parent=job.arn,
-        tags=job.document["request"].get("worldTags") or {},
+        tags=request.world_tags or {},
         labels={"generationJobId": [job.id], **job.labels, BUNDLE_LABEL: [bundle_label(bundle)]},
-        document={
-            "template": job.document["request"]["template"],
-            "bundle": bundle,
-            "descriptionKey": f"{bundle['prefix']}/{DESCRIPTION_FILE}",
-        },
+        document=WorldDocument(
+            template=request.template, bundle=bundle, description_key=f"{bundle.prefix}/{DESCRIPTION_FILE}"
+        ),
     )
     with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over
         service.catalog.create(world, token=None)

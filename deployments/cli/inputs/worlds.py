@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ....schemas.documents.world_generation_jobs import WorldGenerationJobDocument
+from ....schemas.documents.worlds import WorldDocument
 from ....schemas.settings import Settings
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import (
@@ -83,8 +85,8 @@ def _of_arn(arn: str) -> FoundWorld:
     service = Service.open(Settings.from_environment(os.environ))
     resource = service.catalog.get(arn, kind="world")
     folder = _fetched(resource, service)
-    bundle = resource.document["bundle"]
-    template = resource.document.get("template")
+    document = WorldDocument.of(resource)
+    template = document.template
     job = _named(resource.parent, service)
     return _found(
         folder,
@@ -93,9 +95,9 @@ def _of_arn(arn: str) -> FoundWorld:
         template_arn=template,
         template_name=(named.name if (named := _named(template, service)) else None),
         job_arn=resource.parent,
-        job_seed=job.document.get("seed") if job else None,
-        stored_at=service.store.uri(bundle["bucket"], bundle["prefix"]),
-        stored_content=bundle["prefix"].rsplit("/", 1)[-1],
+        job_seed=WorldGenerationJobDocument.of(job).seed if job else None,
+        stored_at=document.bundle and service.store.uri(document.bundle.bucket, document.bundle.prefix),
+        stored_content=document.bundle and document.bundle.last_part,
     )
 
 

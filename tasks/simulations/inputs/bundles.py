@@ -7,12 +7,14 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from ....schemas.documents.worlds import WorldDocument
 from ....schemas.wire.errors import (
     BucketNotFoundError,
     BundleError,
     LaunchError,
     ObjectNotFoundError,
     StorageAccessDeniedError,
+    StorageError,
 )
 from ...catalog import Resource
 from ...service.service import Service
@@ -25,12 +27,14 @@ def world_bundle(world: Resource, service: Service) -> Path:
     Raises:
       StorageError: it cannot be fetched.
     """
-    bucket, prefix = world.document["bundle"]["bucket"], world.document["bundle"]["prefix"]
+    bundle = WorldDocument.of(world).bundle
+    if bundle is None:
+        raise StorageError(f"{world.arn} has no stored bundle")
 
     def fill(folder: Path) -> None:
-        fetch(service.store, bucket, prefix, folder)
+        fetch(service.store, bundle.bucket, bundle.prefix, folder)
 
-    return _once(service.folder("cache", "worlds") / prefix.rsplit("/", 1)[-1], fill)
+    return _once(service.folder("cache", "worlds") / bundle.last_part, fill)
 
 
 def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:

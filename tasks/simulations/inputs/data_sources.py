@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from ....schemas.documents.simulation_jobs import ResolvedDataSource, ResolvedKey
 from ....schemas.wire.errors import (
     BundleError,
     InvalidParameterException,
@@ -23,18 +24,19 @@ MAX_FILES = 100
 MAX_BYTES = 25 * 10**9
 
 
-def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service) -> list[dict[str, Any]]:
+def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service) -> list[ResolvedDataSource]:
     """Finds the objects that data sources mean now, with their ETags.
 
     Raises:
       InvalidParameterException: an object does not exist or cannot be read, or there are too many.
     """
-    resolved, objects = [], []
+    resolved: list[ResolvedDataSource] = []
+    objects: list[ObjectInfo] = []
     for index, config in enumerate(configs):
         found = _objects(config, f"dataSources[{index}]", service)
         objects += found
         keys = [{"s3Key": item.key, "etag": item.etag} for item in found]
-        resolved.append({"type": "File", **config, "s3Keys": keys})
+        resolved.append(ResolvedDataSource.model_validate({"type": "File", **config, "s3Keys": keys}))
     size = sum(item.size_bytes for item in objects)
     if len(objects) > MAX_FILES or size > MAX_BYTES:
         raise InvalidParameterException(
@@ -44,7 +46,7 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
     return resolved
 
 
-def fetch_data_sources(sources: Sequence[Mapping[str, Any]], sandbox: Sandbox, service: Service) -> Path | None:
+def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, service: Service) -> Path | None:
     """Fetches resolved data sources into a job's folders, read-only.
 
     Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is `plans/maps/flat.pgm` in the
@@ -59,10 +61,10 @@ def fetch_data_sources(sources: Sequence[Mapping[str, Any]], sandbox: Sandbox, s
       LaunchError: an object is gone, has changed, or is no archive.
     """
     # A destination inside of another's is filled later, as it would be mounted over it.
-    for source in sorted(sources, key=lambda source: len(PurePosixPath(source.get("destination") or "/").parts)):
+    for source in sorted(sources, key=lambda source: len(PurePosixPath(source.destination or "/").parts)):
         folder = _folder_of(source, sandbox)
-        for item in source["s3Keys"]:
-            place = f"s3://{source['s3Bucket']}/{item['s3Key']}"
+        for item in source.s3_keys:
+            place = f"s3://{source.s3_bucket}/{item.s3_key}"
             try:
                 _fetch(source, item, folder, service)
             except StorageAccessDeniedError as error:
@@ -70,14 +72,14 @@ def fetch_data_sources(sources: Sequence[Mapping[str, Any]], sandbox: Sandbox, s
             except (StorageError, BundleError) as error:
                 raise LaunchError(f"{place}: {error}", "InvalidS3Resource") from error
     for source in sources:
-        protect(sandbox.place(source.get("destination") or f"{DATA_SOURCES}/{source['name']}"))
+        protect(sandbox.place(source.destination or f"{DATA_SOURCES}/{source.name}"))
     return sandbox.place(DATA_SOURCES) if sources else None
 
 
-def _folder_of(source: Mapping[str, Any], sandbox: Sandbox) -> Path:
+def _folder_of(source: ResolvedDataSource, sandbox: Sandbox) -> Path:
     """The empty folder that a source is fetched into."""
-    usual = sandbox.place(f"{DATA_SOURCES}/{source['name']}")
-    destination = source.get("destination")
+    usual = sandbox.place(f"{DATA_SOURCES}/{source.name}")
+    destination = source.destination
     if not destination:
         usual.mkdir(parents=True, exist_ok=True)
         return usual
@@ -106,18 +108,18 @@ def _objects(config: Mapping[str, Any], place: str, service: Service) -> list[Ob
     return found
 
 
-def _fetch(source: Mapping[str, Any], item: Mapping[str, Any], folder: Path, service: Service) -> None:
-    bucket, key = source["s3Bucket"], item["s3Key"]
+def _fetch(source: ResolvedDataSource, item: ResolvedKey, folder: Path, service: Service) -> None:
+    bucket, key = source.s3_bucket, item.s3_key
     relative = PurePosixPath(key)
     if relative.is_absolute() or ".." in relative.parts:
         raise StorageError(f"the key {key!r} leads out of the data folder")
     path = folder / relative
     path.parent.mkdir(parents=True, exist_ok=True)
     fetched = service.store.get_file(bucket, key, path)
-    if fetched.etag != item["etag"]:
+    if fetched.etag != item.etag:
         raise LaunchError(f"s3://{bucket}/{key} has changed since the job was made", "MismatchedEtag")
-    if source["type"] == "Archive":
-        _unpack(path, folder, has_destination=bool(source.get("destination")))
+    if source.type == "Archive":
+        _unpack(path, folder, has_destination=bool(source.destination))
 
 
 def _unpack(archive: Path, folder: Path, *, has_destination: bool) -> None:

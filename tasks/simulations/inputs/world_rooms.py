@@ -1,10 +1,10 @@
 """The rooms of stored worlds, and orders for jobs that ask for others."""
 
-from collections.abc import Mapping
 from functools import lru_cache
 
 from pydantic import ValidationError
 
+from ....schemas.documents.worlds import WorldDocument
 from ....schemas.operations.requested_requirements import rooms_asked, unknown_room
 from ....schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ....schemas.wire.errors import InvalidParameterException, StorageError
@@ -23,11 +23,11 @@ def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
       world: the world.
       service: where its bundle is stored.
     """
-    bundle: Mapping[str, str] | None = world.document.get("bundle")
+    bundle = WorldDocument.of(world).bundle
     if not bundle:
         return None
     try:
-        return _read(service.store, bundle["bucket"], bundle["prefix"])
+        return _read(service.store, bundle.bucket, bundle.prefix)
     except (StorageError, ValidationError):  # whoever performs the job finds out, and says so
         return None
 

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
+from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.wire.errors import (
     InvalidParameterException,
     ObjectNotFoundError,
@@ -46,7 +47,7 @@ def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str
     A request that names no bucket means the configured one; outputs of a request that names neither
     bucket nor prefix are put below `simulation-jobs`.
     """
-    location = job.document["request"].get("outputLocation") or {}
+    location = SimulationJobDocument.of(job).request.get("outputLocation") or {}
     prefix = location.get("s3Prefix", "") if location else _DEFAULT_PREFIX
     return location.get("s3Bucket") or service.settings.bucket, join_key(prefix, job.id, run_id)
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ....schemas.documents.simulation_jobs import SimulationJobDocument
+from ....schemas.documents.worlds import StoredPlace
 from ....schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
@@ -74,9 +76,9 @@ class RunOutputs:
         return self._folder / "output"
 
     @property
-    def place(self) -> dict[str, str]:
+    def place(self) -> StoredPlace:
         """Where they are stored."""
-        return {"bucket": self.bucket, "prefix": self.prefix}
+        return StoredPlace(bucket=self.bucket, prefix=self.prefix)
 
     def prepare(self) -> None:
         """Finds out before a long run that its outputs have nowhere to go.
@@ -96,7 +98,7 @@ class RunOutputs:
 
     def store(
         self, about: Mapping[str, Any], *, finished: bool, stopped: Callable[[], bool] = lambda: False
-    ) -> dict[str, str]:
+    ) -> StoredPlace:
         """Stores them; returns where.
 
         What a crashed or killed run left is stored too, but without a manifest: it is not whole. A store that does
@@ -169,14 +171,19 @@ class RunOutputs:
             self.bucket,
             self.prefix,
             self.output_dir,
-            about={"job": self._job.arn, "run": self._run_id, "seed": self._job.document["seed"], **about},
+            about={
+                "job": self._job.arn,
+                "run": self._run_id,
+                "seed": SimulationJobDocument.of(self._job).seed,
+                **about,
+            },
             created_at=self._service.clock(),
             more=uploaded,
             stored=rolled_files(self._folder, [file.name for file in (*uploaded, *regular_files(self.output_dir))]),
         )
 
     def _uploads(self) -> list[Upload]:
-        return uploads_of(self._job.document["request"], self._folder)
+        return uploads_of(SimulationJobDocument.of(self._job).request, self._folder)
 
     def _stage(self) -> list[FolderFile]:
         """The files that upload configurations mean, under the names that they are stored by; all code has stopped.

@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError
@@ -72,7 +73,7 @@ def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
     expected = {
         "job_id": job.id,
         "run_id": folder.name,
-        "max_duration_s": float(job.document["request"]["maxJobDurationInSeconds"]),
+        "max_duration_s": float(SimulationJobDocument.of(job).request["maxJobDurationInSeconds"]),
         "work_dir": folder / "work",
         "output_dir": folder / "output",
         "root_dir": run_sandbox(folder).root,

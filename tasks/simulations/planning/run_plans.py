@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.operations.requested_requirements import unknown_room
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
@@ -44,19 +45,20 @@ def run_plan(
     Raises:
       LaunchError: something cannot be had; carries the job's failure code.
     """
-    request = job.document["request"]
+    document = SimulationJobDocument.of(job)
+    request = document.request
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
     limits = compute_limits(request)
     sandbox = run_sandbox(folder).create()
     world_dir = _world_dir(request, service)
-    sources = job.document.get("dataSources") or []
+    sources = document.data_sources or []
     plan = RunPlan(
         job_id=job.id,
         job_arn=job.arn,
         run_id=run_id,
-        seed=job.document["seed"],
+        seed=document.seed,
         max_duration_s=float(request["maxJobDurationInSeconds"]),
         world_dir=world_dir,
         data_dir=fetch_data_sources(sources, sandbox, service),
@@ -68,11 +70,11 @@ def run_plan(
         environment={DOMAIN_VARIABLE: str(ros_domain), **process_variables(sandbox, service.settings, os.environ)},
         failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
-        video=job.document["video"],
+        video=document.video,
         live_view_port=_live_view_port(request),
-        requirements=_requirements(job, world_dir),
+        requirements=_requirements(document, world_dir),
     )
-    destinations = tuple(each["destination"] for each in sources if each.get("destination"))
+    destinations = tuple(each.destination for each in sources if each.destination)
     applications = plan_applications(request, Surroundings(plan, folder, sandbox, destinations, service, stopped))
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
     return plan.model_copy(
@@ -103,9 +105,9 @@ def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
         raise LaunchError(f"world {arn}: {error}", "ResourceNotFound") from error
 
 
-def _requirements(job: Resource, world_dir: Path | None) -> list[JobRequirement]:
+def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> list[JobRequirement]:
     """What the job orders, all of which can be judged in this world."""
-    requirements = parse_requirements(job.document.get("requirements", []), "requirements")
+    requirements = parse_requirements(document.requirements, "requirements")
     if world_dir is not None and rooms_of(requirements):
         world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())
         asked = [(f"requirements[{index}].room", room) for index, room in rooms_of(requirements)]

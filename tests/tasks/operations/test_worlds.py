@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.documents.worlds import StoredPlace
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.operations.registry import call
@@ -18,6 +19,7 @@ from prefect_robomaker.tasks.worlds.bundles import bundle_held, bundle_label
 
 Generate = Callable[..., dict[str, Any]]
 BUNDLE = {"bucket": "robomaker", "prefix": "worlds/abc"}
+PLACE = StoredPlace.model_validate(BUNDLE)
 
 
 @pytest.fixture
@@ -36,7 +38,7 @@ def add_world(service: Service, tmp_path: Path) -> Callable[..., str]:
             kind="world",
             id=name,
             status="Active",
-            labels={key: [value] for key, value in {"bundle": bundle_label(BUNDLE), **labels}.items()},
+            labels={key: [value] for key, value in {"bundle": bundle_label(PLACE), **labels}.items()},
             document={"bundle": BUNDLE},
         )
         return service.catalog.create(world, token=None).arn
@@ -166,7 +168,7 @@ def test_a_world_is_not_deleted_while_another_with_its_content_is_added(
     first = add_world(1)
     deletion = threading.Thread(target=call, args=("BatchDeleteWorlds", {"worlds": [first]}, service))
 
-    with bundle_held(BUNDLE, service):
+    with bundle_held(PLACE, service):
         deletion.start()
         deletion.join(0.5)
         assert deletion.is_alive()

@@ -11,6 +11,8 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .....schemas.documents.world_generation_jobs import WorldFailures, WorldGenerationJobDocument
+from .....schemas.documents.worlds import WorldDocument
 from .....schemas.wire.errors import StorageError
 from ...arguments import add_open, add_output
 from ...output import browser
@@ -61,28 +63,28 @@ def job_sheet(job: "Resource", service: "Service") -> "Sheet":
         service.catalog.children(job.arn, kind="world"), key=lambda world: int(world.arn.rpartition("-")[2])
     )
     shown = [_sheet_world(world, service) for world in worlds]
-    failures = (job.document.get("failures") or {}).get("failures", [])
+    failures = (WorldGenerationJobDocument.of(job).failures or WorldFailures()).failures
     return Sheet(
         title=f"Worlds of {job.id}",
         lines=_lines(job, shown),
         worlds=problems_first(shown),
         failures=tuple(
-            SheetFailure(each["failureCount"], each["failureCode"], each["sampleFailureReason"]) for each in failures
+            SheetFailure(each.failure_count, each.failure_code, each.sample_failure_reason) for each in failures
         ),
     )
 
 
 def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
-    count = job.document["request"]["worldCount"]
-    requested = count["floorplanCount"] * count["interiorCountPerFloorplan"]
+    document = WorldGenerationJobDocument.of(job)
+    requested = document.request.world_count.total
     verdicts = Counter(world.verdict for world in shown)
     told = [f"{verdicts['holds']} with all guarantees"]
     told += [f"{verdicts[key]} {words}" for key, words in _TROUBLES if verdicts[key]]
-    deleted = len(set(job.document.get("succeededWorlds") or []) - {world.arn for world in shown})
+    deleted = len(set(document.succeeded_worlds or []) - {world.arn for world in shown})
     told += [f"{deleted} deleted since"] if deleted else []
     return (
         f"{job.status}, {len(shown)} of {requested} worlds: {', '.join(told)}",
-        f"seed {job.document.get('seed')}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
+        f"seed {document.seed}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
     )
 
 
@@ -95,10 +97,12 @@ def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
     from .....tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
 
     name = resource.id.rpartition("/")[2]
-    bucket, prefix = resource.document["bundle"]["bucket"], resource.document["bundle"]["prefix"]
+    bundle = WorldDocument.of(resource).bundle
     try:
-        world = World.model_validate_json(service.store.get_bytes(bucket, f"{prefix}/{WORLD_FILE}"))
-        preview = service.store.get_bytes(bucket, f"{prefix}/{PREVIEW_FILE}")
+        if bundle is None:
+            raise StorageError(f"{resource.arn} has no stored bundle")
+        world = World.model_validate_json(service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{WORLD_FILE}"))
+        preview = service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{PREVIEW_FILE}")
     except (StorageError, ValueError) as error:
         return SheetWorld(name=name, arn=resource.arn, verdict="gone", problems=(str(error).splitlines()[0],))
     return sheet_world(name, resource.arn, world, preview)

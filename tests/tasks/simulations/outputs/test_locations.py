@@ -13,7 +13,7 @@ from prefect_robomaker.tasks.simulations.outputs.locations import check_output_l
 
 def job(location: dict[str, str] | None) -> Resource:
     now = datetime(2026, 1, 2, tzinfo=UTC)
-    document: dict[str, Any] = {"request": {"outputLocation": location} if location else {}}
+    document: dict[str, Any] = {"request": {"outputLocation": location} if location else {}, "seed": 1}
     return Resource(
         arn="arn", kind="simulation-job", id="sim-1", document=document, created_at=now, updated_at=now, revision=1
     )

@@ -226,7 +226,7 @@ def test_a_plan_that_is_not_the_runs_own_is_not_gone_on_with(
     now, run = datetime(2026, 1, 2, tzinfo=UTC), tmp_path / "run"
     job = Resource(
         arn="arn", kind="simulation-job", id="sim-1", status="Running", revision=1, created_at=now, updated_at=now,
-        document={"request": {"maxJobDurationInSeconds": 600}},
+        document={"request": {"maxJobDurationInSeconds": 600}, "seed": 1},
     )  # fmt: skip
     plan = RunPlan(
         job_id="sim-1", job_arn="arn", run_id="run", seed=1, max_duration_s=600.0,

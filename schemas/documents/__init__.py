@@ -1,0 +1,23 @@
+# pyright: reportUnsupportedDunderAll=false
+"""Documents: what the catalog keeps of each kind of resource, typed and versioned.
+
+```
+document = WorldGenerationJobDocument.of(job)
+catalog.transition(job.arn, "complete", document_changes=WorldGenerationProgress(succeeded_worlds=arns))
+```
+
+A `Document` is the whole; the `Changes` it inherits from have the members that change later, and set only those that
+are given. Members are stored under camelCase names.
+
+May import: `schemas.wire`.
+"""
+
+__all__ = [
+    "base",
+    "simulation_job_batches",
+    "simulation_jobs",
+    "world_export_jobs",
+    "world_generation_jobs",
+    "world_templates",
+    "worlds",
+]

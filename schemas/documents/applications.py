@@ -1,0 +1,36 @@
+"""The document of an application, and of a numbered version of one."""
+
+from pydantic import ConfigDict, Field
+
+from .base import Document, Json, Part
+
+
+class StoredSource(Part):
+    """An archive of an application, by the names of the request."""
+
+    model_config = ConfigDict(extra="allow")
+
+    s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
+    s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Key.")
+    architecture: str | None = Field(default=None, description="What it runs on; absent: anything.")
+    etag: str = Field(description="ETag it had when the application or its version was made.")
+
+
+class StoredEnvironment(Part):
+    """An installed package or a container image."""
+
+    uri: str = Field(description="`python://package.module`, or the image's name.")
+
+
+class ApplicationDocument(Document):
+    """An application as it is now, or a version of it."""
+
+    sources: list[StoredSource] | None = Field(default=None, description="Its archives; absent: it has none.")
+    environment: StoredEnvironment | None = Field(default=None, description="What it is instead; absent: archives.")
+    robot_software_suite: Json | None = Field(default=None, description="The suite that its robot side uses.")
+    simulation_software_suite: Json | None = Field(default=None, description="The suite that it simulates with.")
+    rendering_engine: Json | None = Field(default=None, description="The engine that it renders with.")
+    image_digest: str | None = Field(default=None, description="Digest of its container image, as far as known.")
+    version: str = Field(description="`$LATEST`, or the version's number.")
+    revision_id: str = Field(description="Changes with each change of the application.")
+    last_number: int | None = Field(default=None, description="Number of its last version; counted by the catalog.")

@@ -1,0 +1,132 @@
+"""What all documents share: how they are read from the catalog's JSON, how they are written, and their versions."""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
+
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, model_serializer
+from pydantic.alias_generators import to_camel
+
+from ..wire.errors import ConfigurationError
+
+VERSION_KEY = "schema_version"
+"""The member that says which version a stored document has; those from before it was written have version 1."""
+
+Migration = Callable[[dict[str, Any]], dict[str, Any]]
+"""Turns a stored document of one version into one of the next."""
+
+Json = Annotated[dict[str, Any], PlainSerializer(lambda value: value, return_type=Any)]
+"""A JSON object that is kept as it is, such as a request as the caller sent it."""
+
+
+class StoredResource(Protocol):
+    """A resource of the catalog, as far as its document is concerned."""
+
+    @property
+    def arn(self) -> str:
+        """Its ARN."""
+        ...
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """The stored JSON."""
+        ...
+
+
+class Part(BaseModel):
+    """An object inside a document; members that are `None` are absent from its JSON."""
+
+    model_config = ConfigDict(
+        alias_generator=to_camel, validate_by_name=True, validate_by_alias=True, frozen=True, defer_build=True
+    )
+
+    @model_serializer(mode="plain")
+    def _present(self) -> dict[str, Any]:
+        members = {
+            field.serialization_alias or name: getattr(self, name) for name, field in type(self).model_fields.items()
+        }
+        return {name: value for name, value in {**members, **(self.model_extra or {})}.items() if value is not None}
+
+    def to_json(self) -> dict[str, Any]:
+        """The object as plain JSON values, under the names they are stored by."""
+        return self.model_dump(mode="json", by_alias=True)
+
+
+class Changes(BaseModel):
+    """Members of a document that change after it was created; only those that are given are set."""
+
+    model_config = ConfigDict(
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        frozen=True,
+        extra="forbid",
+        defer_build=True,
+    )
+
+    def to_json(self) -> dict[str, Any]:
+        """The members that were given, as plain JSON values under the names they are stored by."""
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+    def without(self, *names: str) -> Self:
+        """The same changes, without some of the members."""
+        return type(self)(**{name: getattr(self, name) for name in self.model_fields_set.difference(names)})
+
+    @classmethod
+    def members(cls) -> tuple[str, ...]:
+        """The names under which its members are stored."""
+        return tuple(field.serialization_alias or name for name, field in cls.model_fields.items())
+
+
+class FailureChanges(Changes):
+    """Why a job failed."""
+
+    failure_code: str | None = Field(default=None, description="Why the job failed or stopped; absent if it did not.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+
+
+class Document(Changes):
+    """What the catalog keeps of one resource besides its name, status and tags."""
+
+    # Members of newer releases that share this version are left alone.
+    model_config = ConfigDict(extra="ignore")
+
+    MIGRATIONS: ClassVar[tuple[Migration, ...]] = ()
+    """Each turns a document into the next version, the first those of version 1."""
+
+    schema_version: Literal[1] = Field(default=1, alias=VERSION_KEY, description="Version of this document's form.")
+
+    @classmethod
+    def of(cls, resource: StoredResource) -> Self:
+        """Reads the document of a resource, also one that an earlier release wrote.
+
+        Raises:
+          ConfigurationError: a newer release wrote it.
+        """
+        return cls.model_validate(cls.upgraded(resource.document, resource.arn))
+
+    @classmethod
+    def upgraded(cls, stored: Mapping[str, Any], arn: str) -> Mapping[str, Any]:
+        """A stored document in today's version.
+
+        Args:
+          stored: the document.
+          arn: its resource's, for messages.
+
+        Raises:
+          ConfigurationError: a newer release wrote it.
+        """
+        version, newest = stored.get(VERSION_KEY) or 1, len(cls.MIGRATIONS) + 1
+        if version == newest:
+            return stored
+        if version > newest:
+            raise ConfigurationError(
+                f"the document of {arn} has version {version}, this program knows {newest}; update this program"
+            )
+        document = dict(stored)
+        for number, migration in enumerate(cls.MIGRATIONS[version - 1 :], version + 1):
+            document = {**migration(document), VERSION_KEY: number}
+        return document
+
+    def to_json(self) -> dict[str, Any]:
+        """The whole document as it is stored: its version, and the members that were given."""
+        return {VERSION_KEY: len(self.MIGRATIONS) + 1, **super().to_json()}

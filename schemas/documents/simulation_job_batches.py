@@ -1,0 +1,53 @@
+"""The document of a simulation job batch. It may have hundreds of requests: they are kept as they are, unchecked."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from .base import Changes, Document, FailureChanges, Json, Part
+
+
+class StoredBatchPolicy(Part):
+    """How a batch is run, with the defaults that held when it was created."""
+
+    timeout_in_seconds: int = Field(description="Seconds after which it stops.")
+    max_concurrency: int = Field(description="How many of its jobs run at once.")
+
+
+class FailedRequest(Part):
+    """A request that never becomes a job."""
+
+    failure_code: str = Field(description="Why, a failure code of the service.")
+    failure_reason: str = Field(description="The same in words.")
+    failed_at: str = Field(description="When that was found out.")
+
+    @property
+    def time(self) -> datetime:
+        """When that was found out."""
+        return datetime.fromisoformat(self.failed_at)
+
+
+class BatchCounts(Changes):
+    """What lists read instead of the whole batch; batches from before these were counted have neither."""
+
+    request_count: int | None = Field(default=None, description="How many requests it has.")
+    failed_count: int | None = Field(default=None, description="How many of them never become jobs.")
+
+
+class BatchProgress(FailureChanges):
+    """What is recorded while a batch runs, and when it ends."""
+
+    failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
+    failed_count: int | None = Field(default=None, description="How many those are.")
+
+
+class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
+    """A simulation job batch."""
+
+    request: Json = Field(description="The request on the wire: a `StartSimulationJobBatchRequest`.")
+    batch_policy: StoredBatchPolicy = Field(description="How it is run.")
+
+    @property
+    def requests(self) -> list[Json]:
+        """The requests of its jobs on the wire, in order."""
+        return self.request["createSimulationJobRequests"]

@@ -1,0 +1,122 @@
+"""The document of a simulation job: its request, what is fixed when it is created, and how it goes on."""
+
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from .base import Document, FailureChanges, Json, Part
+from .worlds import StoredPlace
+
+OutcomeStatus = Literal["Completed", "Failed", "Canceled"]
+
+
+class Outcome(Part):
+    """How a run of a job finished, or the job without one."""
+
+    status: OutcomeStatus = Field(description="Terminal status of the job.")
+    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+    simulation_time_millis: int | None = Field(default=None, description="How long the run took; absent: none ran.")
+    outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
+
+    def changes(self) -> "SimulationJobProgress":
+        """What of it are members of the job's document; its status is the job's own."""
+        return SimulationJobProgress(**self._members())
+
+    def announced(self, *, finished: bool | None) -> "SimulationJobProgress":
+        """The same members, and the outcome itself, while the outputs are not stored yet.
+
+        Args:
+          finished: whether the run wrote its outputs to the end; `None`: there are none.
+        """
+        run = {} if finished is None else {"finished": finished}
+        return SimulationJobProgress(outcome=self, **run, **self._members())
+
+    def _members(self) -> dict[str, Any]:
+        return {name: value for name in _OF_JOB if (value := getattr(self, name)) is not None}
+
+
+_OF_JOB = ("failure_code", "failure_reason", "simulation_time_millis", "outputs")
+
+
+class EarlierRun(Part):
+    """A run of a job before its last one."""
+
+    run_id: str = Field(description="Id of the run.")
+    started_at: str | None = Field(default=None, description="When it began.")
+    status: OutcomeStatus = Field(description="How it finished.")
+    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+    simulation_time_millis: int | None = Field(default=None, description="How long it took; absent: not known.")
+    restarted: bool = Field(default=False, description="Whether it ended for a restart of the job.")
+    outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
+    not_stored: str | None = Field(default=None, description="Why its outputs are not stored; absent if they are.")
+
+
+class StoredNetworkInterface(Part):
+    """The network interface that clients are told of."""
+
+    network_interface_id: str = Field(description="Its id.")
+    private_ip_address: str = Field(description="Address inside the network.")
+    public_ip_address: str = Field(description="Address from outside.")
+
+
+class ResolvedKey(Part):
+    """An object of a data source."""
+
+    s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Its key.")
+    etag: str = Field(description="Its ETag when the job was created.")
+
+
+class ResolvedDataSource(Part):
+    """A data source with the objects that it meant when the job was created."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str = Field(description="Its name, a folder in the folder of data sources.")
+    type: str = Field(default="File", description="`File`, `Archive` or `Prefix`.")
+    s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
+    s3_keys: list[ResolvedKey] = Field(
+        validation_alias="s3Keys", serialization_alias="s3Keys", description="Its objects."
+    )
+    destination: str | None = Field(default=None, description="Where applications find it; absent: by its name.")
+
+
+class SimulationJobProgress(FailureChanges):
+    """What is recorded while a simulation job runs, and when it ends."""
+
+    run_id: str | None = Field(default=None, description="Id of its last run; absent: it has not run.")
+    last_started_at: str | None = Field(default=None, description="When that run began.")
+    network_interface: StoredNetworkInterface | None = Field(default=None, description="Network of that run.")
+    attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
+    simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
+    outcome: Outcome | None = Field(
+        default=None,
+        validation_alias="ending",
+        serialization_alias="ending",
+        description="How it finished, known before its outputs are stored.",
+    )
+    finished: bool | None = Field(
+        default=None, description="Whether the last run wrote its outputs to the end; absent: no run ended."
+    )
+    outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
+    earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
+
+    @property
+    def started_at(self) -> datetime | None:
+        """When the last run began."""
+        return datetime.fromisoformat(self.last_started_at) if self.last_started_at else None
+
+
+class SimulationJobDocument(SimulationJobProgress, Document):
+    """A simulation job."""
+
+    request: Json = Field(description="The request on the wire: a `SimulationJobOrder`.")
+    request_index: int | None = Field(default=None, description="Place of its request in its batch; absent: no batch.")
+    seed: int = Field(description="Seed of the run's random generators.")
+    video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
+    requirements: list[dict[str, Any]] = Field(default=[], description="What the run is judged by.")
+    data_sources: list[ResolvedDataSource] | None = Field(default=None, description="Its data, found.")
+    simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
+    robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")

@@ -1,0 +1,40 @@
+"""The document of a world export job."""
+
+from pydantic import ConfigDict, Field
+
+from .base import Document, FailureChanges, Part
+
+
+class ArchiveLocation(Part):
+    """Where the archive goes, by the names of the request."""
+
+    s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
+    s3_prefix: str | None = Field(
+        default=None,
+        validation_alias="s3Prefix",
+        serialization_alias="s3Prefix",
+        description="What its key begins with.",
+    )
+
+
+class WorldExportRequest(Part):
+    """The request as the caller sent it; members that nothing here needs are kept as they are."""
+
+    model_config = ConfigDict(extra="allow")
+
+    worlds: list[str] = Field(description="ARNs of the worlds.")
+    output_location: ArchiveLocation = Field(description="Where the archive goes.")
+    iam_role: str = Field(description="ARN of the role.")
+    client_request_token: str | None = Field(default=None, description="The request's token.")
+
+
+class WorldExportProgress(FailureChanges):
+    """What is recorded while a world export job runs, and when it ends."""
+
+    started: bool = Field(default=False, description="Whether it began, so that there may be an archive.")
+
+
+class WorldExportJobDocument(WorldExportProgress, Document):
+    """A world export job."""
+
+    request: WorldExportRequest = Field(description="The request.")

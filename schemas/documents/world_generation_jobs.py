@@ -1,0 +1,60 @@
+"""The document of a world generation job."""
+
+from pydantic import ConfigDict, Field
+
+from .base import Document, FailureChanges, Part
+
+
+class StoredWorldCount(Part):
+    """How many worlds are ordered."""
+
+    floorplan_count: int = Field(description="Number of different floor plans.")
+    interior_count_per_floorplan: int = Field(description="Number of furnished worlds for each of them.")
+
+    @property
+    def total(self) -> int:
+        """How many worlds that are."""
+        return self.floorplan_count * self.interior_count_per_floorplan
+
+
+class WorldGenerationRequest(Part):
+    """The request as the caller sent it; members that nothing here needs are kept as they are."""
+
+    model_config = ConfigDict(extra="allow")
+
+    template: str = Field(description="ARN of the template.")
+    world_count: StoredWorldCount = Field(description="How many worlds.")
+    world_tags: dict[str, str] | None = Field(default=None, description="Tags for every world.")
+    client_request_token: str | None = Field(default=None, description="The request's token.")
+
+
+class WorldFailureCount(Part):
+    """Worlds that failed for one reason."""
+
+    failure_code: str = Field(description="The reason's code.")
+    sample_failure_reason: str = Field(description="The reason in words, of one of them.")
+    failure_count: int = Field(description="How many worlds.")
+
+
+class WorldFailures(Part):
+    """Worlds that failed, summed up by code."""
+
+    total_failure_count: int = Field(default=0, description="How many.")
+    failures: list[WorldFailureCount] = Field(default=[], description="By code, the most frequent first.")
+
+
+class WorldGenerationProgress(FailureChanges):
+    """What is recorded while a world generation job runs, and when it ends."""
+
+    failures: WorldFailures | None = Field(default=None, description="Worlds that failed so far.")
+    succeeded_worlds: list[str] | None = Field(
+        default=None, description="ARNs of the worlds it made; absent until it ends."
+    )
+
+
+class WorldGenerationJobDocument(WorldGenerationProgress, Document):
+    """A world generation job."""
+
+    request: WorldGenerationRequest = Field(description="The request.")
+    template_body: str = Field(description="The template's body when the job was created.")
+    seed: int = Field(description="Seed that the worlds' seeds are drawn from.")

@@ -1,0 +1,27 @@
+"""The document of a world."""
+
+from pydantic import Field
+
+from .base import Document, Part
+
+
+class StoredPlace(Part):
+    """Where a folder of files is in the object store."""
+
+    bucket: str = Field(description="Bucket.")
+    prefix: str = Field(description="What all keys of its files begin with; its last part names the content or run.")
+
+    @property
+    def last_part(self) -> str:
+        """What names the content or run."""
+        return self.prefix.rpartition("/")[2]
+
+
+class WorldDocument(Document):
+    """A world."""
+
+    template: str | None = Field(default=None, description="ARN of the template it was generated from.")
+    bundle: StoredPlace | None = Field(default=None, description="Where its bundle is.")
+    description_key: str | None = Field(
+        default=None, description="Key of its description in the bundle's bucket; worlds of early releases have none."
+    )
