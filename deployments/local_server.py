@@ -51,8 +51,8 @@ def ensure_server(settings: Settings, environ: Mapping[str, str] | None = None) 
     """Returns the API URL of the Prefect server to use, starting a local one if none is configured.
 
     Raises:
-      LocalServerError: the server did not answer in time.
-      ConfigurationError: a configured server does not answer.
+        LocalServerError: the server did not answer in time.
+        ConfigurationError: a configured server does not answer.
     """
     status = server_status(settings, environ)
     if status.configured_elsewhere:

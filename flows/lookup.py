@@ -12,7 +12,7 @@ def find_flow(operation: str) -> Flow[..., Any]:
     """The flow of an operation, whose parameters are the request's members.
 
     Raises:
-      KeyError: there is no such operation.
+        KeyError: there is no such operation.
     """
     return _flow(operation, registry()[operation].name)
 
@@ -21,7 +21,7 @@ def find_perform_flow(operation: str) -> Flow[..., Any]:
     """The flow that carries jobs of a job operation to their end; its parameter is the job's ARN.
 
     Raises:
-      KeyError: there is no such operation.
+        KeyError: there is no such operation.
     """
     return _flow(operation, registry()[operation].perform_name)
 

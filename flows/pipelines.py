@@ -36,7 +36,7 @@ class RunInterrupted(KeyboardInterrupt):
     """Ctrl-C ended a run; what it had begun has been cancelled, and the report says so.
 
     Args:
-      record: the record of the run.
+        record: the record of the run.
     """
 
     def __init__(self, record: RunRecord) -> None:
@@ -62,17 +62,17 @@ def run_spec(
     """Runs a checked specification as a flow in this process.
 
     Args:
-      checked: the specification.
-      settings: where everything is kept.
-      listener: told of everything that happens.
-      spec_path: the file it came from.
-      command: the command that runs it again; absent: `robomaker run` with the file.
+        checked: the specification.
+        settings: where everything is kept.
+        listener: told of everything that happens.
+        spec_path: the file it came from.
+        command: the command that runs it again; absent: `robomaker run` with the file.
 
     Returns:
-      The record of the run, whose `exit_code` says how it ended; the report is written.
+        The record of the run, whose `exit_code` says how it ended; the report is written.
 
     Raises:
-      RunInterrupted: Ctrl-C was pressed.
+        RunInterrupted: Ctrl-C was pressed.
     """
     run = PipelineRun(checked, Service.open(settings), listener, spec_path, command)
     check_surroundings(checked, run.service)
@@ -95,7 +95,7 @@ def RunPipeline(spec: str) -> Any:
     """Runs the specification in a file.
 
     Args:
-      spec: path of the YAML file.
+        spec: path of the YAML file.
     """
     pipeline = _current.get() or PipelineRun.of_file(Path(spec))
     record = pipeline.run()
@@ -108,11 +108,11 @@ class PipelineRun:
     """One run of one specification.
 
     Args:
-      checked: the specification.
-      service: where its operations happen.
-      listener: told of everything that happens.
-      spec_path: the file it came from.
-      command: the command that runs it again; absent: `robomaker run` with the file.
+        checked: the specification.
+        service: where its operations happen.
+        listener: told of everything that happens.
+        spec_path: the file it came from.
+        command: the command that runs it again; absent: `robomaker run` with the file.
     """
 
     def __init__(
@@ -140,8 +140,8 @@ class PipelineRun:
         """A run of a file, which nobody watches.
 
         Raises:
-          ConfigurationError: there is no such file.
-          SpecError: the specification has problems.
+            ConfigurationError: there is no such file.
+            SpecError: the specification has problems.
         """
         try:
             text = path.read_text(encoding="utf-8-sig")
@@ -180,7 +180,7 @@ class PipelineRun:
         """The record of the run, once it has ended.
 
         Raises:
-          RobomakerError: the flow ended before the run did.
+            RobomakerError: the flow ended before the run did.
         """
         if self._record is None:
             raise RobomakerError("the flow ended before the pipeline did; see the Prefect server's log")

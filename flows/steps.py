@@ -37,7 +37,7 @@ def validate(operation: str, members: Mapping[str, Any]) -> Shape:
     """Checks the members of a request; those that are `None` are absent.
 
     Raises:
-      ServiceError: the request is refused.
+        ServiceError: the request is refused.
     """
     return registry()[operation].checked(_present(members), Service.current())
 
@@ -47,7 +47,7 @@ def record(operation: str, request: Shape) -> dict[str, Any]:
     """Does what a checked request asks of the catalog, and answers; a job is `Pending` then.
 
     Raises:
-      ServiceError: the request is refused; nothing was stored.
+        ServiceError: the request is refused; nothing was stored.
     """
     return registry()[operation].handle(request, Service.current())
 
@@ -56,7 +56,7 @@ def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
     """Answers a request that changes nothing.
 
     Raises:
-      ServiceError: the request is refused.
+        ServiceError: the request is refused.
     """
     return registry()[operation].answer(_present(members), Service.current())
 
@@ -65,7 +65,7 @@ def carry_out(operation: str, arn: str) -> dict[str, Any]:
     """Carries a stored job to its end, with its steps as tasks and its progress in Prefect's UI.
 
     Returns:
-      The job's final description.
+        The job's final description.
     """
     with shown_progress(Service.current(), f"{operation}: {arn}") as watched, watched.activated():
         return registry()[operation].perform(arn, watched)

@@ -47,7 +47,7 @@ def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
     """The state after an event.
 
     Raises:
-      StateConflictError: the event cannot happen in that state; the message says what can.
+        StateConflictError: the event cannot happen in that state; the message says what can.
     """
     for (before, happened), after in machine.transitions.items():
         if (before, happened) == (state, event):
@@ -252,11 +252,11 @@ def batch_outcome(
     make a completed batch.
 
     Args:
-      pending: how many requests wait.
-      failed: for each request that will never become a job, the failure code.
-      created: for each job that was made, its status.
-      timed_out: whether the batch's time is up.
-      canceled: whether the batch was cancelled.
+        pending: how many requests wait.
+        failed: for each request that will never become a job, the failure code.
+        created: for each job that was made, its status.
+        timed_out: whether the batch's time is up.
+        canceled: whether the batch was cancelled.
     """
     active = any(status in ACTIVE for status in created)
     internal_fault = "InternalServiceError" in failed

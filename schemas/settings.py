@@ -71,10 +71,10 @@ class Settings(Model):
         """Reads the settings.
 
         Args:
-          environ: environment variables, usually `os.environ`.
+            environ: environment variables, usually `os.environ`.
 
         Raises:
-          ConfigurationError: a variable has a value that cannot be used.
+            ConfigurationError: a variable has a value that cannot be used.
         """
         home = Path(environ.get("ROBOMAKER_HOME") or platformdirs.user_data_path("robomaker")).expanduser().resolve()
         values: dict[str, object] = {
@@ -103,10 +103,10 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
     """How many worlds one generation job may make, without the other settings.
 
     Args:
-      environ: environment variables, usually `os.environ`.
+        environ: environment variables, usually `os.environ`.
 
     Raises:
-      ConfigurationError: the variable has a value that cannot be used.
+        ConfigurationError: the variable has a value that cannot be used.
     """
     return _number(environ, "ROBOMAKER_MAX_WORLDS_PER_JOB", DEFAULT_MAX_WORLDS_PER_JOB)
 

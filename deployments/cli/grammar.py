@@ -61,7 +61,7 @@ class CommandParser(Parser):
     """The parser of one command, whose module is imported when the command is chosen.
 
     Args:
-      command: the command; the rest is argparse's.
+        command: the command; the rest is argparse's.
     """
 
     def __init__(self, command: Command, **options: Any) -> None:

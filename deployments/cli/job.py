@@ -10,7 +10,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     """Carries the job that an operation made to its end and prints its final description.
 
     Returns:
-      0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
+        0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
     """
     from .prefect_server import use_server
 

@@ -17,10 +17,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line.
 
     Args:
-      arguments: words after the program's name; absent: those the program was started with.
+        arguments: words after the program's name; absent: those the program was started with.
 
     Returns:
-      The exit code. Wrong usage ends the program with 2 at once.
+        The exit code. Wrong usage ends the program with 2 at once.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:

@@ -12,11 +12,11 @@ def use_server(settings: Settings) -> str:
     """Finds or starts the Prefect server; must come before Prefect is imported.
 
     Returns:
-      The URL of its API.
+        The URL of its API.
 
     Raises:
-      LocalServerError: a local server did not start.
-      ConfigurationError: the configured server does not answer.
+        LocalServerError: a local server did not start.
+        ConfigurationError: the configured server does not answer.
     """
     status = server_status(settings)
     starting = not status.running and not status.configured_elsewhere

@@ -16,10 +16,10 @@ def read_access_keys(path: Path) -> dict[str, str]:
     """Reads a file in the form of `~/.aws/credentials`; the names of its profiles do not matter.
 
     Returns:
-      The secret access keys by id.
+        The secret access keys by id.
 
     Raises:
-      ConfigurationError: the file cannot be read, or it holds no keys.
+        ConfigurationError: the file cannot be read, or it holds no keys.
     """
     parser = configparser.RawConfigParser(strict=False)
     try:

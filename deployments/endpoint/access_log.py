@@ -21,13 +21,13 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
     """Begins to log requests.
 
     Args:
-      path: file that lines are added to; `None`: standard error.
+        path: file that lines are added to; `None`: standard error.
 
     Returns:
-      The handler; closing it is the caller's.
+        The handler; closing it is the caller's.
 
     Raises:
-      OSError: the file cannot be written.
+        OSError: the file cannot be written.
     """
     handler = logging.StreamHandler() if path is None else logging.FileHandler(path, encoding="utf-8")
     formatter = logging.Formatter("%(asctime)s %(message)s", datefmt="%Y-%m-%dT%H:%M:%SZ")

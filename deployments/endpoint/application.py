@@ -48,11 +48,11 @@ def make_application(
     """Makes the application that serves every operation over HTTP.
 
     Args:
-      service: where the operations happen.
-      access_keys: secret access keys by id; `None`: requests need no signature, and web pages are refused.
-      on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
-        several threads, before the client has its answer.
-      worker_status: what the health page shows of the job worker; plain JSON.
+        service: where the operations happen.
+        access_keys: secret access keys by id; `None`: requests need no signature, and web pages are refused.
+        on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
+            several threads, before the client has its answer.
+        worker_status: what the health page shows of the job worker; plain JSON.
     """
     return Endpoint(service, access_keys, on_submitted, worker_status)
 

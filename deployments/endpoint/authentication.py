@@ -53,10 +53,10 @@ class Authenticator:
         """Finds out who signed a request.
 
         Returns:
-          The access key's id.
+            The access key's id.
 
         Raises:
-          ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
+            ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
         """
         signature = _parsed(request)
         secret = self._access_keys.get(signature.access_key)

@@ -26,7 +26,7 @@ class Failures:
     """Turns every failure into an answer.
 
     Args:
-      settings: what they say of places on this machine is hidden from clients.
+        settings: what they say of places on this machine is hidden from clients.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -36,9 +36,9 @@ class Failures:
         """Tells the client what it can mend, and the log the rest.
 
         Args:
-          error: what went wrong.
-          operation: what was asked for, as far as that is known.
-          request_id: the request's id; joins the answer to the log's line.
+            error: what went wrong.
+            operation: what was asked for, as far as that is known.
+            request_id: the request's id; joins the answer to the log's line.
         """
         is_protocol = isinstance(error, ProtocolError)
         if not is_protocol and (not isinstance(error, ServiceError) or error.status >= 500):

@@ -22,9 +22,9 @@ class HealthPages:
     """Says how the service is.
 
     Args:
-      service: what is looked at.
-      worker_status: returns the job worker's status; plain JSON.
-      is_open: whether every client may see what the service holds; otherwise only that it works.
+        service: what is looked at.
+        worker_status: returns the job worker's status; plain JSON.
+        is_open: whether every client may see what the service holds; otherwise only that it works.
     """
 
     def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]], *, is_open: bool) -> None:
@@ -36,8 +36,8 @@ class HealthPages:
         """The page at a path; `None` if there is none.
 
         Raises:
-          ServiceUnavailableException: the catalog does not answer.
-          MethodNotAllowedException: pages are only read.
+            ServiceUnavailableException: the catalog does not answer.
+            MethodNotAllowedException: pages are only read.
         """
         if request.raw_path not in ("/", "/health"):
             return None

@@ -29,13 +29,13 @@ class Arrivals:
         """Lets one body arrive.
 
         Args:
-          declared: the header `Content-Length`; `None` without that header, which counts as large.
+            declared: the header `Content-Length`; `None` without that header, which counts as large.
 
         Yields:
-          How many seconds it may take.
+            How many seconds it may take.
 
         Raises:
-          ThrottlingException: too many are on their way already.
+            ThrottlingException: too many are on their way already.
         """
         is_small = declared is not None and declared.isdecimal() and int(declared[:18]) <= SMALL_BODY_BYTES
         if self._arriving[is_small] >= (SMALL_BODIES if is_small else LARGE_BODIES):
@@ -51,15 +51,15 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
     """Reads a request's body.
 
     Args:
-      request: whose body has not been read.
-      declared: the header `Content-Length`.
-      max_bytes: how much is taken at most.
-      timeout_s: how long it may take.
+        request: whose body has not been read.
+        declared: the header `Content-Length`.
+        max_bytes: how much is taken at most.
+        timeout_s: how long it may take.
 
     Raises:
-      RequestEntityTooLargeException: the body is longer; the rest is left unread.
-      RequestTimeoutException: it did not arrive in time.
-      ClientDisconnect: the client hung up.
+        RequestEntityTooLargeException: the body is longer; the rest is left unread.
+        RequestTimeoutException: it did not arrive in time.
+        ClientDisconnect: the client hung up.
     """
     if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):
         raise _too_large(max_bytes)

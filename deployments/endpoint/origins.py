@@ -22,7 +22,7 @@ def check_origin(request: ServiceRequest) -> None:
     """Refuses what only a web page would send.
 
     Raises:
-      AccessDeniedException: the request has an `Origin`, or a `Host` that may be any site's name.
+        AccessDeniedException: the request has an `Origin`, or a `Host` that may be any site's name.
     """
     if (origin := request.headers.get("origin")) is not None:
         raise AccessDeniedException(

@@ -42,12 +42,12 @@ class Router:
         """Finds the operation that a request asks for.
 
         Args:
-          method: HTTP method.
-          raw_path: the path as it was sent; members in it are decoded once.
+            method: HTTP method.
+            raw_path: the path as it was sent; members in it are decoded once.
 
         Raises:
-          UnknownOperationException: there is none at that path, or none with that method.
-          SerializationException: a member in the path is not UTF-8.
+            UnknownOperationException: there is none at that path, or none with that method.
+            SerializationException: a member in the path is not UTF-8.
         """
         by_method, members = self._at(raw_path)
         if (operation := by_method.get(method)) is None:

@@ -29,14 +29,14 @@ def run_server(application: ASGIApp, host: str, port: int, *, ready: Callable[[i
     """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
 
     Args:
-      application: what `make_application` made.
-      host: name or address to listen at.
-      port: where; 0: any that is free.
-      ready: told the port once requests are answered.
+        application: what `make_application` made.
+        host: name or address to listen at.
+        port: where; 0: any that is free.
+        ready: told the port once requests are answered.
 
     Raises:
-      ConfigurationError: nothing can listen there.
-      KeyboardInterrupt: SIGINT came twice, and the requests in progress were not waited for.
+        ConfigurationError: nothing can listen there.
+        KeyboardInterrupt: SIGINT came twice, and the requests in progress were not waited for.
     """
     with listening(host, port) as listener:
         if not is_loopback(host) and not getattr(application, "checks_signatures", False):
@@ -68,7 +68,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
     """A socket that listens, until the block ends.
 
     Raises:
-      ConfigurationError: nothing can listen there.
+        ConfigurationError: nothing can listen there.
     """
     family = socket.AF_INET6 if is_address(host) and ":" in host else socket.AF_INET
     try:

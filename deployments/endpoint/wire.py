@@ -28,13 +28,13 @@ def request_members(route: Route, request: ServiceRequest) -> dict[str, Any]:
     """Gathers the members of an operation's request from where they travel.
 
     Args:
-      route: the operation, with the members in the path.
-      request: the rest.
+        route: the operation, with the members in the path.
+        request: the rest.
 
     Raises:
-      SerializationException: query or body cannot be read.
-      UnsupportedMediaTypeException: the body is not JSON.
-      InvalidParameterException: a member is in the body that belongs elsewhere.
+        SerializationException: query or body cannot be read.
+        UnsupportedMediaTypeException: the body is not JSON.
+        InvalidParameterException: a member is in the body that belongs elsewhere.
     """
     operation = route.operation
     members: dict[str, Any] = dict(route.members)
@@ -118,9 +118,9 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
     """Writes an error in the form SDKs read: its name in a header and in the body.
 
     Args:
-      code: the error's name.
-      status: HTTP status.
-      message: what is wrong; shortened to what fits a log.
+        code: the error's name.
+        status: HTTP status.
+        message: what is wrong; shortened to what fits a log.
     """
     members = {"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}
     return WireResponse(members, status, {"x-amzn-errortype": code})

@@ -14,10 +14,10 @@ def with_tables(page: str) -> str:
     """A page with the tables that its marks name.
 
     Args:
-      page: Markdown, with `<!-- made: calls -->` … `<!-- end -->` where a table belongs.
+        page: Markdown, with `<!-- made: calls -->` … `<!-- end -->` where a table belongs.
 
     Raises:
-      ValueError: a mark names no table.
+        ValueError: a mark names no table.
     """
 
     def made(mark: re.Match[str]) -> str:

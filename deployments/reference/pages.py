@@ -17,7 +17,7 @@ def pages() -> Mapping[Path, str]:
     """Makes the pages, and the files that list all flows; what people have written in them stays.
 
     Raises:
-      ConfigurationError: this is an installed package, which has no documentation.
+        ConfigurationError: this is an installed package, which has no documentation.
     """
     guide = DOCS / "coming-from-robomaker.md"
     if not guide.exists():

@@ -13,11 +13,11 @@ def with_rooms(text: str, root: Path) -> str:
     """Makes the map anew between its marks; what stands around it stays.
 
     Args:
-      text: the page.
-      root: the folder of the repository.
+        text: the page.
+        root: the folder of the repository.
 
     Raises:
-      ValueError: the page has no marks.
+        ValueError: the page has no marks.
     """
     before, begin, rest = text.partition(_BEGIN)
     _, end, after = rest.partition(_END)

@@ -23,7 +23,7 @@ class Tables:
     """Writes the shapes of the service model as tables.
 
     Args:
-      model: a botocore service model; by default that of our own interface.
+        model: a botocore service model; by default that of our own interface.
     """
 
     def __init__(self, model: Definition | None = None) -> None:
@@ -45,7 +45,7 @@ class Tables:
         """Names of all shapes that tables link to, in alphabetical order.
 
         Args:
-          roots: names of the structures whose tables are shown.
+            roots: names of the structures whose tables are shown.
         """
         found: set[str] = set()
         waiting = list(roots)
@@ -71,7 +71,7 @@ class Tables:
         """All members of a structure and of the structures in it.
 
         Yields:
-          Path from the outermost structure, name of the owner, name of the member, name of its shape.
+            Path from the outermost structure, name of the owner, name of the member, name of its shape.
         """
         for member, definition in self._shapes[name]["members"].items():
             yield from self._paths_of(name, member, definition["shape"], member)

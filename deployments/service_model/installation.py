@@ -67,10 +67,10 @@ def install(*, force: bool = False) -> Installation:
     """Puts the model where every SDK of this user finds it; changes nothing when it is there.
 
     Args:
-      force: whether a model from elsewhere is replaced.
+        force: whether a model from elsewhere is replaced.
 
     Raises:
-      ConfigurationError: a model from elsewhere is there.
+        ConfigurationError: a model from elsewhere is there.
     """
     folder = installed_folder()
     ours = {name: (MODEL_FOLDER / name).read_bytes() for name in FILES}
@@ -93,7 +93,7 @@ def uninstall() -> Installation:
     """Removes what `install` put there, whatever version of ours it was; nothing there is fine.
 
     Raises:
-      ConfigurationError: a model from elsewhere is there.
+        ConfigurationError: a model from elsewhere is there.
     """
     folder = installed_folder()
     there = tuple(name for name in FILES if (folder / name).exists())

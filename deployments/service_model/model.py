@@ -49,7 +49,7 @@ def service_model() -> dict[str, Any]:
     """Makes the content of `service-2.json`.
 
     Raises:
-      ValueError: two different types claim one shape's name, or a type has none.
+        ValueError: two different types claim one shape's name, or a type has none.
     """
     shapes = Shapes()
     operations = {name: _operation(OPERATIONS[name], shapes) for name in sorted(OPERATIONS)}

@@ -38,7 +38,7 @@ class Shapes:
         """Adds a structure with all it refers to; answers its name.
 
         Raises:
-          ValueError: two different types claim one name, or a type has none.
+            ValueError: two different types claim one name, or a type has none.
         """
         name = model.__name__
         if name not in self.definitions:

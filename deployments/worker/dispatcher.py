@@ -53,11 +53,11 @@ class Dispatcher:
     """Finds jobs without a lease and starts a Prefect deployment run for each.
 
     Args:
-      service: where the jobs are.
-      pools: which jobs; how many at once is for the work pool to limit.
-      prefect: watches the server.
-      deployment: the name that the deployments have.
-      check_s: how often a run that was handed over is looked at.
+        service: where the jobs are.
+        pools: which jobs; how many at once is for the work pool to limit.
+        prefect: watches the server.
+        deployment: the name that the deployments have.
+        check_s: how often a run that was handed over is looked at.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Dispatcher:
         """Finds the deployments.
 
         Raises:
-          ConfigurationError: one does not exist.
+            ConfigurationError: one does not exist.
         """
         missing = []
         with get_client(sync_client=True) as client:

@@ -22,8 +22,8 @@ def mark_crashed(job_ids: Iterable[str], message: str) -> None:
     """Tells Prefect that the runs of some jobs have ended; a failure to do so is only logged.
 
     Args:
-      job_ids: ids of the jobs, which are the names of their flow runs.
-      message: why they have ended.
+        job_ids: ids of the jobs, which are the names of their flow runs.
+        message: why they have ended.
     """
     names = list(job_ids)
     if not names:

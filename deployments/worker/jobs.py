@@ -45,11 +45,11 @@ class Jobs:
     """Runs jobs in this process, each as a flow run in a thread.
 
     Args:
-      service: where they are stored.
-      changed: called when one has ended, from its thread.
-      prefect: watches the server that flow runs need.
-      held: where this process notes the leases that it holds.
-      find_flow: finds the flow that performs the jobs of an operation.
+        service: where they are stored.
+        changed: called when one has ended, from its thread.
+        prefect: watches the server that flow runs need.
+        held: where this process notes the leases that it holds.
+        find_flow: finds the flow that performs the jobs of an operation.
     """
 
     service: Service
@@ -68,7 +68,7 @@ class Jobs:
         """Begins the oldest waiting jobs of a pool, as many as may run.
 
         Raises:
-          ServiceUnavailableException: the catalog does not answer.
+            ServiceUnavailableException: the catalog does not answer.
         """
         free = pool.at_once - self.counts()[pool.kind]
         if free <= 0:

@@ -42,10 +42,10 @@ class WarmWorker:
     """Finds jobs without a lease and runs them.
 
     Args:
-      service: where the jobs are.
-      pools: which jobs, and how many at once.
-      prefect: watches the Prefect server; no job begins without it.
-      look: set when there may be something to do.
+        service: where the jobs are.
+        pools: which jobs, and how many at once.
+        prefect: watches the Prefect server; no job begins without it.
+        look: set when there may be something to do.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class WarmWorker:
         """Releases every job; the process has to end right after.
 
         Returns:
-          How many jobs of each kind other workers can continue.
+            How many jobs of each kind other workers can continue.
         """
         logging.disable(logging.CRITICAL)  # jobs that lose their lease complain
         arns = HELD.give_back_all(self._service.catalog)

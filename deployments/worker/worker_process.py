@@ -27,10 +27,10 @@ class WorkerProcess:
     """A job worker in a process of its own, which always ends with this one.
 
     Args:
-      settings: where the jobs are.
-      execute: `here` or `deployments`.
-      max_jobs: simulation jobs at once, besides those in batches.
-      variables: environment variables in addition to those of this process.
+        settings: where the jobs are.
+        execute: `here` or `deployments`.
+        max_jobs: simulation jobs at once, besides those in batches.
+        variables: environment variables in addition to those of this process.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class WorkerProcess:
         """Waits until the worker is ready.
 
         Raises:
-          ConfigurationError: it cannot get ready, with the reason.
+            ConfigurationError: it cannot get ready, with the reason.
         """
         self._known.wait(timeout_s)
         status = self.status()
@@ -79,7 +79,7 @@ class WorkerProcess:
         """Ends the worker.
 
         Returns:
-          How many jobs of each kind it had to leave unfinished.
+            How many jobs of each kind it had to leave unfinished.
         """
         self._stopping.set()
         if (channel := self._channel) is not None:

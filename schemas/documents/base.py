@@ -100,7 +100,7 @@ class Document(Changes):
         """Reads the document of a resource, also one that an earlier release wrote.
 
         Raises:
-          ConfigurationError: a newer release wrote it.
+            ConfigurationError: a newer release wrote it.
         """
         return cls.model_validate(cls.upgraded(resource.document, resource.arn))
 
@@ -109,11 +109,11 @@ class Document(Changes):
         """A stored document in today's version.
 
         Args:
-          stored: the document.
-          arn: its resource's, for messages.
+            stored: the document.
+            arn: its resource's, for messages.
 
         Raises:
-          ConfigurationError: a newer release wrote it.
+            ConfigurationError: a newer release wrote it.
         """
         version, newest = stored.get(VERSION_KEY) or 1, len(cls.MIGRATIONS) + 1
         if version == newest:

@@ -28,7 +28,7 @@ class Outcome(Part):
         """The same members, and the outcome itself, while the outputs are not stored yet.
 
         Args:
-          finished: whether the run wrote its outputs to the end; `None`: there are none.
+            finished: whether the run wrote its outputs to the end; `None`: there are none.
         """
         run = {} if finished is None else {"finished": finished}
         return SimulationJobProgress(outcome=self, **run, **self._members())

@@ -169,13 +169,13 @@ def application_operations(
     """The six operations on the applications of one kind.
 
     Args:
-      role: `robot` or `simulation`.
-      create: request and response; so on.
-      create_version: keeps an application under a number.
-      describe: tells what one is.
-      list_page: lists them.
-      update: makes one something else.
-      delete: removes one.
+        role: `robot` or `simulation`.
+        create: request and response; so on.
+        create_version: keeps an application under a number.
+        describe: tells what one is.
+        list_page: lists them.
+        update: makes one something else.
+        delete: removes one.
     """
     name, words = f"{role.capitalize()}Application", f"{role} application"
     return (

@@ -32,8 +32,8 @@ def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[s
     A member that asks for nothing, such as an empty list or `false`, is not refused.
 
     Args:
-      shape: the operation.
-      request: the members of its request.
+        shape: the operation.
+        request: the members of its request.
     """
     if shape.deprecated:
         return [f"{shape.name}: the service ended fleets, robots and deployments"]

@@ -45,7 +45,7 @@ def operation_shape(name: str) -> OperationShape:
     """Looks an operation up.
 
     Raises:
-      InvalidParameterException: there is none of that name; the message has the nearest.
+        InvalidParameterException: there is none of that name; the message has the nearest.
     """
     if (operation := OPERATIONS.get(name)) is None:
         hint = nearest(name, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
@@ -57,7 +57,7 @@ def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestP
     """Lists everything wrong with a request; empty when it can be parsed.
 
     Raises:
-      InvalidParameterException: there is no operation of that name.
+        InvalidParameterException: there is no operation of that name.
     """
     model = operation_shape(operation_name).request
     try:
@@ -71,12 +71,12 @@ def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
     """Makes an operation's request from plain values.
 
     Args:
-      operation_name: the service's name of the operation.
-      data: members by name, as JSON or YAML give them.
+        operation_name: the service's name of the operation.
+        data: members by name, as JSON or YAML give them.
 
     Raises:
-      InvalidParameterException: one line per problem, each with the member's path, its value and
-        what would be right; or there is no operation of that name.
+        InvalidParameterException: one line per problem, each with the member's path, its value and
+            what would be right; or there is no operation of that name.
     """
     model = operation_shape(operation_name).request
     try:
@@ -96,7 +96,7 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembe
     """The seed a request asks for, by its member or by its tag.
 
     Raises:
-      InvalidParameterException: the tag is no whole number, or says something else than the member.
+        InvalidParameterException: the tag is no whole number, or says something else than the member.
     """
     tag = (request.tags or {}).get(SEED_TAG)
     if tag is None:
@@ -110,7 +110,7 @@ def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
     """The video policy a request asks for, by its member or by its tag.
 
     Raises:
-      InvalidParameterException: the tag is no policy, or says something else than the member.
+        InvalidParameterException: the tag is no policy, or says something else than the member.
     """
     tag = (request.tags or {}).get(VIDEO_TAG)
     if tag is None:

@@ -37,7 +37,7 @@ def requirements_of(request: JobRequirementsSource) -> list[JobRequirement]:
     """The requirements that a request asks for.
 
     Raises:
-      InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
+        InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
     """
     return _placed_requirements(request)[1]
 
@@ -46,7 +46,7 @@ def rooms_asked(request: JobRequirementsSource) -> list[tuple[str, str]]:
     """The rooms that a request's goals ask for, each with the path of the member that does.
 
     Raises:
-      InvalidParameterException: as `requirements_of`.
+        InvalidParameterException: as `requirements_of`.
     """
     place, requirements = _placed_requirements(request)
     return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
@@ -72,7 +72,7 @@ def check_requirements(request: JobRequirementsSource) -> None:
     """Finds out what of a request's requirements cannot be judged, as far as the request says it.
 
     Raises:
-      ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
+        ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
     """
     try:
         rooms = rooms_asked(request)
@@ -91,8 +91,8 @@ def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str 
     """Says which goal cannot be judged because the world has no such room; `None` if all can.
 
     Args:
-      asked: see `rooms_asked`.
-      rooms: names of the world's rooms.
+        asked: see `rooms_asked`.
+        rooms: names of the world's rooms.
     """
     for path, room in asked:
         if room not in rooms:

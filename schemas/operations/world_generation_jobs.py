@@ -43,9 +43,9 @@ def too_many_worlds(floorplans: int, interiors: int, most: int) -> str | None:
     """Why a job cannot make so many worlds; `None` if it can.
 
     Args:
-      floorplans: how many floor plans.
-      interiors: how many worlds for each of them.
-      most: worlds that one job may make.
+        floorplans: how many floor plans.
+        interiors: how many worlds for each of them.
+        most: worlds that one job may make.
     """
     total = floorplans * interiors
     if total <= most:

@@ -158,11 +158,11 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
     """Makes requirements from plain values.
 
     Args:
-      data: a list of mappings or of requirements.
-      what: where the values come from, for messages.
+        data: a list of mappings or of requirements.
+        what: where the values come from, for messages.
 
     Raises:
-      InvalidParameterException: one line per problem: where, what, and what would be right.
+        InvalidParameterException: one line per problem: where, what, and what would be right.
     """
     try:
         return _Holder.model_validate({"requirements": data}).requirements

@@ -27,11 +27,11 @@ def load_spec(text: str, filename: str) -> CheckedSpec:
     A single operation is a file with `operation` and either `input` or the request's members themselves.
 
     Args:
-      text: the file's content, YAML or JSON.
-      filename: what the problems' places say.
+        text: the file's content, YAML or JSON.
+        filename: what the problems' places say.
 
     Raises:
-      SpecError: with everything that is wrong.
+        SpecError: with everything that is wrong.
     """
     root = parse(text, filename)
     if not isinstance(root, MappingNode):
@@ -51,16 +51,16 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
     """Reads and checks an operation's request, as AWS CLI's `--cli-input-json` and `--cli-input-yaml` take it.
 
     Args:
-      text: the request, YAML or JSON.
-      filename: what the problems' places say.
-      operation: the operation's name.
+        text: the request, YAML or JSON.
+        filename: what the problems' places say.
+        operation: the operation's name.
 
     Returns:
-      A specification of one step.
+        A specification of one step.
 
     Raises:
-      SpecError: with everything that is wrong with the request.
-      InvalidParameterException: there is no operation of that name.
+        SpecError: with everything that is wrong with the request.
+        InvalidParameterException: there is no operation of that name.
     """
     operation_shape(operation)
     root = parse(text, filename)

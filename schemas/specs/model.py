@@ -129,11 +129,11 @@ def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -
     """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
 
     Args:
-      step: a checked step.
-      outputs: what each step it needs gave, by step name.
+        step: a checked step.
+        outputs: what each step it needs gave, by step name.
 
     Raises:
-      SpecError: a reference gives nothing or something that does not fit, with its place.
+        SpecError: a reference gives nothing or something that does not fit, with its place.
     """
     resolved: dict[str, Any] = _resolve(step.input, outputs, step.location)
     body = resolved.get("templateBody")
@@ -160,9 +160,9 @@ def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
     """Where a problem of a request stands.
 
     Args:
-      problem: what is wrong.
-      node: the request as written.
-      outermost: where the request as a whole begins.
+        problem: what is wrong.
+        node: the request as written.
+        outermost: where the request as a whole begins.
     """
     written = as_written(node, problem.location)
     if problem.about_key:

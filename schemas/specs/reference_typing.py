@@ -32,11 +32,11 @@ def infer(tree: Mapping[str, Any], scope: Kind) -> Kind:
     """The kind of value that an expression gives.
 
     Args:
-      tree: a parsed expression, `jmespath.compile(…).parsed`.
-      scope: the kind of value it is evaluated over.
+        tree: a parsed expression, `jmespath.compile(…).parsed`.
+        scope: the kind of value it is evaluated over.
 
     Raises:
-      ReferenceMistake: a member that is not there, an index into something that is no list, ….
+        ReferenceMistake: a member that is not there, an index into something that is no list, ….
     """
     return _RULES[tree["type"]](tree, scope)
 

@@ -39,7 +39,7 @@ class Reference:
         """What it gives, by the kinds of steps and variables.
 
         Raises:
-          ReferenceMistake: it cannot work.
+            ReferenceMistake: it cannot work.
         """
         if unknown := sorted(self.names() - scope.keys()):
             hint = nearest(unknown[0], scope)
@@ -52,7 +52,7 @@ class Reference:
         """What it gives.
 
         Raises:
-          ReferenceMistake: there is nothing, or it cannot be evaluated.
+            ReferenceMistake: there is nothing, or it cannot be evaluated.
         """
         try:
             found = jmespath.search(self.expression, scope)
@@ -83,7 +83,7 @@ class Template:
         """What it gives, by the kinds of steps and variables.
 
         Raises:
-          ReferenceMistake: it cannot work.
+            ReferenceMistake: it cannot work.
         """
         if self.whole:
             return self.whole.kind(scope)
@@ -97,7 +97,7 @@ class Template:
         """What it gives.
 
         Raises:
-          ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
+            ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
         """
         if self.whole:
             return self.whole.value(scope)
@@ -111,7 +111,7 @@ def parse_template(text: str) -> Template:
     """Finds the references in a text.
 
     Raises:
-      ReferenceMistake: a reference is not closed, or is no JMESPath expression.
+        ReferenceMistake: a reference is not closed, or is no JMESPath expression.
     """
     parts: list[str | Reference] = []
     position = 0

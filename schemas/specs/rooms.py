@@ -32,7 +32,7 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
     """Finds goals in rooms that no world of the template has.
 
     Args:
-      steps: the steps, whose inputs have no other problems.
+        steps: the steps, whose inputs have no other problems.
     """
     for step in steps.values():
         for request in _requests(step):

@@ -150,11 +150,11 @@ def parse(text: str, filename: str) -> Node:
     """Reads one YAML or JSON document.
 
     Args:
-      text: the document.
-      filename: what places say.
+        text: the document.
+        filename: what places say.
 
     Raises:
-      SpecError: the text cannot be read; reading stops at the first problem.
+        SpecError: the text cannot be read; reading stops at the first problem.
     """
     start = Place(filename, 1, 1)
     if len(text.encode(errors="surrogatepass")) > MAX_BYTES:

@@ -13,11 +13,11 @@ def check_world_counts(spec: CheckedSpec, most: int) -> None:
     """Refuses what the service itself would accept, and then fail; counts that only a run can tell pass.
 
     Args:
-      spec: the specification.
-      most: worlds that one job may make, see `ROBOMAKER_MAX_WORLDS_PER_JOB`.
+        spec: the specification.
+        most: worlds that one job may make, see `ROBOMAKER_MAX_WORLDS_PER_JOB`.
 
     Raises:
-      SpecError: a job asks for more.
+        SpecError: a job asks for more.
     """
     problems = [problem for step in spec.steps.values() if (problem := _problem(step, most))]
     if problems:

@@ -31,10 +31,10 @@ def parse_template_body(text: str) -> WorldTemplateBody:
     unwrapped.
 
     Args:
-      text: JSON text of at most 262144 characters.
+        text: JSON text of at most 262144 characters.
 
     Raises:
-      InvalidParameterException: with one line per problem: JSON path, value, what would be right.
+        InvalidParameterException: with one line per problem: JSON path, value, what would be right.
     """
     document, prefix = _unwrap(load_strict(text, "templateBody", MAX_BODY_CHARACTERS))
     problems = list(_version_problems(document)) or list(_null_problems(document))
@@ -58,7 +58,7 @@ def unwrapped_text(text: str) -> str:
     """The body alone: the text itself, or, where that is a wrapped body, the JSON text of what it wraps.
 
     Args:
-      text: a body that `parse_template_body` accepts.
+        text: a body that `parse_template_body` accepts.
     """
     document = json.loads(text)
     body, prefix = _unwrap(document)

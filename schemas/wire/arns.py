@@ -63,11 +63,11 @@ class ResourceArn:
         """Takes an ARN apart.
 
         Args:
-          arn: the ARN.
-          kinds: what it may name; none: anything.
+            arn: the ARN.
+            kinds: what it may name; none: anything.
 
         Raises:
-          InvalidParameterException: it is no ARN of this service, or names something else.
+            InvalidParameterException: it is no ARN of this service, or names something else.
         """
         if (found := _FORM.fullmatch(arn)) is None:
             raise InvalidParameterException(f"{arn!r} is no ARN of a resource; it has to look like {_WANTED}")
@@ -83,7 +83,7 @@ def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
     """The ARN of a resource that has an id.
 
     Raises:
-      ValueError: there is no such kind of resource.
+        ValueError: there is no such kind of resource.
     """
     if kind not in _KINDS:
         raise ValueError(f"there is no kind of resource {kind!r}{nearest(kind, _KINDS)}")
@@ -94,6 +94,6 @@ def application_arn(region: str, account: str, kind: str, name: str, created_at:
     """The ARN of an application, robot or fleet: its name, and the moment of creation, which tells it from namesakes.
 
     Raises:
-      ValueError: there is no such kind of resource.
+        ValueError: there is no such kind of resource.
     """
     return resource_arn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")

@@ -180,11 +180,11 @@ def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
     """Checks that one of two members is given.
 
     Args:
-      members: names of the members.
-      given: their values, in the same order; `None` is absent.
+        members: names of the members.
+        given: their values, in the same order; `None` is absent.
 
     Raises:
-      ValueError: none or both are given.
+        ValueError: none or both are given.
     """
     present = sum(value is not None for value in given)
     if present != 1:

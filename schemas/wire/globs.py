@@ -42,10 +42,10 @@ class Glob:
     """A compiled glob.
 
     Args:
-      text: the glob.
+        text: the glob.
 
     Raises:
-      GlobError: it is none.
+        GlobError: it is none.
     """
 
     def __init__(self, text: str) -> None:

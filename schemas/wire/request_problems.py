@@ -62,8 +62,8 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     """Translates the validator's findings.
 
     Args:
-      error: what validation raised.
-      model: the model it was validated against.
+        error: what validation raised.
+        model: the model it was validated against.
     """
     found = [_without_tags(details, model) for details in error.errors(include_url=False)]
     misspelt = misspelt_members(found)

@@ -16,13 +16,13 @@ def load_strict(text: str, what: str, max_characters: int) -> Any:
     """Parses JSON from an untrusted source.
 
     Args:
-      text: the JSON text.
-      what: the parameter's name, for messages.
-      max_characters: longest text accepted.
+        text: the JSON text.
+        what: the parameter's name, for messages.
+        max_characters: longest text accepted.
 
     Raises:
-      InvalidParameterException: too long, not JSON, duplicate members, NaN or Infinity, half of a surrogate
-        pair, nested too deeply, or a number with thousands of digits.
+        InvalidParameterException: too long, not JSON, duplicate members, NaN or Infinity, half of a surrogate
+            pair, nested too deeply, or a number with thousands of digits.
     """
     if not 1 <= len(text) <= max_characters:
         raise InvalidParameterException(f"{what}: {len(text)} characters; 1 to {max_characters} would be right")

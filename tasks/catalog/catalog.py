@@ -51,11 +51,11 @@ class Catalog(CatalogLeases):
         """Opens a catalog, creating or updating its tables if need be.
 
         Args:
-          url: SQLAlchemy URL: `sqlite:////folder/catalog.db`, or one of a PostgreSQL database.
-          clock: gives the time, with a time zone.
+            url: SQLAlchemy URL: `sqlite:////folder/catalog.db`, or one of a PostgreSQL database.
+            clock: gives the time, with a time zone.
 
         Raises:
-          ConfigurationError: the URL leads nowhere, or a newer program made the catalog.
+            ConfigurationError: the URL leads nowhere, or a newer program made the catalog.
         """
         return cls(url, clock)
 
@@ -67,13 +67,13 @@ class Catalog(CatalogLeases):
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
 
         Args:
-          resource: what to add.
-          token: the caller's token; `None`: every call adds.
-          unique_name: whether no other of its kind may have its name, then or later.
+            resource: what to add.
+            token: the caller's token; `None`: every call adds.
+            unique_name: whether no other of its kind may have its name, then or later.
 
         Raises:
-          IdempotentParameterMismatchException: the token was used for another request.
-          ResourceAlreadyExistsException: the name is taken, or the ARN.
+            IdempotentParameterMismatchException: the token was used for another request.
+            ResourceAlreadyExistsException: the name is taken, or the ARN.
         """
         try:
             return self._create(resource, token, unique_name)
@@ -125,13 +125,13 @@ class Catalog(CatalogLeases):
         """Adds the next of a parent's numbered children; of several callers each gets a number of its own.
 
         Args:
-          parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
-          make: given the parent and the number, describes the child; what it raises is raised.
-          most: how many children of that kind there may be.
+            parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
+            make: given the parent and the number, describes the child; what it raises is raised.
+            most: how many children of that kind there may be.
 
         Raises:
-          ResourceNotFoundException: there is no such parent.
-          LimitExceededException: there are `most` already.
+            ResourceNotFoundException: there is no such parent.
+            LimitExceededException: there are `most` already.
         """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
@@ -156,11 +156,11 @@ class Catalog(CatalogLeases):
         """Removes a resource and forgets the tokens that made it.
 
         Args:
-          arn: its ARN.
-          children: kinds of children that go with it.
+            arn: its ARN.
+            children: kinds of children that go with it.
 
         Raises:
-          ResourceNotFoundException: there is none.
+            ResourceNotFoundException: there is none.
         """
         with self._transaction(self._writer) as connection:
             if not changed_one(connection.execute(delete(resources).where(resources.c.arn == arn))):
@@ -184,18 +184,18 @@ class Catalog(CatalogLeases):
         """Changes a resource's document.
 
         Args:
-          arn: its ARN.
-          changes: the members that are set; or a function that, given the document, returns these or
-            the whole new document. It has to be quick, and is called again when another process
-            changed the resource meanwhile; what it raises is raised, and nothing is changed.
-          owner: who has to hold the lease; `None`: it does not matter.
-          name: its new name, for kinds whose names may repeat; `None`: as it is.
-          labels: its new labels; `None`: as they are.
-          status: its new status, for kinds without a lifecycle; `None`: as it is.
+            arn: its ARN.
+            changes: the members that are set; or a function that, given the document, returns these or
+                the whole new document. It has to be quick, and is called again when another process
+                changed the resource meanwhile; what it raises is raised, and nothing is changed.
+            owner: who has to hold the lease; `None`: it does not matter.
+            name: its new name, for kinds whose names may repeat; `None`: as it is.
+            labels: its new labels; `None`: as they are.
+            status: its new status, for kinds without a lifecycle; `None`: as it is.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
-          StateConflictError: `owner` does not hold the lease.
+            ResourceNotFoundException: there is no such resource.
+            StateConflictError: `owner` does not hold the lease.
         """
         given = {"name": name, "labels": labels, "status": status}
         others = {column: value for column, value in given.items() if value is not None}
@@ -215,8 +215,8 @@ class Catalog(CatalogLeases):
         """Adds tags to a resource's, and replaces the values of those it has; no update of the resource itself.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
-          InvalidParameterException: it would have more than 50.
+            ResourceNotFoundException: there is no such resource.
+            InvalidParameterException: it would have more than 50.
         """
 
         def merged(row: RowMapping) -> dict[str, Any]:
@@ -233,7 +233,7 @@ class Catalog(CatalogLeases):
         """Removes tags of a resource; keys it does not have are ignored.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         gone = set(keys)
 
@@ -254,15 +254,15 @@ class Catalog(CatalogLeases):
         """Moves a resource to the state that follows an event; of several callers one succeeds.
 
         Args:
-          arn: its ARN.
-          event: what happened, an event of the kind's lifecycle.
-          document_changes: members of the document that are set with it.
-          owner: who has to hold the lease; `None`: it does not matter.
+            arn: its ARN.
+            event: what happened, an event of the kind's lifecycle.
+            document_changes: members of the document that are set with it.
+            owner: who has to hold the lease; `None`: it does not matter.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
-          StateConflictError: the event cannot happen in its state, its kind has no lifecycle, or
-            `owner` does not hold the lease.
+            ResourceNotFoundException: there is no such resource.
+            StateConflictError: the event cannot happen in its state, its kind has no lifecycle, or
+                `owner` does not hold the lease.
         """
 
         def compute(row: RowMapping) -> dict[str, Any]:
@@ -300,7 +300,7 @@ class Catalog(CatalogLeases):
         """Notes that a resource is to be cancelled; its performer sees it. Of no effect on one that has ended.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         with self._transaction(self._writer) as connection:
             row = one_row(connection, arn)
@@ -312,7 +312,7 @@ class Catalog(CatalogLeases):
         """Whether a resource is to be cancelled; quick enough to be asked all the time.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         with self._transaction(self._engine) as connection:
             asked = connection.scalar(select(resources.c.cancel_requested).where(resources.c.arn == arn))

@@ -47,8 +47,8 @@ def open_engine(url: str) -> Engine:
     """Connects to a catalog's database and brings its tables up to date.
 
     Raises:
-      ConfigurationError: the URL leads nowhere, a driver is missing, or a newer program made the
-        database.
+        ConfigurationError: the URL leads nowhere, a driver is missing, or a newer program made the
+            database.
     """
     engine = _connect(_checked(url))
     try:

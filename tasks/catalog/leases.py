@@ -24,15 +24,15 @@ class CatalogLeases(CatalogReader):
         A lease that has run out was its owner's until it died: `lost_performers` counts that.
 
         Args:
-          arn: the resource.
-          owner: who asks; unlike anybody else, in this process or another.
-          lease_s: after how many seconds another may take it, unless it is renewed.
+            arn: the resource.
+            owner: who asks; unlike anybody else, in this process or another.
+            lease_s: after how many seconds another may take it, unless it is renewed.
 
         Returns:
-          Whether `owner` holds the lease now.
+            Whether `owner` holds the lease now.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         now = self._now()
         free = or_(
@@ -50,7 +50,7 @@ class CatalogLeases(CatalogReader):
         """Prolongs a lease, even one that ran out, as long as nobody else has taken it.
 
         Returns:
-          Whether `owner` still holds the lease.
+            Whether `owner` still holds the lease.
         """
         until = self._now() + timedelta(seconds=lease_s)
         return self._lease(arn, resources.c.lease_owner == owner, {"lease_expires_at": until})
@@ -59,7 +59,7 @@ class CatalogLeases(CatalogReader):
         """Gives a lease back.
 
         Returns:
-          Whether `owner` held it.
+            Whether `owner` held it.
         """
         return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
 
@@ -67,7 +67,7 @@ class CatalogLeases(CatalogReader):
         """Who holds a resource's lease, if anybody, and whether it has run out.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         held = select(resources.c.lease_owner, resources.c.lease_expires_at <= self._now()).where(
             resources.c.arn == arn
@@ -82,10 +82,10 @@ class CatalogLeases(CatalogReader):
         """Ends the leases of a process that is known to be dead, so that nobody has to wait until they run out.
 
         Args:
-          owners: what the names of the leases' owners begin with.
+            owners: what the names of the leases' owners begin with.
 
         Returns:
-          How many leases it held.
+            How many leases it held.
         """
         held = resources.c.lease_owner.startswith(owners, autoescape=True)
         with self._transaction(self._writer) as connection:
@@ -96,7 +96,7 @@ class CatalogLeases(CatalogReader):
         """How many performers died while they held a resource's lease, as far as others took it over since.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         with self._transaction(self._engine) as connection:
             lost = connection.scalar(select(resources.c.lost_performers).where(resources.c.arn == arn))
@@ -110,8 +110,8 @@ class CatalogLeases(CatalogReader):
         Jobs of a batch that has not ended are left out: whoever performs the batch performs them.
 
         Args:
-          kinds: which kinds of jobs.
-          limit: how many at most.
+            kinds: which kinds of jobs.
+            limit: how many at most.
         """
         batches = resources.alias("batches")
         in_live_batch = (

@@ -14,9 +14,9 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
     """Makes the token of the page that follows an entry.
 
     Args:
-      kind: what is listed.
-      filters: with which conditions.
-      sequence: the entry's place in the order of creation.
+        kind: what is listed.
+        filters: with which conditions.
+        sequence: the entry's place in the order of creation.
     """
     return base64.urlsafe_b64encode(f"{sequence}.{_fingerprint(kind, filters)}".encode()).decode()
 
@@ -25,10 +25,10 @@ def decode_page_token(kind: str, filters: Filters, token: str) -> int:
     """Reads a token.
 
     Returns:
-      The place of the entry that the page follows.
+        The place of the entry that the page follows.
 
     Raises:
-      InvalidParameterException: it is no token, or one of another list.
+        InvalidParameterException: it is no token, or one of another list.
     """
     try:
         sequence = int(base64.urlsafe_b64decode(token).decode("ascii").partition(".")[0])

@@ -56,7 +56,7 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
     """Reads the row of a resource, with the lease's owner.
 
     Raises:
-      ResourceNotFoundException: there is none of that ARN and kind.
+        ResourceNotFoundException: there is none of that ARN and kind.
     """
     row = connection.execute(_ONE_ROW, {"arn": arn}).mappings().one_or_none()
     if row is None:
@@ -72,10 +72,10 @@ def list_query(
     """The query for a page of a list, newest first, with each row's `sequence`.
 
     Args:
-      kinds: what is listed.
-      filters: for each name the values one of which is wanted; a name that is no column is a label.
-      before: the place in the order of creation that the page lies before; `None`: the first page.
-      limit: how many rows at most.
+        kinds: what is listed.
+        filters: for each name the values one of which is wanted; a name that is no column is a label.
+        before: the place in the order of creation that the page lies before; `None`: the first page.
+        limit: how many rows at most.
     """
     kind, order = resources.c.kind, resources.c.sequence
     query: Select[Any] = select(resources.c.sequence, *COLUMNS)
@@ -139,7 +139,7 @@ def repeated(connection: Connection, token: ClientToken, account: str) -> Resour
     """The resource that an earlier call of an account with the same token added.
 
     Raises:
-      IdempotentParameterMismatchException: that call was another request.
+        IdempotentParameterMismatchException: that call was another request.
     """
     query = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
         client_tokens.c.operation == token.operation,
@@ -160,7 +160,7 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
     """Checks that a resource's ARN, and its name where that has to be unique, are not taken.
 
     Raises:
-      ResourceAlreadyExistsException: one of them is.
+        ResourceAlreadyExistsException: one of them is.
     """
     taken = [resources.c.arn == resource.arn]
     if unique_name:

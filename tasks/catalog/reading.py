@@ -31,11 +31,11 @@ class CatalogReader:
         """Reads a resource.
 
         Args:
-          arn: its ARN.
-          kind: what it has to be; `None`: anything.
+            arn: its ARN.
+            kind: what it has to be; `None`: anything.
 
         Raises:
-          ResourceNotFoundException: there is none of that ARN and kind.
+            ResourceNotFoundException: there is none of that ARN and kind.
         """
         with self._transaction(self._engine) as connection:
             return resource_of(one_row(connection, arn, kind))
@@ -55,11 +55,11 @@ class CatalogReader:
         """The resource that an earlier call with this token added; asked before anything else is checked.
 
         Args:
-          token: the caller's token; `None`: there was no such call.
-          account: whose token it is.
+            token: the caller's token; `None`: there was no such call.
+            account: whose token it is.
 
         Raises:
-          IdempotentParameterMismatchException: that call was another request.
+            IdempotentParameterMismatchException: that call was another request.
         """
         if token is None:
             return None
@@ -85,7 +85,7 @@ class CatalogReader:
         """The status of a resource, and whether it is to be cancelled; quick enough to be asked all the time.
 
         Raises:
-          ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: there is no such resource.
         """
         query = select(resources.c.status, resources.c.cancel_requested).where(resources.c.arn == arn)
         with self._transaction(self._engine) as connection:
@@ -121,17 +121,17 @@ class CatalogReader:
         """Reads a page of resources, newest first; resources added meanwhile do not shift later pages.
 
         Args:
-          kinds: what is listed.
-          filters: for `name`, `parent`, `status` or a label the values that are wanted, one of which
-            has to be equal.
-          limit: how many at most.
-          after: the page before's `next_token`; `None`: the first page.
-          scope: for whom the list is made; page tokens of other scopes are refused.
-          members: which members of the documents are read, for kinds whose documents are large;
-            `None`: all.
+            kinds: what is listed.
+            filters: for `name`, `parent`, `status` or a label the values that are wanted, one of which
+                has to be equal.
+            limit: how many at most.
+            after: the page before's `next_token`; `None`: the first page.
+            scope: for whom the list is made; page tokens of other scopes are refused.
+            members: which members of the documents are read, for kinds whose documents are large;
+                `None`: all.
 
         Raises:
-          InvalidParameterException: the token is not of this list.
+            InvalidParameterException: the token is not of this list.
         """
         wanted = filters or {}
         each_kind = (kinds,) if isinstance(kinds, str) else tuple(kinds)

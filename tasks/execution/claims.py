@@ -23,14 +23,14 @@ def run_under_lease(
     """Runs `work` on a job unless it has ended, holding its lease meanwhile.
 
     Args:
-      arn: the job.
-      kind: the resource kind it has to be.
-      service: where it is stored.
-      work: carries the job on from wherever it stands to a terminal state.
-      held: where this process notes the leases that it holds.
+        arn: the job.
+        kind: the resource kind it has to be.
+        service: where it is stored.
+        work: carries the job on from wherever it stands to a terminal state.
+        held: where this process notes the leases that it holds.
 
     Raises:
-      ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: there is no such job.
     """
     while not run_if_unclaimed(arn, kind, service, work, held):
         time.sleep(_WAIT_S)
@@ -42,18 +42,18 @@ def run_if_unclaimed(
     """Runs `work` on a job if it has not ended and nobody performs it.
 
     Args:
-      arn: the job.
-      kind: the resource kind it has to be.
-      service: where it is stored.
-      work: carries the job on, holding its lease.
-      held: where this process notes the leases that it holds.
+        arn: the job.
+        kind: the resource kind it has to be.
+        service: where it is stored.
+        work: carries the job on, holding its lease.
+        held: where this process notes the leases that it holds.
 
     Returns:
-      True when `work` was run or the job had ended; false when another worker holds its lease.
+        True when `work` was run or the job had ended; false when another worker holds its lease.
 
     Raises:
-      ResourceNotFoundException: there is no such job.
-      WorkerStopping: this process is about to end.
+        ResourceNotFoundException: there is no such job.
+        WorkerStopping: this process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)
     if is_terminal(job.kind, job.status):

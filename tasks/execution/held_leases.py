@@ -55,7 +55,7 @@ class HeldLeases:
         """Yields the owner name for a job's lease, valid inside the block.
 
         Raises:
-          WorkerStopping: no more leases are taken.
+            WorkerStopping: no more leases are taken.
         """
         with self._lock:
             if self._closed:
@@ -76,7 +76,7 @@ class HeldLeases:
         """Claims a job for the thread of this process that begins it; `cancel_reservation` has to follow.
 
         Returns:
-          Whether the lease was free.
+            Whether the lease was free.
         """
         with self._lock:
             if self._closed or arn in self._owners:
@@ -104,7 +104,7 @@ class HeldLeases:
         """Releases every lease; this process takes no more.
 
         Returns:
-          ARNs of the jobs that were held, those of batches after the jobs in them.
+            ARNs of the jobs that were held, those of batches after the jobs in them.
         """
         with self._lock:
             self._closed = True

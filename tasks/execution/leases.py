@@ -19,9 +19,9 @@ class Lease:
     Changes made through it fail with `StateConflictError` once another worker has taken over.
 
     Args:
-      job: the job as it was when the lease was taken.
-      owner: name of the lease's holder.
-      service: where the job is stored.
+        job: the job as it was when the lease was taken.
+        owner: name of the lease's holder.
+        service: where the job is stored.
     """
 
     def __init__(self, job: Resource, owner: str, service: Service) -> None:

@@ -33,10 +33,10 @@ class Slots:
     """The slots that this worker holds of one batch; use as a context manager.
 
     Args:
-      name: name of the global concurrency limit, the batch's own.
-      limit: how many slots there are.
-      wanted: how many this performer can use at once.
-      look_s: seconds between two looks whether the limit was changed on the server.
+        name: name of the global concurrency limit, the batch's own.
+        limit: how many slots there are.
+        wanted: how many this performer can use at once.
+        look_s: seconds between two looks whether the limit was changed on the server.
     """
 
     def __init__(self, name: str, limit: int, wanted: int, look_s: float = LOOK_S) -> None:
@@ -75,10 +75,10 @@ class Slots:
         """Holds one slot.
 
         Args:
-          should_stop: asked while waiting; once true, waiting ends.
+            should_stop: asked while waiting; once true, waiting ends.
 
         Yields:
-          Whether a slot is held; false only when `should_stop` ended the wait.
+            Whether a slot is held; false only when `should_stop` ended the wait.
         """
         lease = self._borrow(should_stop)
         try:

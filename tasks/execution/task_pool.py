@@ -29,18 +29,18 @@ def run_tasks(
     """Runs a part of a job once for each call, as task runs, and waits for all of them.
 
     Args:
-      name: what Prefect shows as the name of the task.
-      part: watches for a cancel request of the job, and ends soon after one.
-      calls: its arguments.
-      run_name: name of each task run; arguments in braces stand for their values.
-      workers: how many run at once.
-      job_arn: the job that they are parts of.
-      service: where the job is stored.
-      look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
-        says true, calls that have not begun are left out.
+        name: what Prefect shows as the name of the task.
+        part: watches for a cancel request of the job, and ends soon after one.
+        calls: its arguments.
+        run_name: name of each task run; arguments in braces stand for their values.
+        workers: how many run at once.
+        job_arn: the job that they are parts of.
+        service: where the job is stored.
+        look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
+            says true, calls that have not begun are left out.
 
     Raises:
-      BaseException: what the first task raised, once all have ended, or the interruption.
+        BaseException: what the first task raised, once all have ended, or the interruption.
     """
     from prefect import task
     from prefect.cache_policies import NO_CACHE
@@ -73,12 +73,12 @@ def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> No
     """Runs a job that has one part only in a thread of its own, and waits for it; steps inside it may be tasks.
 
     Args:
-      work: watches for a cancel request of the job, and ends soon after one.
-      job_arn: the job.
-      service: where the job is stored.
+        work: watches for a cancel request of the job, and ends soon after one.
+        job_arn: the job.
+        service: where the job is stored.
 
     Raises:
-      BaseException: what `work` raised, or the interruption, once it has ended.
+        BaseException: what `work` raised, or the interruption, once it has ended.
     """
     with service.activated(), concurrent.futures.ThreadPoolExecutor(max_workers=1) as pool:
         future = pool.submit(contextvars.copy_context().run, work)

@@ -38,13 +38,13 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
     """Lets one caller at a time change what belongs to a fleet, in this process or another.
 
     Args:
-      arn: the fleet.
-      service: where it is stored.
+        arn: the fleet.
+        service: where it is stored.
 
     Raises:
-      InvalidParameterException: it is no ARN of a fleet.
-      ResourceNotFoundException: there is no such fleet.
-      ThrottlingException: others have kept changing it for `Timing.fleet_patience_s`.
+        InvalidParameterException: it is no ARN of a fleet.
+        ResourceNotFoundException: there is no such fleet.
+        ThrottlingException: others have kept changing it for `Timing.fleet_patience_s`.
     """
     ResourceArn.parse(arn, FLEET)
     owner = uuid.uuid4().hex
@@ -64,9 +64,9 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
     """The robots of a fleet, newest first.
 
     Args:
-      fleet: the fleet's ARN.
-      service: where they are stored.
-      page: how many are read at once.
+        fleet: the fleet's ARN.
+        service: where they are stored.
+        page: how many are read at once.
     """
     found: list[Resource] = []
     after = None
@@ -88,8 +88,8 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     """Registers a robot with a fleet, whose lease the caller holds; of no effect on one that is.
 
     Raises:
-      ResourceNotFoundException: there is no such robot.
-      InvalidParameterException: it is in another fleet.
+        ResourceNotFoundException: there is no such robot.
+        InvalidParameterException: it is in another fleet.
     """
     known = service.catalog.get(robot, kind=ROBOT)
     if known.document["fleet"] != fleet.arn:
@@ -100,7 +100,7 @@ def take_out_of_fleet(robot: str, service: Service) -> None:
     """Deregisters a robot from the fleet it is in, whose lease the caller holds.
 
     Raises:
-      ResourceNotFoundException: there is no such robot.
+        ResourceNotFoundException: there is no such robot.
     """
     service.catalog.update(robot, lambda document: {**document, "fleet": None}, labels={}, status="Available")
 
@@ -120,10 +120,10 @@ def end_deployment(job: Resource, event: str, service: Service, changes: Mapping
     """Ends a deployment job unless it has ended; the caller holds the lease of its fleet.
 
     Args:
-      job: the job.
-      event: how, an event of its lifecycle.
-      service: where it is stored.
-      changes: members of its document that are set with it.
+        job: the job.
+        event: how, an event of its lifecycle.
+        service: where it is stored.
+        changes: members of its document that are set with it.
     """
     if not is_terminal(DEPLOYMENT, service.catalog.get(job.arn, kind=DEPLOYMENT).status):
         service.catalog.transition(job.arn, event, document_changes=changes)

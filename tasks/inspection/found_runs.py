@@ -46,13 +46,13 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
     """Finds a run, and fetches what it wrote down into a folder that is there inside the block.
 
     Args:
-      reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-      service: where it is stored.
+        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
+        service: where it is stored.
 
     Raises:
-      ConfigurationError: that names no run, or one that has not ended.
-      ResourceNotFoundException: there is no such job.
-      StorageError: its outputs cannot be read.
+        ConfigurationError: that names no run, or one that has not ended.
+        ResourceNotFoundException: there is no such job.
+        StorageError: its outputs cannot be read.
     """
     with scratch_folder(service) as scratch:
         job = _job_of(reference, service)

@@ -21,9 +21,9 @@ def check_surroundings(checked: CheckedSpec, service: Service) -> None:
     Applications that a step of the same specification makes count as existing.
 
     Raises:
-      SpecError: an application is named that does not exist, or a room that its world has not; says where and what is
-        near.
-      StorageError: the object store cannot be used.
+        SpecError: an application is named that does not exist, or a room that its world has not; says where and what is
+            near.
+        StorageError: the object store cannot be used.
     """
     prepare_bucket(service, service.settings.bucket)
     made = {

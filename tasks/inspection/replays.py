@@ -34,14 +34,14 @@ def verify_run(reference: str, service: Service, *, run_program: bool = False) -
     The program of a robot application is not run again: what it did was recorded, and is done again.
 
     Args:
-      reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-      service: where it is stored.
-      run_program: whether the robot's program, if it is one, is run again nevertheless.
+        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
+        service: where it is stored.
+        run_program: whether the robot's program, if it is one, is run again nevertheless.
 
     Raises:
-      ConfigurationError: that names no run.
-      ResourceNotFoundException: there is no such job.
-      StorageError: its outputs cannot be read.
+        ConfigurationError: that names no run.
+        ResourceNotFoundException: there is no such job.
+        StorageError: its outputs cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         first = run.outputs
@@ -67,8 +67,8 @@ def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) 
     """Runs a run again, with the program of its robot unless there are actions.
 
     Raises:
-      FileNotFoundError: it did not begin.
-      LaunchError: it cannot be run here.
+        FileNotFoundError: it did not begin.
+        LaunchError: it cannot be run here.
     """
     inputs = scratch / "inputs"
     try:
@@ -86,16 +86,16 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
     """Fetches all that a run needs into a folder, runs it again and writes a test that does so.
 
     Args:
-      reference: see `verify_run`.
-      folder: where to; it must be absent or hold no reproduction.
-      service: where the run is stored.
-      video: whether the rerun is filmed.
+        reference: see `verify_run`.
+        folder: where to; it must be absent or hold no reproduction.
+        service: where the run is stored.
+        video: whether the rerun is filmed.
 
     Raises:
-      ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
-      LaunchError: something that it needs cannot be had, or it cannot be started here.
-      ResourceNotFoundException: there is no such job.
-      StorageError: its outputs cannot be read.
+        ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
+        LaunchError: something that it needs cannot be had, or it cannot be started here.
+        ResourceNotFoundException: there is no such job.
+        StorageError: its outputs cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         if reasons := why_not_repeatable(run.outputs):
@@ -166,7 +166,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -
     """The run's plan with folders of this machine: from its job, else as it was while those folders are still here.
 
     Raises:
-      LaunchError: something cannot be had.
+        LaunchError: something cannot be had.
     """
     plan = run.outputs.provenance.plan
     if run.outputs.actions is not None:

@@ -52,7 +52,7 @@ def publish_report(
     """Writes the report of a run and shows its main parts in Prefect's UI.
 
     Returns:
-      The run's simulation jobs in short, and the report's path.
+        The run's simulation jobs in short, and the report's path.
     """
     reported = jobs_of(steps, service)
     records = _job_records(reported, service)
@@ -75,15 +75,15 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     """Writes the report of an earlier run again, from what is stored of it.
 
     Args:
-      record: the run.
-      service: where its resources are stored.
-      junit: where to write it as JUnit XML besides; None: nowhere.
+        record: the run.
+        service: where its resources are stored.
+        junit: where to write it as JUnit XML besides; None: nowhere.
 
     Returns:
-      Its numbers, with the paths of what was written.
+        Its numbers, with the paths of what was written.
 
     Raises:
-      OSError: a file cannot be written.
+        OSError: a file cannot be written.
     """
     report = report_of(record, service)
     path = _publish(report, _job_records(report.jobs, service), record.run_dir)
@@ -141,7 +141,7 @@ def simulation_jobs(operation: str, arn: str, service: Service) -> list[Reported
     """The simulation jobs of what an operation made; none for operations that make no jobs.
 
     Raises:
-      ResourceNotFoundException: it was deleted.
+        ResourceNotFoundException: it was deleted.
     """
     kinds = {"CreateSimulationJob": _single_job, "StartSimulationJobBatch": _batch_jobs}
     return kinds[operation](arn, service) if operation in kinds else []

@@ -51,8 +51,8 @@ class BatchRun:
     """One performer's work on one batch.
 
     Args:
-      lease: the right to change the batch.
-      service: where it is stored.
+        lease: the right to change the batch.
+        service: where it is stored.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:
@@ -91,7 +91,7 @@ class BatchRun:
         """Ends the jobs that nobody performs, and has the others cancelled.
 
         Returns:
-          Whether all jobs have ended.
+            Whether all jobs have ended.
         """
         reason = self._why_stop() or StopReason.BATCH_CANCELED
         performed = [
@@ -196,7 +196,7 @@ class BatchRun:
         """Records, several times a second, what the requests' tasks have brought about.
 
         Returns:
-          Whether requests that nobody has begun with are not to be begun any more.
+            Whether requests that nobody has begun with are not to be begun any more.
         """
         self._save_failures()
         self._note_stop()

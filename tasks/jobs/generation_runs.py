@@ -59,8 +59,8 @@ class GenerationRun:
     """One performer's work on one generation job.
 
     Args:
-      lease: the right to change the job.
-      service: where it is stored.
+        lease: the right to change the job.
+        service: where it is stored.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:

@@ -30,9 +30,9 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
 
     Args:
-      folder: the job's.
-      document: what is known of the job.
-      run_id: its last run.
+        folder: the job's.
+        document: what is known of the job.
+        run_id: its last run.
     """
     remove_containers_of_job(folder)
     run = folder / run_id
@@ -63,7 +63,7 @@ def clear_containers_of_the_dead(service: Service) -> None:
     logged, and tried again by the next.
 
     Args:
-      service: where the jobs are stored.
+        service: where the jobs are stored.
     """
     try:
         for run, job in runs_of_nobody(service):
@@ -85,10 +85,10 @@ def runs_of_nobody(service: Service) -> Iterator[tuple[Path, Resource]]:
     Jobs that the catalog does not know may be of another region or account, and are left alone.
 
     Args:
-      service: where the jobs are stored.
+        service: where the jobs are stored.
 
     Raises:
-      ServiceUnavailableException: the catalog does not answer.
+        ServiceUnavailableException: the catalog does not answer.
     """
     for run in sorted((service.settings.home / "jobs").glob("*/*")):
         if has_containers(run):

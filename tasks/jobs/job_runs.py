@@ -51,10 +51,10 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step:
     run left here is stored as that of an earlier run, without a manifest.
 
     Args:
-      arn: the job.
-      service: where it is stored.
-      stop: asked several times a second; see `Stop`.
-      run_step: how its steps `prepare`, `simulate` and `upload` are run.
+        arn: the job.
+        service: where it is stored.
+        stop: asked several times a second; see `Stop`.
+        run_step: how its steps `prepare`, `simulate` and `upload` are run.
     """
     clear_containers_of_the_dead(service)
     run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
@@ -64,12 +64,12 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
     """Ends a job that has to stop, if nobody performs it: outputs that a dead performer left here are stored.
 
     Args:
-      arn: the job.
-      service: where it is stored.
-      reason: why it has to stop.
+        arn: the job.
+        service: where it is stored.
+        reason: why it has to stop.
 
     Returns:
-      Whether the job has ended; false if another performs it, who sees to its end.
+        Whether the job has ended; false if another performs it, who sees to its end.
     """
     return run_if_unclaimed(arn, KIND, service, lambda lease: JobRun(lease, service).end(reason))
 
@@ -84,10 +84,10 @@ class JobRun:
     """One performer's work on one simulation job.
 
     Args:
-      lease: the right to change the job.
-      service: where it is stored.
-      stop: see `Stop`.
-      run_step: how its steps are run.
+        lease: the right to change the job.
+        service: where it is stored.
+        stop: see `Stop`.
+        run_step: how its steps are run.
     """
 
     def __init__(self, lease: Lease, service: Service, stop: Stop = lambda: None, run_step: RunStep = directly) -> None:
@@ -116,7 +116,7 @@ class JobRun:
         """Ends a job that does not run; what a dead performer's run left on this machine is stored first.
 
         Args:
-          reason: why it has to stop; one that is `Terminating` keeps the outcome that it has already.
+            reason: why it has to stop; one that is `Terminating` keeps the outcome that it has already.
         """
         run_id = self._document.run_id
         if self._lease.job.status == "Terminating":

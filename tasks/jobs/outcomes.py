@@ -15,8 +15,8 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     """The outcome of a job that a run leads to.
 
     Args:
-      run: how the run ended.
-      stopped_because: why the job had to stop; `None` if it did not have to.
+        run: how the run ended.
+        stopped_because: why the job had to stop; `None` if it did not have to.
     """
     outcome = Outcome(status=run.status)
     if run.failure_code:

@@ -20,13 +20,13 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
     Cancelling a job that has ended, or is being cancelled, changes nothing and succeeds.
 
     Args:
-      arn: the job.
-      kind: the resource kind it has to be.
-      service: where it is stored.
-      work: ends a job that is being cancelled, holding its lease.
+        arn: the job.
+        kind: the resource kind it has to be.
+        service: where it is stored.
+        work: ends a job that is being cancelled, holding its lease.
 
     Raises:
-      ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: there is no such job.
     """
     service.catalog.get(arn, kind=kind)
     if is_terminal(kind, service.catalog.request_cancel(arn).status):
@@ -40,15 +40,15 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
     """Moves a job on, unless it is being cancelled meanwhile: then it ends as cancelled.
 
     Args:
-      lease: the right to change the job.
-      event: what happened.
-      changes: members of the document that are set with it, without those of failures if it is cancelled.
+        lease: the right to change the job.
+        event: what happened.
+        changes: members of the document that are set with it, without those of failures if it is cancelled.
 
     Returns:
-      Whether the event happened; false: the job is `Canceled` now.
+        Whether the event happened; false: the job is `Canceled` now.
 
     Raises:
-      StateConflictError: the event cannot happen, or the lease was lost.
+        StateConflictError: the event cannot happen, or the lease was lost.
     """
     try:
         lease.transition(event, changes)
@@ -64,7 +64,7 @@ def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
     """Ends a job as cancelled, whether its status says already that it will be or not.
 
     Raises:
-      StateConflictError: it has ended, or the lease was lost.
+        StateConflictError: it has ended, or the lease was lost.
     """
     with suppress(StateConflictError):
         lease.transition("cancel")

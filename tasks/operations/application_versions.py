@@ -32,11 +32,11 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
     """Keeps an application as it is now under the next number, and returns the members of the response.
 
     Raises:
-      ResourceNotFoundException: there is no such application.
-      InvalidParameterException: it has another revision by now, an archive cannot be read, or its
-        content is not what the request says.
-      LimitExceededException: it has 40 versions.
-      ThrottlingException: others change it all the time.
+        ResourceNotFoundException: there is no such application.
+        InvalidParameterException: it has another revision by now, an archive cannot be read, or its
+            content is not what the request says.
+        LimitExceededException: it has 40 versions.
+        ThrottlingException: others change it all the time.
     """
     for _ in range(_ATTEMPTS):
         application = find_application(request["application"], role, LATEST, service)

@@ -31,13 +31,13 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Stores an application and returns the members of the response.
 
     Args:
-      role: which kind of application.
-      request: the request's members.
-      service: where it is stored.
+        role: which kind of application.
+        request: the request's members.
+        service: where it is stored.
 
     Raises:
-      ResourceAlreadyExistsException: the name is taken.
-      InvalidParameterException: a source cannot be read, or the environment is none.
+        ResourceAlreadyExistsException: the name is taken.
+        InvalidParameterException: a source cannot be read, or the environment is none.
     """
     definition = _definition(request, service)
     settings, now, kind = service.settings, service.clock(), f"{role}-application"
@@ -62,7 +62,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
     """The members that describe an application, or a version of it.
 
     Raises:
-      ResourceNotFoundException: there is no such application, or version.
+        ResourceNotFoundException: there is no such application, or version.
     """
     version = request.get("applicationVersion")
     resource = find_application(request["application"], role, version, service)
@@ -75,7 +75,7 @@ def list_applications(
     """A page of applications, newest first, and the token of the next.
 
     Raises:
-      InvalidParameterException: a filter is not known, or the token is not of this list.
+        InvalidParameterException: a filter is not known, or the token is not of this list.
     """
     kind = f"{role}-application"
     kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
@@ -89,9 +89,9 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Makes an application what a request says, and returns the members of the response.
 
     Raises:
-      ResourceNotFoundException: there is no such application.
-      InvalidParameterException: it is built in, or has another revision by now; or a source cannot
-        be read, or the environment is none.
+        ResourceNotFoundException: there is no such application.
+        InvalidParameterException: it is built in, or has another revision by now; or a source cannot
+            be read, or the environment is none.
     """
     application = find_application(request["application"], role, None, service)
     if is_builtin(application):
@@ -104,7 +104,7 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Removes an application with all its versions, or one version; of no effect on what is not there.
 
     Raises:
-      InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
+        InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
     """
     reference, version = request["application"], request.get("applicationVersion")
     if reference.startswith("arn:"):
@@ -141,7 +141,7 @@ def check_revision(wanted: str | None, document: Mapping[str, Any]) -> None:
     """Checks that an application still has the revision that a request is about.
 
     Raises:
-      InvalidParameterException: it has another; says which.
+        InvalidParameterException: it has another; says which.
     """
     if wanted is not None and wanted != document["revisionId"]:
         raise InvalidParameterException(
@@ -154,10 +154,10 @@ def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service
     """The members of the response for an application that exists with the same definition.
 
     Returns:
-      `None` when the name is free.
+        `None` when the name is free.
 
     Raises:
-      ResourceAlreadyExistsException: the name is taken by an application that differs; says in what.
+        ResourceAlreadyExistsException: the name is taken by an application that differs; says in what.
     """
     resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:
@@ -176,11 +176,11 @@ def update_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Makes an application that exists what a request to create it says, with its archives as they are now.
 
     Returns:
-      The members of the response; `None` when the name is free.
+        The members of the response; `None` when the name is free.
 
     Raises:
-      InvalidParameterException: a source cannot be read, or the environment is none.
-      ResourceAlreadyExistsException: the application is a built-in one.
+        InvalidParameterException: a source cannot be read, or the environment is none.
+        ResourceAlreadyExistsException: the application is a built-in one.
     """
     resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:

@@ -38,18 +38,18 @@ def page_of(
     """Reads the page of a list that a request asks for, newest first.
 
     Args:
-      operation: the List operation's name; page tokens are good for it only.
-      kinds: the kinds of resources that are listed.
-      request: says how many entries, and after which.
-      service: where the resources are stored.
-      filters: for each filter name of the operation, what of the resource it compares: `name`,
-        `status`, `parent` or a label.
-      given: the request's filters.
-      most: entries per page, unless the request asks for fewer.
-      members: which members of large documents are read; `None`: all.
+        operation: the List operation's name; page tokens are good for it only.
+        kinds: the kinds of resources that are listed.
+        request: says how many entries, and after which.
+        service: where the resources are stored.
+        filters: for each filter name of the operation, what of the resource it compares: `name`,
+            `status`, `parent` or a label.
+        given: the request's filters.
+        most: entries per page, unless the request asks for fewer.
+        members: which members of large documents are read; `None`: all.
 
     Raises:
-      InvalidParameterException: a filter is not known, or the token is not of this list.
+        InvalidParameterException: a filter is not known, or the token is not of this list.
     """
     wanted: dict[str, Sequence[str]] = {}
     for name, values in filter_values(given).items():

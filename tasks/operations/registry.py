@@ -64,7 +64,7 @@ class Operation:
         """Checks the request, does the operation (for jobs: the submit half), and answers.
 
         Raises:
-          ServiceError: the request is refused; nothing was stored.
+            ServiceError: the request is refused; nothing was stored.
         """
         return self.handle(self.checked(data, service), service)
 
@@ -72,7 +72,7 @@ class Operation:
         """Checks the request by itself, without the catalog.
 
         Raises:
-          ServiceError: the request is refused.
+            ServiceError: the request is refused.
         """
         with self._own_errors():
             request = parse_request(self.name, data)
@@ -84,7 +84,7 @@ class Operation:
         """Does what a checked request asks for, and answers.
 
         Raises:
-          ServiceError: the request is refused; nothing was stored.
+            ServiceError: the request is refused; nothing was stored.
         """
         with self._own_errors():
             answer = self.handler(request, service)
@@ -122,7 +122,7 @@ class Operation:
         """How a job of this operation stands.
 
         Raises:
-          ResourceNotFoundException: there is no such job.
+            ResourceNotFoundException: there is no such job.
         """
         if self.describe is None:
             raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to describe")
@@ -144,9 +144,9 @@ def operation(
     """Registers a handler as the service's operation `name`.
 
     Args:
-      name: the operation's name, a key of `OPERATIONS`.
-      perform: for job operations, what carries the job of an ARN to its end.
-      describe: for job operations, the operation that describes the job.
+        name: the operation's name, a key of `OPERATIONS`.
+        perform: for job operations, what carries the job of an ARN to its end.
+        describe: for job operations, the operation that describes the job.
     """
 
     def register(handler: Handler) -> Handler:
@@ -171,15 +171,15 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
     """Calls an operation directly; for job operations this only submits the job.
 
     Args:
-      name: the operation's name.
-      data: the request's members, as an SDK would send them.
-      service: where it happens.
+        name: the operation's name.
+        data: the request's members, as an SDK would send them.
+        service: where it happens.
 
     Returns:
-      The members of the response that are present.
+        The members of the response that are present.
 
     Raises:
-      ServiceError: the request is refused.
+        ServiceError: the request is refused.
     """
     operations = registry()
     if name not in operations:

@@ -44,7 +44,7 @@ class Frame:
         """The frame that shows all points with a margin.
 
         Raises:
-          ValueError: there are no points, or some are not finite.
+            ValueError: there are no points, or some are not finite.
         """
         xs, ys = zip(*points, strict=True)
         if not all(map(math.isfinite, (*xs, *ys))):

@@ -61,12 +61,12 @@ def draw_label(
     """A room's name with a note below it, where it covers least; turned in tall and narrow rooms.
 
     Args:
-      name: shortened when it does not fit, then the whole name is the tooltip.
-      note: left out when it does not fit.
-      polygon: the room's corners in metres.
-      frame: the drawing.
-      crowd: points of the drawing that had better stay visible.
-      size: height of the letters in units of the drawing; long names get smaller ones.
+        name: shortened when it does not fit, then the whole name is the tooltip.
+        note: left out when it does not fit.
+        polygon: the room's corners in metres.
+        frame: the drawing.
+        crowd: points of the drawing that had better stay visible.
+        size: height of the letters in units of the drawing; long names get smaller ones.
     """
     box = largest_box(polygon)
     width, height = (box.right - box.left) * frame.scale * _FILL, (box.top - box.bottom) * frame.scale * _FILL

@@ -36,11 +36,11 @@ def embed_picture(data: bytes, budget_bytes: int) -> Picture:
     """Encodes a picture as JPEG, as large as the budget allows.
 
     Args:
-      data: PNG, or anything Pillow reads.
-      budget_bytes: size to stay below; the smallest width is taken even if it is larger.
+        data: PNG, or anything Pillow reads.
+        budget_bytes: size to stay below; the smallest width is taken even if it is larger.
 
     Raises:
-      PictureError: the bytes are no picture, or one of absurd size.
+        PictureError: the bytes are no picture, or one of absurd size.
     """
     try:
         with Image.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as opened:
@@ -77,8 +77,8 @@ def embed_svg(text: str) -> str:
     """Turns a drawing into a `data:` address for an `<img>`, where scripts and links are dead anyway.
 
     Raises:
-      PictureError: it is not well-formed, or holds something that a drawing does not need: document
-        types, scripts, event handlers, foreign content, references to other files.
+        PictureError: it is not well-formed, or holds something that a drawing does not need: document
+            types, scripts, event handlers, foreign content, references to other files.
     """
     root: list[str] = []
 

@@ -23,10 +23,10 @@ def render_report(report: Report) -> str:
     The same report and files give the same text.
 
     Args:
-      report: what to show.
+        report: what to show.
 
     Returns:
-      The document.
+        The document.
     """
     style, script = _asset("report.css"), _asset("report.js")
     # Only the page's own style sheet and script may run, and nothing may be fetched.
@@ -45,11 +45,11 @@ def write_report(report: Report, path: Path) -> Path:
     """Renders a report into a file, which appears only when it is whole.
 
     Args:
-      report: what to show.
-      path: the file; its folder is made if needed.
+        report: what to show.
+        path: the file; its folder is made if needed.
 
     Returns:
-      The path.
+        The path.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")

@@ -24,9 +24,9 @@ def of_jobs(name: str, jobs: Iterable[ReportedJob], *, errors_fail: bool = False
     """How many of some jobs passed; jobs that were stopped or have no verdict do not count.
 
     Args:
-      name: what the jobs have in common.
-      jobs: the jobs.
-      errors_fail: whether what broke counts as failed.
+        name: what the jobs have in common.
+        jobs: the jobs.
+        errors_fail: whether what broke counts as failed.
     """
     outcomes = [outcome_of(job) for job in jobs]
     passed, failed, broken = (

@@ -17,12 +17,12 @@ def element(tag: str, *children: str | Markup, **attributes: str | Number | None
     """One element.
 
     Args:
-      tag: its name.
-      *children: content; plain strings are escaped.
-      **attributes: `class_` becomes `class`, other underscores become hyphens; None leaves one out.
+        tag: its name.
+        *children: content; plain strings are escaped.
+        **attributes: `class_` becomes `class`, other underscores become hyphens; None leaves one out.
 
     Returns:
-      Markup that can be put into a page as it is.
+        Markup that can be put into a page as it is.
     """
     written = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(value if isinstance(value, str) else number(value))}"'

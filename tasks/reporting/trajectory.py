@@ -85,7 +85,7 @@ def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
     """Draws one run.
 
     Returns:
-      Lines, to go below the rooms' names, and marks (start, end, collisions), to go above them.
+        Lines, to go below the rooms' names, and marks (start, end, collisions), to go above them.
     """
     path = finite_path(result)
     spots = cluster(result.collisions)

@@ -10,7 +10,7 @@ def prepare_home(settings: Settings) -> None:
     """Creates the data home unless it exists.
 
     Raises:
-      ConfigurationError: it is no folder, or cannot be created or written to.
+        ConfigurationError: it is no folder, or cannot be created or written to.
     """
     try:
         settings.home.mkdir(parents=True, exist_ok=True)

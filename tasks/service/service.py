@@ -65,8 +65,8 @@ class Service:
         """Opens the catalog and the object store, creating what is missing.
 
         Raises:
-          ConfigurationError: a setting leads nowhere.
-          StorageError: the object store does not answer.
+            ConfigurationError: a setting leads nowhere.
+            StorageError: the object store does not answer.
         """
         prepare_home(settings)
         catalog = Catalog.open(settings.catalog_url, clock=_utc_now)
@@ -116,16 +116,16 @@ class Service:
         """Stores a new job as `Pending`, under an id of its own.
 
         Args:
-          kind: its kind of resource, as in its ARN.
-          prefix: what its id begins with.
-          document: the request, and what its performer needs besides.
-          tags: its tags.
-          token: makes the call repeatable.
-          parent: ARN of the batch it belongs to.
-          labels: what else lists find it by.
+            kind: its kind of resource, as in its ARN.
+            prefix: what its id begins with.
+            document: the request, and what its performer needs besides.
+            tags: its tags.
+            token: makes the call repeatable.
+            parent: ARN of the batch it belongs to.
+            labels: what else lists find it by.
 
         Raises:
-          IdempotentParameterMismatchException: the token was used for another request.
+            IdempotentParameterMismatchException: the token was used for another request.
         """
         job_id = new_id(prefix, self.chance)
         job = Resource.new(
@@ -144,7 +144,7 @@ class Service:
         """What an earlier call with the same token made: repeating it succeeds whatever has changed since.
 
         Raises:
-          IdempotentParameterMismatchException: the earlier call was another request.
+            IdempotentParameterMismatchException: the earlier call was another request.
         """
         return self.catalog.made_before(token, self.settings.account)
 

@@ -31,16 +31,16 @@ def store_job(
     """Stores one job as Pending.
 
     Args:
-      request: the order, alone or out of a batch.
-      service: where it is stored.
-      token: makes the call repeatable.
-      batch: ARN of the batch it belongs to, and the place of its request there.
+        request: the order, alone or out of a batch.
+        service: where it is stored.
+        token: makes the call repeatable.
+        batch: ARN of the batch it belongs to, and the place of its request there.
 
     Raises:
-      ResourceNotFoundException: an application or world does not exist.
-      InvalidParameterException: data cannot be read, an application cannot be started so, or the world has no such
-        room.
-      IdempotentParameterMismatchException: the token was used for another request.
+        ResourceNotFoundException: an application or world does not exist.
+        InvalidParameterException: data cannot be read, an application cannot be started so, or the world has no such
+            room.
+        IdempotentParameterMismatchException: the token was used for another request.
     """
     if (earlier := service.made_before(token)) is not None:
         return earlier

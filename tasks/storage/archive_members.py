@@ -56,8 +56,8 @@ def members(archive: Path) -> Iterator[Member]:
     """Reads an archive's members in their order.
 
     Raises:
-      BundleError: it is no archive, or has a member that is neither file nor folder.
-      OSError: it cannot be read.
+        BundleError: it is no archive, or has a member that is neither file nor folder.
+        OSError: it cannot be read.
     """
     with archive.open("rb") as file:
         beginning = file.read(262)
@@ -158,7 +158,7 @@ class _Forward(io.RawIOBase):
         """Checks that what tarfile took for the end is the end.
 
         Raises:
-          BundleError: it is not.
+            BundleError: it is not.
         """
         if len(self._latest) < tarfile.BLOCKSIZE or any(self._latest):
             raise BundleError("the archive is damaged: a header is broken or missing, or the archive is cut off")

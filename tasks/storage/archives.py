@@ -50,14 +50,14 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
     modes are dropped.
 
     Args:
-      archive: the archive.
-      folder: where to; it must be absent or empty, and appears only when everything is unpacked.
-      limits: what it may hold.
+        archive: the archive.
+        folder: where to; it must be absent or empty, and appears only when everything is unpacked.
+        limits: what it may hold.
 
     Raises:
-      BundleError: it is no archive, is damaged or too large, or has a member that is neither file nor
-        folder or would land elsewhere; the message names the member. Nothing is left behind.
-      StorageError: the disk is full, or the folder cannot be written.
+        BundleError: it is no archive, is damaged or too large, or has a member that is neither file nor
+            folder or would land elsewhere; the message names the member. Nothing is left behind.
+        StorageError: the disk is full, or the folder cannot be written.
     """
     with os_failures(f"unpack {archive.name} into {folder}"):
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -84,11 +84,11 @@ def pack_tar_gz(folder: Path, path: Path) -> None:
     """Packs a folder's files into a .tar.gz whose bytes depend on their names, contents and executable bits only.
 
     Args:
-      folder: what to pack; empty folders are left out.
-      path: the archive; it appears when it is whole.
+        folder: what to pack; empty folders are left out.
+        path: the archive; it appears when it is whole.
 
     Raises:
-      StorageError: a file is a symbolic link or the like, or cannot be read; the disk is full.
+        StorageError: a file is a symbolic link or the like, or cannot be read; the disk is full.
     """
     files = regular_files(folder)
     temporary = path.with_name(f".{uuid4().hex}.part")
@@ -131,7 +131,7 @@ class _Extraction:
         """Writes one member.
 
         Raises:
-          BundleError: it is not acceptable.
+            BundleError: it is not acceptable.
         """
         self.entries += 1
         if self.entries > self.limits.entries:

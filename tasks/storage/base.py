@@ -40,7 +40,7 @@ class ObjectStore(Protocol):
         """Stores a file's content; checksums are verified by the receiving side.
 
         Raises:
-          TransferStoppedError: `stopped` said so, and the object is as it was before.
+            TransferStoppedError: `stopped` said so, and the object is as it was before.
         """
         ...
 
@@ -52,7 +52,7 @@ class ObjectStore(Protocol):
         """Stores bytes.
 
         Raises:
-          ObjectExistsError: `create_only` and something is there.
+            ObjectExistsError: `create_only` and something is there.
         """
         ...
 

@@ -28,13 +28,13 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
     """Compares a server's answer about an object with what is here.
 
     Args:
-      answer: of HeadObject or GetObject; not every object has a CRC32 of the whole.
-      size: bytes here.
-      crc: CRC32 of the bytes here, in base64.
-      what: the object, for the message.
+        answer: of HeadObject or GetObject; not every object has a CRC32 of the whole.
+        size: bytes here.
+        crc: CRC32 of the bytes here, in base64.
+        what: the object, for the message.
 
     Raises:
-      ChecksumMismatchError: they differ.
+        ChecksumMismatchError: they differ.
     """
     whole = answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT"
     stored = answer.get("ChecksumCRC32") if whole else None

@@ -38,8 +38,8 @@ class DirectoryStore:
     """An `ObjectStore` in a directory.
 
     Args:
-      root: the directory; it is created with the first bucket.
-      clock: seconds since the epoch.
+        root: the directory; it is created with the first bucket.
+        clock: seconds since the epoch.
     """
 
     def __init__(self, root: Path, *, clock: Callable[[], float] = time.time) -> None:
@@ -60,8 +60,8 @@ class DirectoryStore:
         """Stores a file's content.
 
         Raises:
-          TransferStoppedError: `stopped` said so, and the object is as it was before.
-          StorageError: also when the file is written to while it is being stored.
+            TransferStoppedError: `stopped` said so, and the object is as it was before.
+            StorageError: also when the file is written to while it is being stored.
         """
         with os_failures(f"store {path} as {bucket}/{key}"), path.open("rb") as source:
             before = os.fstat(source.fileno())
@@ -80,7 +80,7 @@ class DirectoryStore:
         """Stores bytes.
 
         Raises:
-          ObjectExistsError: `create_only` and something is there.
+            ObjectExistsError: `create_only` and something is there.
         """
         with (
             os_failures(f"store {bucket}/{key}"),

@@ -21,8 +21,8 @@ def store_etag(descriptor: int, etag: str) -> None:
     """Keeps a file's ETag with the file, where the file system can.
 
     Args:
-      descriptor: the file, open, after its last write.
-      etag: hexadecimal MD5 of its content.
+        descriptor: the file, open, after its last write.
+        etag: hexadecimal MD5 of its content.
     """
     # Not every file system and platform has user attributes; then it is computed when asked for.
     with suppress(OSError, AttributeError):
@@ -33,7 +33,7 @@ def etag_of(descriptor: int) -> str:
     """The ETag of an open file; its read position stays where it is.
 
     Raises:
-      OSError: it cannot be read.
+        OSError: it cannot be read.
     """
     version = _version(descriptor)
     with suppress(OSError, AttributeError):

@@ -15,7 +15,7 @@ def os_failures(doing: str) -> Generator[None]:
     """Turns every `OSError` inside the block into the `StorageError` that fits.
 
     Args:
-      doing: what is being done, in words that follow "cannot".
+        doing: what is being done, in words that follow "cannot".
     """
     try:
         yield

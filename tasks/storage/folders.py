@@ -33,8 +33,8 @@ def regular_files(folder: Path) -> list[FolderFile]:
     """All files below a folder, ordered by name.
 
     Raises:
-      StorageError: the folder is none or cannot be read, or holds something that is neither a regular
-        file nor a folder: a symbolic link could name any file of this machine.
+        StorageError: the folder is none or cannot be read, or holds something that is neither a regular
+            file nor a folder: a symbolic link could name any file of this machine.
     """
     with os_failures(f"read the folder {folder}"):
         return sorted(_walk(folder, "", MAX_DEPTH), key=lambda file: os.fsencode(file.name))
@@ -59,9 +59,9 @@ def open_regular(path: Path) -> BufferedReader:
     """Opens a regular file for reading, and nothing else that may stand in its place.
 
     Raises:
-      FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
-        are not followed, read or waited for.
-      OSError: it cannot be opened.
+        FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
+            are not followed, read or waited for.
+        OSError: it cannot be opened.
     """
     try:
         # Without O_NONBLOCK, opening a FIFO would wait for a writer.

@@ -19,7 +19,7 @@ def check_bucket(bucket: str) -> None:
     """Refuses what S3 does not take as a bucket's name.
 
     Raises:
-      StorageError: with the rule it breaks.
+        StorageError: with the rule it breaks.
     """
     if not _BUCKET.fullmatch(bucket) or ".." in bucket or _ADDRESS.fullmatch(bucket):
         raise StorageError(
@@ -32,7 +32,7 @@ def check_key(key: str) -> None:
     """Refuses keys that not every store can hold.
 
     Raises:
-      StorageError: with the component and what is wrong with it.
+        StorageError: with the component and what is wrong with it.
     """
     encoded = _encoded(key)
     if not encoded:
@@ -47,7 +47,7 @@ def check_prefix(prefix: str) -> None:
     """Refuses prefixes that no valid key starts with; the empty one and those that end with `/` are fine.
 
     Raises:
-      StorageError: with the component and what is wrong with it.
+        StorageError: with the component and what is wrong with it.
     """
     *folders, last = _encoded(prefix).split(b"/")
     for part in folders:

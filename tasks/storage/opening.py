@@ -23,11 +23,11 @@ def open_store(settings: Settings, environ: Mapping[str, str]) -> ObjectStore:
     files, the machine's role.
 
     Args:
-      settings: `object_store` and `region` are used.
-      environ: environment variables, usually `os.environ`.
+        settings: `object_store` and `region` are used.
+        environ: environment variables, usually `os.environ`.
 
     Raises:
-      ConfigurationError: the settings or the credentials cannot be used.
+        ConfigurationError: the settings or the credentials cannot be used.
     """
     place = settings.object_store
     if place == "aws":

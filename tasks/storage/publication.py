@@ -49,19 +49,19 @@ def publish(
     there, so an interrupted or repeated step can simply be run again.
 
     Args:
-      store: where to.
-      bucket: where to; it has to exist.
-      prefix: the files' keys start with it, then a slash; may be empty.
-      folder: what to publish; no process may write to it any more.
-      about: what the files belong to, for the manifest.
-      created_at: the time of publication, with its time zone, for the manifest.
-      more: files of other folders; their names differ from those in the folder and from each other.
-      stored: what is under the prefix already, and belongs to it.
+        store: where to.
+        bucket: where to; it has to exist.
+        prefix: the files' keys start with it, then a slash; may be empty.
+        folder: what to publish; no process may write to it any more.
+        about: what the files belong to, for the manifest.
+        created_at: the time of publication, with its time zone, for the manifest.
+        more: files of other folders; their names differ from those in the folder and from each other.
+        stored: what is under the prefix already, and belongs to it.
 
     Raises:
-      ObjectExistsError: something else is published under this prefix.
-      ChecksumMismatchError: a file changed meanwhile.
-      StorageError: a file cannot be read or stored, or is a symbolic link.
+        ObjectExistsError: something else is published under this prefix.
+        ChecksumMismatchError: a file changed meanwhile.
+        StorageError: a file cannot be read or stored, or is a symbolic link.
     """
     files = sorted([*regular_files(folder), *more], key=lambda file: os.fsencode(file.name))
     keys = {file.name: join_key(prefix, file.name) for file in files}
@@ -87,14 +87,14 @@ def store_unfinished(
     """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
 
     Args:
-      store: where to.
-      bucket: where to; it has to exist.
-      prefix: the files' keys start with it, then a slash; may be empty.
-      folder: what to store.
-      more: files of other folders.
+        store: where to.
+        bucket: where to; it has to exist.
+        prefix: the files' keys start with it, then a slash; may be empty.
+        folder: what to store.
+        more: files of other folders.
 
     Raises:
-      StorageError: a file cannot be read or stored, or is a symbolic link.
+        StorageError: a file cannot be read or stored, or is a symbolic link.
     """
     keys = {join_key(prefix, file.name): file.path for file in [*regular_files(folder), *more]}
     keys.pop(join_key(prefix, MANIFEST_NAME), None)
@@ -107,13 +107,13 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
     The manifest is deleted first: an interruption leaves no objects that count.
 
     Args:
-      store: where.
-      bucket: where.
-      prefix: the keys of what is removed start with it, then a slash; not empty.
+        store: where.
+        bucket: where.
+        prefix: the keys of what is removed start with it, then a slash; not empty.
 
     Raises:
-      BucketNotFoundError: there is no such bucket.
-      StorageError: something cannot be removed.
+        BucketNotFoundError: there is no such bucket.
+        StorageError: something cannot be removed.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -126,8 +126,8 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
     """Reads what is published under a prefix.
 
     Raises:
-      ObjectNotFoundError: nothing is.
-      StorageError: it cannot be read, or is no manifest.
+        ObjectNotFoundError: nothing is.
+        StorageError: it cannot be read, or is no manifest.
     """
     key = join_key(prefix, MANIFEST_NAME)
     try:
@@ -140,15 +140,15 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify:
     """Fetches what is published under a prefix: the files that the manifest names, and nothing else.
 
     Args:
-      store: where from.
-      bucket: where from.
-      prefix: where from.
-      folder: where to; it must be absent or empty, and appears only when all files are there.
-      verify: whether the content's SHA-256 is compared; the sizes always are.
+        store: where from.
+        bucket: where from.
+        prefix: where from.
+        folder: where to; it must be absent or empty, and appears only when all files are there.
+        verify: whether the content's SHA-256 is compared; the sizes always are.
 
     Raises:
-      ChecksumMismatchError: a file is not what was published.
-      StorageError: the folder is not empty, or something cannot be fetched.
+        ChecksumMismatchError: a file is not what was published.
+        StorageError: the folder is not empty, or something cannot be fetched.
     """
     manifest = read_manifest(store, bucket, prefix)
     with os_failures(f"fetch into {folder}"):

@@ -69,11 +69,11 @@ class S3Store:
     """An `ObjectStore` on an S3 endpoint.
 
     Args:
-      endpoint_url: the endpoint; None for AWS.
-      region: the region to sign for.
-      session: where credentials come from; by default boto3's usual chain.
-      attempts: how often a request is tried in all. The waits between ten attempts add up to about
-        13 seconds on average, which outlasts a server's restart.
+        endpoint_url: the endpoint; None for AWS.
+        region: the region to sign for.
+        session: where credentials come from; by default boto3's usual chain.
+        attempts: how often a request is tried in all. The waits between ten attempts add up to about
+            13 seconds on average, which outlasts a server's restart.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class S3Store:
         """Creates the bucket unless it exists.
 
         Raises:
-          StorageAccessDeniedError: the credentials may not even ask; the bucket may exist all the same.
+            StorageAccessDeniedError: the credentials may not even ask; the bucket may exist all the same.
         """
         check_bucket(bucket)
         with self._failures(f"look for the bucket {bucket}"):
@@ -126,8 +126,8 @@ class S3Store:
         """Stores a file's content.
 
         Raises:
-          TransferStoppedError: `stopped` said so, and the object is as it was before.
-          ChecksumMismatchError: the file was written to meanwhile, or the server has other bytes.
+            TransferStoppedError: `stopped` said so, and the object is as it was before.
+            ChecksumMismatchError: the file was written to meanwhile, or the server has other bytes.
         """
         _check(bucket, key)
         with self._failures(f"store {path} as {bucket}/{key}"):
@@ -145,8 +145,8 @@ class S3Store:
         """Stores bytes.
 
         Raises:
-          ObjectExistsError: `create_only` and something is there; after a broken connection it can
-            be what this very call has written.
+            ObjectExistsError: `create_only` and something is there; after a broken connection it can
+                be what this very call has written.
         """
         _check(bucket, key)
         with self._failures(f"store {bucket}/{key}"):

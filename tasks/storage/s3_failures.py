@@ -77,8 +77,8 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
     """Turns what boto3 and the operating system raise inside the block into the `StorageError` that fits.
 
     Args:
-      doing: what is being done, in words that follow "cannot".
-      endpoint: where; every message names it, as a wrong endpoint has the strangest symptoms.
+        doing: what is being done, in words that follow "cannot".
+        endpoint: where; every message names it, as a wrong endpoint has the strangest symptoms.
     """
     try:
         yield

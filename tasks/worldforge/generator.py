@@ -47,15 +47,15 @@ def generate_world(
     since other worlds share it.
 
     Args:
-      body: the template.
-      floorplan_seed: equal seeds give equal walls and passages.
-      interior_seed: seed of materials and furniture.
-      settle: whether physics runs for two seconds to see that loose objects stay.
-      clock: seconds; CPU time unless told otherwise, so that a busy machine rejects no world that an idle one makes.
+        body: the template.
+        floorplan_seed: equal seeds give equal walls and passages.
+        interior_seed: seed of materials and furniture.
+        settle: whether physics runs for two seconds to see that loose objects stay.
+        clock: seconds; CPU time unless told otherwise, so that a busy machine rejects no world that an idle one makes.
 
     Raises:
-      WorldGenerationError: no floor plan was found, or no attempt passed the checks in `MOST_CPU_S`; the message says
-        what the last one broke.
+        WorldGenerationError: no floor plan was found, or no attempt passed the checks in `MOST_CPU_S`; the message says
+            what the last one broke.
     """
     begun = clock()
     plan = generate_floorplan(body, np.random.default_rng(floorplan_seed))

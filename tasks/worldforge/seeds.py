@@ -7,12 +7,12 @@ def seeds_for(job_seed: int, floorplan_index: int, interior_index: int) -> tuple
     """Seeds of one world of a generation job; interiors of one floor plan share its seed.
 
     Args:
-      job_seed: the job's seed, not negative.
-      floorplan_index: which floor plan, from 0.
-      interior_index: which interior of it, from 0.
+        job_seed: the job's seed, not negative.
+        floorplan_index: which floor plan, from 0.
+        interior_index: which interior of it, from 0.
 
     Returns:
-      Floor plan seed and interior seed, each below 2**32.
+        Floor plan seed and interior seed, each below 2**32.
     """
     floorplan = np.random.SeedSequence(job_seed, spawn_key=(floorplan_index,))
     interior = np.random.SeedSequence(job_seed, spawn_key=(floorplan_index, interior_index))

@@ -34,9 +34,9 @@ class WorldBuilders:
     moment.
 
     Args:
-      count: how many processes.
-      log: file their messages are appended to.
-      most_s: seconds that one world may take.
+        count: how many processes.
+        log: file their messages are appended to.
+        most_s: seconds that one world may take.
     """
 
     def __init__(self, count: int, log: Path, most_s: float = MOST_S) -> None:
@@ -77,10 +77,10 @@ class WorldBuilders:
         """Builds a world bundle; waits for an idle builder.
 
         Returns:
-          The bundle's content hash.
+            The bundle's content hash.
 
         Raises:
-          WorldGenerationError: there is no such world, or its builder died or was stopped.
+            WorldGenerationError: there is no such world, or its builder died or was stopped.
         """
         order = {
             "body": body,
@@ -130,8 +130,8 @@ def _answer(process: subprocess.Popen[str], order: str, most_s: float) -> dict[s
     """A builder's answer to an order.
 
     Raises:
-      _BuilderDiedError: it ended meanwhile.
-      WorldGenerationError: it took too long, and was ended.
+        _BuilderDiedError: it ended meanwhile.
+        WorldGenerationError: it took too long, and was ended.
     """
     assert process.stdin is not None
     assert process.stdout is not None

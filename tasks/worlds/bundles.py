@@ -26,7 +26,7 @@ def bundle_label(bundle: StoredPlace) -> str:
     """What worlds of one stored bundle are found by.
 
     Args:
-      bundle: where it is.
+        bundle: where it is.
     """
     return f"{bundle.bucket}/{bundle.prefix}"
 
@@ -51,8 +51,8 @@ def delete_world(world: Resource, service: Service) -> None:
     A copy on a machine that runs something in the world stays: it is a cache, kept by content.
 
     Raises:
-      ResourceNotFoundException: somebody else has just removed it.
-      StorageError: the bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
+        ResourceNotFoundException: somebody else has just removed it.
+        StorageError: the bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
     """
     bundle = WorldDocument.of(world).bundle
     if not bundle:

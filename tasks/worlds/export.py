@@ -19,17 +19,17 @@ def export_worlds(job: Resource, service: Service, stopped: Callable[[], bool], 
     """Stores one archive with all worlds of an export job.
 
     Args:
-      job: the export job.
-      service: where job and worlds are stored.
-      stopped: whether the archive is not wanted any more; asked all the time.
-      run_step: how the steps `export` and `upload` are run.
+        job: the export job.
+        service: where job and worlds are stored.
+        stopped: whether the archive is not wanted any more; asked all the time.
+        run_step: how the steps `export` and `upload` are run.
 
     Returns:
-      Where the archive is; `None`: it was stopped, and there is none.
+        Where the archive is; `None`: it was stopped, and there is none.
 
     Raises:
-      ResourceNotFoundException: a world was deleted meanwhile.
-      StorageError: a bundle cannot be read or the archive cannot be stored.
+        ResourceNotFoundException: a world was deleted meanwhile.
+        StorageError: a bundle cannot be read or the archive cannot be stored.
     """
     bucket, key = archive_place(job)
     prepare_bucket(service, bucket)
@@ -48,9 +48,9 @@ class _Bundles(Mapping[str, Path]):
     """The folders of worlds' bundles by the worlds' names, each fetched when it is asked for.
 
     Args:
-      worlds: the worlds.
-      service: where their bundles are stored.
-      stopped: whether no more are wanted.
+        worlds: the worlds.
+        service: where their bundles are stored.
+        stopped: whether no more are wanted.
     """
 
     def __init__(self, worlds: list[Resource], service: Service, stopped: Callable[[], bool]) -> None:

@@ -37,15 +37,15 @@ def generate_world(
     """Generates the world of one place in a job, stores its bundle and adds it to the catalog.
 
     Args:
-      service: where it is stored.
-      job: the generation job.
-      index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
-      world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
-      builders: processes that build worlds.
-      run_step: how the step `upload` is run.
+        service: where it is stored.
+        job: the generation job.
+        index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
+        world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
+        builders: processes that build worlds.
+        run_step: how the step `upload` is run.
 
     Returns:
-      `None`, or why there is no world.
+        `None`, or why there is no world.
     """
     document = WorldGenerationJobDocument.of(job)
     interiors = document.request.world_count.interior_count_per_floorplan

@@ -13,9 +13,9 @@ def install_packages(*requirements: str, target: Path | None = None, python: Pat
     """Installs wheels with whichever of pip and uv is there; skips the test where none of them can.
 
     Args:
-      *requirements: what to install, such as `botocore==1.40.60`.
-      target: folder for the packages alone, without what they need.
-      python: interpreter of the environment that gets the packages and what they need.
+        *requirements: what to install, such as `botocore==1.40.60`.
+        target: folder for the packages alone, without what they need.
+        python: interpreter of the environment that gets the packages and what they need.
     """
     reasons = []
     for command in _installers(target, python):

@@ -53,7 +53,7 @@ def _checked(junit: str | None) -> Path | None:
     """Where the JUnit file goes.
 
     Raises:
-      ConfigurationError: it is a folder, or in one that does not exist.
+        ConfigurationError: it is a folder, or in one that does not exist.
     """
     if junit is None:
         return None

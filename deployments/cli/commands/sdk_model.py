@@ -27,7 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Prints where the service model is and how SDKs find it; installs or removes it when asked.
 
     Raises:
-      ConfigurationError: a model from elsewhere is in the way, or `--force` has nothing to force.
+        ConfigurationError: a model from elsewhere is in the way, or `--force` has nothing to force.
     """
     if arguments.force and not arguments.install:
         raise ConfigurationError("--force belongs to --install; nothing was done")

@@ -9,11 +9,11 @@ def find_record(runs: Path, run: str) -> Path:
     """Finds the record of a run.
 
     Args:
-      runs: folder of all runs.
-      run: a run's id, or `latest`.
+        runs: folder of all runs.
+        run: a run's id, or `latest`.
 
     Raises:
-      ConfigurationError: there is no such run.
+        ConfigurationError: there is no such run.
     """
     records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
     if not records:

@@ -18,8 +18,8 @@ def read_text(path: str) -> str:
     """Reads a text file.
 
     Raises:
-      InputFileError: it cannot be opened.
-      SpecError: it is no text.
+        InputFileError: it cannot be opened.
+        SpecError: it is no text.
     """
     try:
         return Path(path).read_bytes().decode("utf-8-sig")
@@ -34,8 +34,8 @@ def read_spec(path: str) -> CheckedSpec:
     """Reads and checks a specification.
 
     Raises:
-      InputFileError: it cannot be opened.
-      SpecError: it has problems.
+        InputFileError: it cannot be opened.
+        SpecError: it has problems.
     """
     spec = load_spec(read_text(path), path)
     check_world_counts(spec, max_worlds_per_job(os.environ))

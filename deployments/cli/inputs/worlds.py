@@ -50,13 +50,13 @@ def find_world(wanted: str) -> FoundWorld:
     """Finds a world.
 
     Args:
-      wanted: a world's ARN, or the folder of a bundle.
+        wanted: a world's ARN, or the folder of a bundle.
 
     Raises:
-      InvalidParameterException: an ARN of something else, or none at all.
-      ResourceNotFoundException: there is no such world.
-      ConfigurationError: the folder holds no world.
-      StorageError: the bundle is gone, or cannot be fetched.
+        InvalidParameterException: an ARN of something else, or none at all.
+        ResourceNotFoundException: there is no such world.
+        ConfigurationError: the folder holds no world.
+        StorageError: the bundle is gone, or cannot be fetched.
     """
     if wanted.startswith("arn:"):
         return _of_arn(wanted)
@@ -70,9 +70,9 @@ def output_file(name: str, folder: str, suffix: str) -> Path:
     """Returns the default place for a page or picture of a world or job.
 
     Args:
-      name: the world's or the job's.
-      folder: below the data home.
-      suffix: of the file's name.
+        name: the world's or the job's.
+        folder: below the data home.
+        suffix: of the file's name.
     """
     safe = "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
     return Settings.from_environment(os.environ).home / folder / f"{safe}{suffix}"

@@ -25,8 +25,8 @@ class LiveWatcher(Watcher):
     """Draws the steps with their marks, counts, bars, pace and newest failures.
 
     Args:
-      steps: names and operations, in the order they run.
-      stream: a terminal.
+        steps: names and operations, in the order they run.
+        stream: a terminal.
     """
 
     def __init__(self, steps: Sequence[tuple[str, str]], stream: TextIO) -> None:

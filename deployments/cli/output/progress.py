@@ -23,9 +23,9 @@ def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream
     """Makes the watcher that suits where standard error goes.
 
     Args:
-      steps: names and operations, in the order they run.
-      environ: environment variables; `CI` and a dumb `TERM` mean no animation.
-      stream: where to write; absent: standard error.
+        steps: names and operations, in the order they run.
+        environ: environment variables; `CI` and a dumb `TERM` mean no animation.
+        stream: where to write; absent: standard error.
     """
     out: TextIO = sys.stderr if stream is None else stream
     animated = out.isatty() and not _truthy(environ.get("CI")) and environ.get("TERM") != "dumb"
@@ -44,10 +44,10 @@ class PlainWatcher(Watcher):
     """One line for each change, and one a minute when nothing changes.
 
     Args:
-      steps: names and operations, in the order they run.
-      stream: where to write.
-      clock: seconds on a clock that only runs forward.
-      heartbeat_s: longest silence.
+        steps: names and operations, in the order they run.
+        stream: where to write.
+        clock: seconds on a clock that only runs forward.
+        heartbeat_s: longest silence.
     """
 
     def __init__(

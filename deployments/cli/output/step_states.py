@@ -53,7 +53,7 @@ class StepStates:
     """All steps of a pipeline, in the order they run.
 
     Args:
-      steps: names and operations.
+        steps: names and operations.
     """
 
     def __init__(self, steps: Sequence[tuple[str, str]]) -> None:
@@ -64,8 +64,8 @@ class StepStates:
         """Takes an event.
 
         Args:
-          event: what happened.
-          now_s: when, on a clock that only runs forward.
+            event: what happened.
+            now_s: when, on a clock that only runs forward.
         """
         if isinstance(event, Note):
             self.notes.append(event.text)

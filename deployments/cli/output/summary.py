@@ -21,10 +21,10 @@ def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO, *, 
     """Prints the final block.
 
     Args:
-      record: the run.
-      command: the command that runs it again.
-      stream: where to print.
-      server: address of the Prefect server's pages; empty: not shown.
+        record: the run.
+        command: the command that runs it again.
+        stream: where to print.
+        server: address of the Prefect server's pages; empty: not shown.
     """
     from rich.console import Console
     from rich.text import Text

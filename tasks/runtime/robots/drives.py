@@ -27,8 +27,8 @@ class VelocityController(KeepsAttributes):
         """Starts from standing still.
 
         Args:
-          limits: of the robot.
-          move: called with forward velocity and turning rate at every control step.
+            limits: of the robot.
+            move: called with forward velocity and turning rate at every control step.
         """
         self._move = move
         self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps

@@ -62,11 +62,11 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
     """Finds the robot of a job.
 
     Args:
-      application: its robot application, if it names one.
-      variables: environment variables of the launch configurations, and of the process.
+        application: its robot application, if it names one.
+        variables: environment variables of the launch configurations, and of the process.
 
     Raises:
-      LaunchError: the robot that is meant does not exist, or cannot be made.
+        LaunchError: the robot that is meant does not exist, or cannot be made.
     """
     named = variables.get(ROBOT_VARIABLE)
     if named is not None:

@@ -38,12 +38,12 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
     """Makes a robot.
 
     Args:
-      mapping: what `robot.yaml` says.
-      files: where it and the model are.
-      default_name: the robot's name if it does not say one.
+        mapping: what `robot.yaml` says.
+        files: where it and the model are.
+        default_name: the robot's name if it does not say one.
 
     Raises:
-      LaunchError: the model cannot be read, or a name in the mapping is not in it.
+        LaunchError: the model cannot be read, or a name in the mapping is not in it.
     """
     builder = ModelBuilder(mapping, files)
     model = stand_alone(builder.build(), files)

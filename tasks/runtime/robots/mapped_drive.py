@@ -28,14 +28,14 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
     """Makes the drive that a mapping describes.
 
     Args:
-      mapping: the mapping.
-      limits: of the robot.
-      model: the robot alone.
-      data: a state in which it stands on the origin and looks along the x axis.
-      where: the mapping file's name, for messages.
+        mapping: the mapping.
+        limits: of the robot.
+        model: the robot alone.
+        data: a state in which it stands on the origin and looks along the x axis.
+        where: the mapping file's name, for messages.
 
     Raises:
-      LaunchError: a name is not in the model, or is no velocity actuator, or a wheel is no wheel.
+        LaunchError: a name is not in the model, or is no velocity actuator, or a wheel is no wheel.
     """
     drive = mapping.drive
     if drive.kind == "differential":
@@ -53,7 +53,7 @@ def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tup
     """The joints that move a base in the world's frame.
 
     Raises:
-      LaunchError: they are not two slides and a hinge along the axes.
+        LaunchError: they are not two slides and a hinge along the axes.
     """
     drive = mapping.drive
     if drive.kind != "velocity" or drive.frame != "world":
@@ -135,7 +135,7 @@ class _Actuators:
         """An actuator's id.
 
         Raises:
-          LaunchError: there is none.
+            LaunchError: there is none.
         """
         if name in self._names:
             return self._names.index(name)
@@ -158,7 +158,7 @@ class _Actuators:
         """Refuses what is told something else than a velocity.
 
         Raises:
-          LaunchError: it is no velocity actuator.
+            LaunchError: it is no velocity actuator.
         """
         gain, bias = self.model.actuator_gainprm[actuator], self.model.actuator_biasprm[actuator]
         if bias[1] != 0 or bias[2] >= 0 or not np.isclose(gain[0], -bias[2]):

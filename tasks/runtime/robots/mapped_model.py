@@ -63,7 +63,7 @@ class ModelBuilder:
         """Returns the model, with what the mapping adds.
 
         Raises:
-          LaunchError: a file or a name is wrong.
+            LaunchError: a file or a name is wrong.
         """
         spec = load_model(self._files.model, self._files.root)
         base = self._keep_robot_only(spec)
@@ -86,7 +86,7 @@ class ModelBuilder:
         """The part of a name.
 
         Raises:
-          LaunchError: there is none; the message has the field and what there is.
+            LaunchError: there is none; the message has the field and what there is.
         """
         by_name = {part.name: part for part in parts if part.name != "world"}
         if name not in by_name:
@@ -180,7 +180,7 @@ def stand_alone(spec: mujoco.MjSpec, files: RobotFiles) -> mujoco.MjModel:
     """Compiles a robot without a world.
 
     Raises:
-      LaunchError: MuJoCo cannot.
+        LaunchError: MuJoCo cannot.
     """
     try:
         return spec.compile()
@@ -192,7 +192,7 @@ def options_for_world(spec: mujoco.MjSpec, world: mujoco.MjSpec) -> list[str]:
     """Gives a robot the physics options of its world, which count.
 
     Returns:
-      The robot's own options that this takes away, as `name=its value (value of the world)`.
+        The robot's own options that this takes away, as `name=its value (value of the world)`.
     """
     untouched, dropped = mujoco.MjSpec().option, []
     for name in dir(spec.option):

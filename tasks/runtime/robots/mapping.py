@@ -22,8 +22,8 @@ def placed(error: LaunchError, path: Path) -> LaunchError:
     """An error about a member of a mapping that can be read, with the line and column where the member stands.
 
     Args:
-      error: its message begins with the file's name and the member, as `invalid` writes it; others are as they were.
-      path: the YAML file.
+        error: its message begins with the file's name and the member, as `invalid` writes it; others are as they were.
+        path: the YAML file.
     """
     said = str(error).removeprefix(f"{path.name}: ")
     member = _MEMBER.match(said)
@@ -38,10 +38,10 @@ def read_mapping(path: Path) -> RobotModel:
     """Reads and checks a mapping file.
 
     Args:
-      path: the YAML file.
+        path: the YAML file.
 
     Raises:
-      LaunchError: with everything that is wrong: file, line, member, value and what would be right.
+        LaunchError: with everything that is wrong: file, line, member, value and what would be right.
     """
     try:
         root = parse(path.read_text(encoding="utf-8"), path.name)

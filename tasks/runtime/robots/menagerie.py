@@ -19,7 +19,7 @@ def menagerie_root(variables: Mapping[str, str]) -> Path:
     """The checkout.
 
     Raises:
-      LaunchError: it is not said where it is, or it is not there.
+        LaunchError: it is not said where it is, or it is not there.
     """
     text = variables.get(ROOT_VARIABLE)
     clone = "git clone https://github.com/google-deepmind/mujoco_menagerie"
@@ -39,7 +39,7 @@ def menagerie_file(reference: str, root: Path) -> Path:
     """The model file that `menagerie:<model>/<file>` means.
 
     Raises:
-      LaunchError: there is none.
+        LaunchError: there is none.
     """
     name, _, file = reference.removeprefix(MENAGERIE).partition("/")
     folder = _folder(name, root)
@@ -55,7 +55,7 @@ def menagerie_mapping(reference: str, root: Path) -> Path:
     """The mapping file of `menagerie:<model>`.
 
     Raises:
-      LaunchError: there is no such model, or it has no mapping yet; the message has one to begin with.
+        LaunchError: there is no such model, or it has no mapping yet; the message has one to begin with.
     """
     name = reference.removeprefix(MENAGERIE)
     folder = _folder(name, root)

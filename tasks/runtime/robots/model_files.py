@@ -26,11 +26,11 @@ def load_model(path: Path, root: Path) -> mujoco.MjSpec:
     """Reads a model file.
 
     Args:
-      path: the MJCF or URDF.
-      root: folder that it and all files it names have to be in.
+        path: the MJCF or URDF.
+        root: folder that it and all files it names have to be in.
 
     Raises:
-      LaunchError: it is no model, or names files outside the folder.
+        LaunchError: it is no model, or names files outside the folder.
     """
     check_inside(path, path, root, str(path))
     if not path.is_file():
@@ -50,7 +50,7 @@ def check_inside(mentioned_in: Path, file: Path, root: Path, name: str) -> None:
     """Refuses files that are not in the robot's folder, links followed.
 
     Raises:
-      LaunchError: it is elsewhere.
+        LaunchError: it is elsewhere.
     """
     if not file.resolve().is_relative_to(root.resolve()):
         raise invalid(mentioned_in, f"the file {name!r} is outside of {root}; put it into the robot's own folder")

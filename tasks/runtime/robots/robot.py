@@ -95,10 +95,10 @@ class Controller(Protocol):
         """Takes the agent's action for the next control step.
 
         Returns:
-          Whether the robot is told to stand still.
+            Whether the robot is told to stand still.
 
         Raises:
-          ActionError: it is not an action of this robot.
+            ActionError: it is not an action of this robot.
         """
         ...
 
@@ -114,9 +114,9 @@ class Drive(Protocol):
         """Looks up the actuators in a compiled world.
 
         Args:
-          model: the world with the robot.
-          data: its state, after `mj_forward`.
-          prefix: comes before the names of everything of the robot.
+            model: the world with the robot.
+            data: its state, after `mj_forward`.
+            prefix: comes before the names of everything of the robot.
         """
         ...
 

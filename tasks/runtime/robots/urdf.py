@@ -21,15 +21,15 @@ def rewrite_urdf(robot: ET.Element, path: Path, root: Path) -> str:
     """Gives files their places and sets the importer's options that the file does not set itself.
 
     Args:
-      robot: the document; changed in place.
-      path: where it was read from.
-      root: folder that all files have to be in.
+        robot: the document; changed in place.
+        path: where it was read from.
+        root: folder that all files have to be in.
 
     Returns:
-      The text for MuJoCo.
+        The text for MuJoCo.
 
     Raises:
-      LaunchError: a file is missing, outside the folder, or of a form that MuJoCo does not read.
+        LaunchError: a file is missing, outside the folder, or of a form that MuJoCo does not read.
     """
     for link in robot.iter("link"):
         for part in [*link.findall("visual"), *link.findall("collision")]:

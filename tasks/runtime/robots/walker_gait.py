@@ -97,13 +97,13 @@ class TrotGait(KeepsAttributes):
         """Advances the gait by one step.
 
         Args:
-          dt_s: time since the last call.
-          linear: commanded forward velocity, m/s.
-          angular: commanded turning rate, rad/s.
-          motion: what the body does.
+            dt_s: time since the last call.
+            linear: commanded forward velocity, m/s.
+            angular: commanded turning rate, rad/s.
+            motion: what the body does.
 
         Returns:
-          Joint angles of the legs, in the order of `LegGeometry.hips`.
+            Joint angles of the legs, in the order of `LegGeometry.hips`.
         """
         walking = linear != 0.0 or angular != 0.0
         if walking or self._in_the_air():

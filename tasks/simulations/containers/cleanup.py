@@ -74,11 +74,11 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
     Those that cannot be removed stay noted: see `has_containers`.
 
     Args:
-      folder: the run's own folder.
-      environ: environment variables that say how engines are reached; absent: those of this process.
+        folder: the run's own folder.
+        environ: environment variables that say how engines are reached; absent: those of this process.
 
     Returns:
-      What did not work, which is logged too: the run is over nevertheless.
+        What did not work, which is logged too: the run is over nevertheless.
     """
     environment = engine_environment(os.environ if environ is None else environ)
     notes, left, problems = _notes(folder), [], []
@@ -134,7 +134,7 @@ def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) 
     """Engines that run as root let containers write files that only root may read or remove.
 
     Raises:
-      EngineError: the image does not have what is needed, or the engine does not answer.
+        EngineError: the image does not have what is needed, or the engine does not answer.
     """
     if os.geteuid() == 0 or not _has_files_of_others(root):
         return

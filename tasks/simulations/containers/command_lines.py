@@ -122,8 +122,8 @@ def create_arguments(container: Container, variables: Path) -> list[str]:
     runs the job has them too.
 
     Args:
-      container: the container.
-      variables: where `env_file` of its environment is; only what that cannot hold is in the command line.
+        container: the container.
+        variables: where `env_file` of its environment is; only what that cannot hold is in the command line.
     """
     limits = container.limits
     options = {
@@ -156,9 +156,9 @@ def give_back_arguments(name: str, image: str, folder: Path) -> list[str]:
     """Makes all that containers wrote into a folder belong to the folder's owner.
 
     Args:
-      name: for the container that does it, and is removed.
-      image: an image that has a shell, `chown`, `chmod` and `stat`.
-      folder: the folder.
+        name: for the container that does it, and is removed.
+        image: an image that has a shell, `chown`, `chmod` and `stat`.
+        folder: the folder.
     """
     options = {
         "--name": name,

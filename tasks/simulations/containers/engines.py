@@ -57,10 +57,10 @@ class Engine:
     """A container engine.
 
     Args:
-      program: its path.
-      environment: what it is called with.
-      is_podman: whether it is podman, whatever it is called.
-      instead_of: why it is not another engine, in words.
+        program: its path.
+        environment: what it is called with.
+        is_podman: whether it is podman, whatever it is called.
+        instead_of: why it is not another engine, in words.
     """
 
     program: str
@@ -78,13 +78,13 @@ class Engine:
         """Runs a command of the engine; returns what it printed.
 
         Args:
-          arguments: the command and its arguments.
-          timeout_s: how long it may take.
-          stopped: asked several times a second whether to give up.
-          through: a command line that runs the one that it is given.
+            arguments: the command and its arguments.
+            timeout_s: how long it may take.
+            stopped: asked several times a second whether to give up.
+            through: a command line that runs the one that it is given.
 
         Raises:
-          EngineError: it failed, took too long, or was `stopped`.
+            EngineError: it failed, took too long, or was `stopped`.
         """
         try:
             process = subprocess.Popen(
@@ -130,11 +130,11 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
     """The engine that a variable names, or the first of docker and podman that answers.
 
     Args:
-      environ: environment variables; `ROBOMAKER_CONTAINER_ENGINE` names one.
-      which: finds a program on the path.
+        environ: environment variables; `ROBOMAKER_CONTAINER_ENGINE` names one.
+        which: finds a program on the path.
 
     Raises:
-      LaunchError: there is none, or none answers; says what each said.
+        LaunchError: there is none, or none answers; says what each said.
     """
     named = environ.get(ENGINE_VARIABLE)
     said = []
@@ -172,14 +172,14 @@ def get_image(
     named by its digest and is here already. One that is here is used where the registry does not give it.
 
     Args:
-      engine: where it is to be.
-      uri: its name.
-      role: of the application, for failure codes.
-      digest: what it has to be; `None`: whatever the name means now.
-      stopped: asked several times a second whether to give up.
+        engine: where it is to be.
+        uri: its name.
+        role: of the application, for failure codes.
+        digest: what it has to be; `None`: whatever the name means now.
+        stopped: asked several times a second whether to give up.
 
     Raises:
-      LaunchError: it cannot be had, is another one, or breaks the rules for images.
+        LaunchError: it cannot be had, is another one, or breaks the rules for images.
     """
     if uri.startswith("-"):  # an option, to an engine
         raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0", "InvalidInput")
@@ -228,14 +228,14 @@ def copy_out(
     the caller's, and whoever is the image's `USER` may write to them too.
 
     Args:
-      engine: where the image is.
-      uri: the image.
-      name: for the container that is made for this, and removed.
-      folders: by the path in the image, the folder here.
-      stopped: asked several times a second whether to give up.
+        engine: where the image is.
+        uri: the image.
+        name: for the container that is made for this, and removed.
+        folders: by the path in the image, the folder here.
+        stopped: asked several times a second whether to give up.
 
     Raises:
-      LaunchError: the engine refuses, or it was `stopped`.
+        LaunchError: the engine refuses, or it was `stopped`.
     """
     owners = "same" if os.geteuid() == 0 and not engine.is_podman else "no-same"
     try:

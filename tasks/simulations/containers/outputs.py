@@ -27,8 +27,8 @@ def settle_containers(folder: Path, output_dir: Path) -> None:
     """Ends and removes the containers of a run that is over, and puts their outputs among its own.
 
     Args:
-      folder: the run's own folder.
-      output_dir: the run's outputs.
+        folder: the run's own folder.
+        output_dir: the run's outputs.
     """
     keep_outputs(folder, output_dir, remove_containers(folder))
 
@@ -39,9 +39,9 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
     Links are not followed. Nothing that is there is replaced: a second `result.json` becomes `result.json.1`.
 
     Args:
-      folder: the run's own folder.
-      output_dir: the run's outputs.
-      problems: what else is to be noted in their log.
+        folder: the run's own folder.
+        output_dir: the run's outputs.
+        problems: what else is to be noted in their log.
     """
     notes = list(problems)
     for role in _ROLES:

@@ -45,15 +45,15 @@ def plan_container(
     """Gets an application's image, makes its container, and says how it and its tools are run.
 
     Args:
-      role: the application's.
-      application: it, or the version of it.
-      uri: its image.
-      config: its entry in the job's request.
-      surroundings: what it finds.
-      drives: whether it is a robot application that drives a simulation over a socket.
+        role: the application's.
+        application: it, or the version of it.
+        uri: its image.
+        config: its entry in the job's request.
+        surroundings: what it finds.
+        drives: whether it is a robot application that drives a simulation over a socket.
 
     Raises:
-      LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
+        LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
     launch = config["launchConfig"]
     engine = find_engine(surroundings.environ, surroundings.which)
@@ -128,7 +128,7 @@ def check_gpu(container: Container, name: str) -> None:
     """Finds out by a container of this name whether the engine can give one a GPU, before the application fails.
 
     Raises:
-      LaunchError: it cannot; says why.
+        LaunchError: it cannot; says why.
     """
     engine = container.engine
     try:
@@ -179,7 +179,7 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
     """Makes a folder below what the image has, where the engine would make one that belongs to root.
 
     Raises:
-      LaunchError: the image has something else there; links could lead anywhere.
+        LaunchError: the image has something else there; links could lead anywhere.
     """
     place = sandbox.root
     for part in PurePosixPath(path).parts[1:]:

@@ -34,12 +34,12 @@ def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | 
     """The limits of a job, but for the disk: a simulation unit is one processor and 2 GiB of memory.
 
     Args:
-      request: the job's request.
-      gpu: the device of the first GPU, which is looked for when the job asks for one.
-      cpus: processors of this machine; absent: as many as this process may use.
+        request: the job's request.
+        gpu: the device of the first GPU, which is looked for when the job asks for one.
+        cpus: processors of this machine; absent: as many as this process may use.
 
     Raises:
-      LaunchError: it asks for a GPU, and there is none.
+        LaunchError: it asks for a GPU, and there is none.
     """
     compute = {**DEFAULT_COMPUTE, **(request.get("compute") or {})}
     wants_gpu = compute["computeType"] == "GPU_AND_CPU" or compute["gpuUnitLimit"] > 0
@@ -60,8 +60,8 @@ def disk_limit(folder: Path, most_bytes: int) -> int:
     What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
 
     Args:
-      folder: where.
-      most_bytes: what it may write to a disk that is large enough.
+        folder: where.
+        most_bytes: what it may write to a disk that is large enough.
     """
     free = int(_SHARE_OF_DISK * shutil.disk_usage(folder).free)
     return min(most_bytes, max(free, _LEAST_DISK_BYTES))

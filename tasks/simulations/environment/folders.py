@@ -42,7 +42,7 @@ class Sandbox:
         """Where an absolute path of the job is on this machine.
 
         Raises:
-          ValueError: the path is not absolute, or leads upwards.
+            ValueError: the path is not absolute, or leads upwards.
         """
         absolute = PurePosixPath(path)
         if not absolute.is_absolute() or ".." in absolute.parts:

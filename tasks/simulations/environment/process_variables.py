@@ -16,9 +16,9 @@ def process_variables(sandbox: Sandbox, settings: Settings, environ: Mapping[str
     """The variables that every process of a run has, besides those that say what run it is and where its folders are.
 
     Args:
-      sandbox: the run's folders.
-      settings: the service's.
-      environ: variables of this process.
+        sandbox: the run's folders.
+        settings: the service's.
+        environ: variables of this process.
     """
     return {
         "TMPDIR": str(sandbox.place(TEMPORARY)),
@@ -34,8 +34,8 @@ def service_variables(settings: Settings, environ: Mapping[str, str]) -> dict[st
     command gets the home, unless the catalog is a database elsewhere, whose URL may hold a password.
 
     Args:
-      settings: the service's.
-      environ: variables of this process.
+        settings: the service's.
+        environ: variables of this process.
     """
     variables = {"AWS_REGION": settings.region, "AWS_DEFAULT_REGION": settings.region}
     if endpoint := environ.get(ENDPOINT_VARIABLE):

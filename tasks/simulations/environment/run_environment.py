@@ -48,8 +48,8 @@ def container_sandbox(folder: Path, role: ApplicationRole) -> Sandbox:
     """The folders of an application that is a container: it shares none with the other application.
 
     Args:
-      folder: the run's own folder.
-      role: the application's.
+        folder: the run's own folder.
+        role: the application's.
     """
     return Sandbox(folder / f"{role}-root")
 

@@ -22,8 +22,8 @@ def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
     It is in memory, or else, where that cannot be, on the disk.
 
     Args:
-      folder: the run's own folder.
-      machines: where the machine has a file system in memory.
+        folder: the run's own folder.
+        machines: where the machine has a file system in memory.
     """
     for private in shared_memory_places(folder, machines):
         try:
@@ -45,11 +45,11 @@ def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]
     """Removes what `make_shared_memory` made, if it made anything.
 
     Args:
-      folder: the run's own folder.
-      machines: where the machine has a file system in memory.
+        folder: the run's own folder.
+        machines: where the machine has a file system in memory.
 
     Returns:
-      What of it is still there: root in a container may make folders that only root may empty.
+        What of it is still there: root in a container may make folders that only root may empty.
     """
     left = []
     for private in shared_memory_places(folder, machines):
@@ -65,8 +65,8 @@ def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path
     """Where a run's shared memory is: in memory if that can be, or else on the disk.
 
     Args:
-      folder: the run's own folder.
-      machines: where the machine has a file system in memory.
+        folder: the run's own folder.
+        machines: where the machine has a file system in memory.
     """
     digest = hashlib.sha256(os.fsencode(folder.absolute())).hexdigest()[:20]
     return machines / f"robomaker-{os.geteuid()}-{digest}", folder / "shared-memory"

@@ -25,7 +25,7 @@ def world_bundle(world: Resource, service: Service) -> Path:
     """The folder of a world's bundle, read-only by agreement.
 
     Raises:
-      StorageError: it cannot be fetched.
+        StorageError: it cannot be fetched.
     """
     bundle = WorldDocument.of(world).bundle
     if bundle is None:
@@ -41,15 +41,15 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
     """The folder an application's archive was unpacked into.
 
     Args:
-      source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
-      role: `Robot` or `Simulation`, for failure codes.
-      service: where the archive is stored.
-      is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
-        `$LATEST` is whatever is there now.
+        source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
+        role: `Robot` or `Simulation`, for failure codes.
+        service: where the archive is stored.
+        is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
+            `$LATEST` is whatever is there now.
 
     Raises:
-      LaunchError: it is gone, is not what it was, may not be read or cannot be unpacked.
-      StorageError: the object store does not answer.
+        LaunchError: it is gone, is not what it was, may not be read or cannot be unpacked.
+        StorageError: the object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
     try:

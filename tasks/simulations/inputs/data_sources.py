@@ -28,7 +28,7 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
     """Finds the objects that data sources mean now, with their ETags.
 
     Raises:
-      InvalidParameterException: an object does not exist or cannot be read, or there are too many.
+        InvalidParameterException: an object does not exist or cannot be read, or there are too many.
     """
     resolved: list[ResolvedDataSource] = []
     objects: list[ObjectInfo] = []
@@ -55,10 +55,10 @@ def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, 
     there.
 
     Returns:
-      The folder of data sources; `None` if there are none.
+        The folder of data sources; `None` if there are none.
 
     Raises:
-      LaunchError: an object is gone, has changed, or is no archive.
+        LaunchError: an object is gone, has changed, or is no archive.
     """
     # A destination inside of another's is filled later, as it would be mounted over it.
     for source in sorted(sources, key=lambda source: len(PurePosixPath(source.destination or "/").parts)):

@@ -20,8 +20,8 @@ def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
     """Names of a world's rooms; `None` if that cannot be found out now.
 
     Args:
-      world: the world.
-      service: where its bundle is stored.
+        world: the world.
+        service: where its bundle is stored.
     """
     bundle = WorldDocument.of(world).bundle
     if not bundle:
@@ -36,13 +36,13 @@ def check_rooms(order: SimulationJobRequestMembers, world: Resource, service: Se
     """Refuses an order whose goals ask for rooms that its world does not have.
 
     Args:
-      order: the order.
-      world: the world it names.
-      service: where that is stored.
-      where: the path of the order in the request, with a dot at its end.
+        order: the order.
+        world: the world it names.
+        service: where that is stored.
+        where: the path of the order in the request, with a dot at its end.
 
     Raises:
-      InvalidParameterException: names the member, the room asked for and those that there are.
+        InvalidParameterException: names the member, the room asked for and those that there are.
     """
     asked = rooms_asked(order)
     rooms = room_names(world, service) if asked else None

@@ -24,10 +24,10 @@ def check_output_location(location: Mapping[str, Any] | None) -> None:
     """Refuses an output location that no object store can hold, before anything runs.
 
     Args:
-      location: `s3Bucket` and `s3Prefix` of a request, either may be absent.
+        location: `s3Bucket` and `s3Prefix` of a request, either may be absent.
 
     Raises:
-      InvalidParameterException: names the member and what is wrong with it.
+        InvalidParameterException: names the member and what is wrong with it.
     """
     given = location or {}
     try:
@@ -60,8 +60,8 @@ def prepare_bucket(service: Service, bucket: str) -> None:
     goes on to do so.
 
     Raises:
-      BucketNotFoundError: it does not exist, and is not ours to create.
-      StorageError: it cannot be created.
+        BucketNotFoundError: it does not exist, and is not ours to create.
+        StorageError: it cannot be created.
     """
     ours = bucket == service.settings.bucket or service.store.local_path(bucket, "any") is not None
     try:

@@ -32,12 +32,12 @@ class RollingUploads:
     """The rolling uploads of one run; as a context, every few seconds until its end.
 
     Args:
-      uploads: the configurations; see `rolling_only`.
-      folder: the run's own folder.
-      store: where files go.
-      bucket: where they go.
-      prefix: of the run's outputs.
-      every_s: seconds between two looks for finished files.
+        uploads: the configurations; see `rolling_only`.
+        folder: the run's own folder.
+        store: where files go.
+        bucket: where they go.
+        prefix: of the run's outputs.
+        every_s: seconds between two looks for finished files.
     """
 
     def __init__(
@@ -125,10 +125,10 @@ def taken_files(folder: Path) -> list[tuple[str, Path]]:
     """Files that were taken and are not stored yet, oldest first.
 
     Args:
-      folder: the run's own folder.
+        folder: the run's own folder.
 
     Returns:
-      Paths below the run's outputs, and where each file is.
+        Paths below the run's outputs, and where each file is.
     """
     waiting = folder / _WAITING
     if not waiting.is_dir():
@@ -142,8 +142,8 @@ def rolled_files(folder: Path, later: Iterable[str]) -> list[ManifestFile]:
     """What was stored while the run went on, as it is stored now.
 
     Args:
-      folder: the run's own folder.
-      later: paths that are stored again, over what was.
+        folder: the run's own folder.
+        later: paths that are stored again, over what was.
     """
     ledger = folder / _LEDGER
     if not ledger.is_file():

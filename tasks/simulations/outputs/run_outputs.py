@@ -48,11 +48,11 @@ class RunOutputs:
     """Outputs of one run of a job.
 
     Args:
-      job: the job.
-      run_id: the run.
-      folder: the run's own folder.
-      service: where they are stored.
-      sleep: waits, in seconds.
+        job: the job.
+        run_id: the run.
+        folder: the run's own folder.
+        service: where they are stored.
+        sleep: waits, in seconds.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class RunOutputs:
         """Finds out before a long run that its outputs have nowhere to go.
 
         Raises:
-          LaunchError: there is no such bucket.
+            LaunchError: there is no such bucket.
         """
         try:
             prepare_bucket(self._service, self.bucket)
@@ -105,13 +105,13 @@ class RunOutputs:
         not answer is asked again for an hour; a file that changes is stored again, a few times.
 
         Args:
-          about: how the run ended.
-          finished: whether it is whole.
-          stopped: asked while the store does not answer whether to give up.
+            about: how the run ended.
+            finished: whether it is whole.
+            stopped: asked while the store does not answer whether to give up.
 
         Raises:
-          StorageError: that does not work.
-          OSError: the outputs cannot be read.
+            StorageError: that does not work.
+            OSError: the outputs cannot be read.
         """
         uploaded = self._stage()
         for changes_left in reversed(range(_MOST_CHANGES)):
@@ -127,7 +127,7 @@ class RunOutputs:
         """Checks that they are stored as a whole; a store that does not answer is asked again for an hour.
 
         Raises:
-          StorageError: they are not.
+            StorageError: they are not.
         """
         self._patiently(lambda: read_manifest(self._service.store, self.bucket, self.prefix))
 

@@ -40,8 +40,8 @@ def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
     """The upload configurations of a job's applications.
 
     Args:
-      request: the job's request.
-      folder: the run's own folder.
+        request: the job's request.
+        folder: the run's own folder.
     """
     return [
         Upload(each["name"], Glob(each["path"]), each["uploadBehavior"] == ROLLING, _sandbox(folder, role))

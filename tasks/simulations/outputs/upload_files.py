@@ -32,9 +32,9 @@ def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
     """Visits the regular files that a glob means, in the order of their names.
 
     Args:
-      root: what `/` is for the glob.
-      glob: which files.
-      visit: see `Visit`; may take the file away.
+        root: what `/` is for the glob.
+        glob: which files.
+        visit: see `Visit`; may take the file away.
     """
     with _opened_below(root, glob.fixed_folder) as folder:
         if folder is not None:
@@ -95,12 +95,12 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
     """Makes a file that nobody writes to any more appear under a second path, in place of what is there.
 
     Args:
-      folder: descriptor of its folder.
-      name: its name there.
-      target: the other path; its folder is made.
+        folder: descriptor of its folder.
+        name: its name there.
+        target: the other path; its folder is made.
 
     Raises:
-      OSError: it is not there, is no regular file, or may not be read.
+        OSError: it is not there, is no regular file, or may not be read.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
@@ -116,15 +116,15 @@ def take(folder: int, name: str, target: Path) -> bool:
     """Moves a file away from programs that may still run, unless one has it open for writing.
 
     Args:
-      folder: descriptor of its folder.
-      name: its name there.
-      target: where to, on the same file system; its folder is made.
+        folder: descriptor of its folder.
+        name: its name there.
+        target: where to, on the same file system; its folder is made.
 
     Returns:
-      Whether it was taken: nobody can write to it any more.
+        Whether it was taken: nobody can write to it any more.
 
     Raises:
-      OSError: it is not there, is no regular file, or may not be read or moved.
+        OSError: it is not there, is no regular file, or may not be read or moved.
     """
     with _opened_file(folder, name) as content:
         if is_written_to(content):

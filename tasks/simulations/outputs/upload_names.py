@@ -29,12 +29,12 @@ def distinct(
     """Gives files names that no other file has, and that no store takes for a folder of other files.
 
     Args:
-      outputs: names of the run's own outputs.
-      rolled: names of what was stored while the run went on.
-      files: the other files, first come, first served.
+        outputs: names of the run's own outputs.
+        rolled: names of what was stored while the run went on.
+        files: the other files, first come, first served.
 
     Returns:
-      The files under the names they get, and a line for each that does not get the name it would have alone.
+        The files under the names they get, and a line for each that does not get the name it would have alone.
     """
     names = _Names([*outputs, *rolled])
     # What has versions, each of which replaces the one before, and the name that it got.

@@ -38,12 +38,12 @@ def plan_applications(request: Mapping[str, Any], surroundings: Surroundings) ->
     """Fetches a job's applications and resolves how they are started.
 
     Args:
-      request: the job's request.
-      surroundings: what they find.
+        request: the job's request.
+        surroundings: what they find.
 
     Raises:
-      LaunchError: something cannot be had or started; carries the job's failure code.
-      StorageError: the object store does not answer.
+        LaunchError: something cannot be had or started; carries the job's failure code.
+        StorageError: the object store does not answer.
     """
     planned = Applications()
     launches: dict[ApplicationRole, tuple[str, Factory | Program]] = {}

@@ -37,16 +37,16 @@ def find_application(reference: str, role: ApplicationRole, version: str | None,
     """The application that an ARN or a bare name means, or one version of it.
 
     Args:
-      reference: ARN or name.
-      role: which kind of application it is.
-      version: a version's number; `None` or `$LATEST`: what the application is now.
-      service: where it is stored.
+        reference: ARN or name.
+        role: which kind of application it is.
+        version: a version's number; `None` or `$LATEST`: what the application is now.
+        service: where it is stored.
 
     Returns:
-      The application; or the version, with the application's ARN and tags.
+        The application; or the version, with the application's ARN and tags.
 
     Raises:
-      ResourceNotFoundException: there is none, or it has no such version.
+        ResourceNotFoundException: there is none, or it has no such version.
     """
     kind = f"{role}-application"
     if reference.startswith("arn:"):
@@ -80,7 +80,7 @@ def check_environment(uri: str) -> None:
     """Checks that an environment is an installed package or may be a container image; neither is looked for.
 
     Raises:
-      InvalidParameterException: it is neither.
+        InvalidParameterException: it is neither.
     """
     scheme, separator, module = uri.partition("://")
     is_package = scheme == _PYTHON and all(part.isidentifier() for part in module.split("."))
@@ -102,7 +102,7 @@ def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[s
     """The source with the ETag its archive has now.
 
     Raises:
-      InvalidParameterException: there is no such archive, or it cannot be read.
+        InvalidParameterException: there is no such archive, or it cannot be read.
     """
     place = f"s3://{source['s3Bucket']}/{source['s3Key']}"
     try:

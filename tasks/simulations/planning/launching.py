@@ -69,14 +69,14 @@ def resolve_launch(
     """Decides what is started.
 
     Args:
-      code: the application.
-      launch: its launch configuration.
-      which: finds programs that are not in the bundle.
-      python: the interpreter for scripts.
-      has_master: another application of the job brings the ROS 1 master.
+        code: the application.
+        launch: its launch configuration.
+        which: finds programs that are not in the bundle.
+        python: the interpreter for scripts.
+        has_master: another application of the job brings the ROS 1 master.
 
     Raises:
-      LaunchError: it is not there, or cannot be started on this machine.
+        LaunchError: it is not there, or cannot be started on this machine.
     """
     if command := launch.get("command"):
         return Program((_find_program(code, command[0], which), *command[1:]))
@@ -96,11 +96,11 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
     """Checks that somebody makes the environment that a robot application's factory asks for.
 
     Args:
-      simulation: name and launch of the simulation application; `None`: the built-in one.
-      robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
+        simulation: name and launch of the simulation application; `None`: the built-in one.
+        robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
 
     Raises:
-      LaunchError: nobody does.
+        LaunchError: nobody does.
     """
     if simulation is None or robot is None:
         return

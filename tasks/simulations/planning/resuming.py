@@ -26,10 +26,10 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
     """Simulated time between two checkpoints of a run; none when it makes none.
 
     Args:
-      application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
+        application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
 
     Raises:
-      LaunchError: it says something else.
+        LaunchError: it says something else.
     """
     variables: Mapping[str, str] = application.environment_variables if application else {}
     text = variables.get(EVERY_VARIABLE)
@@ -48,8 +48,8 @@ def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
     """The plan of the run that a job was in when its performer died, if it can be continued here; else says why not.
 
     Args:
-      job: the job.
-      folder: of that run.
+        job: the job.
+        folder: of that run.
     """
     if job.status != "Running":
         return None
@@ -67,7 +67,8 @@ def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
     """Checks that a plan is that of a run: its applications could write to where it was.
 
     Raises:
-      CheckpointError: it names another run, folders of others, more time, or programs, with which no run is continued.
+        CheckpointError: it names another run, folders of others, more time, or programs, with which no run is
+            continued.
     """
     folder = folder.absolute()
     expected = {

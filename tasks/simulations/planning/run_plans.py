@@ -35,15 +35,15 @@ def run_plan(
     """Fetches everything a run needs and says where it is.
 
     Args:
-      job: the simulation job.
-      run_id: id of this run of it.
-      folder: the run's own folder, empty.
-      service: where worlds, applications and data are stored.
-      ros_domain: the run's own domain of ROS 2; see `ros_domains`.
-      stopped: asked while something takes long whether to give up.
+        job: the simulation job.
+        run_id: id of this run of it.
+        folder: the run's own folder, empty.
+        service: where worlds, applications and data are stored.
+        ros_domain: the run's own domain of ROS 2; see `ros_domains`.
+        stopped: asked while something takes long whether to give up.
 
     Raises:
-      LaunchError: something cannot be had; carries the job's failure code.
+        LaunchError: something cannot be had; carries the job's failure code.
     """
     document = SimulationJobDocument.of(job)
     request = document.request

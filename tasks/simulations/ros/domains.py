@@ -21,9 +21,9 @@ def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]
     that they are performed in, as the ports of a domain do; and it is free again when its holder dies.
 
     Args:
-      job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
-        which hear each other too, most likely have different ones.
-      holders: what names of sockets begin with; only those with the same beginning keep out of each other's way.
+        job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
+            which hear each other too, most likely have different ones.
+        holders: what names of sockets begin with; only those with the same beginning keep out of each other's way.
     """
     first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):

@@ -47,8 +47,8 @@ def is_launch_file(file: str, path: Path | None) -> bool:
     """Whether ROS launches a file, by its name, or by what a Python file defines.
 
     Args:
-      file: its name.
-      path: where it is; `None`: not in a bundle.
+        file: its name.
+        path: where it is; `None`: not in a bundle.
     """
     if file.endswith(_XML + _ONLY_ROS_2):
         return True
@@ -61,8 +61,8 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
     """The kinds of ROS that may read a launch file, the likelier one first.
 
     Args:
-      file: its name.
-      path: where it is; `None`: not in a bundle, so that only the name says something.
+        file: its name.
+        path: where it is; `None`: not in a bundle, so that only the name says something.
     """
     if not file.endswith(_XML):
         return (2,)
@@ -79,9 +79,9 @@ def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
     ROS looks for a package's files in all folders of it, and for packages that the bundle does not have elsewhere.
 
     Args:
-      bundle: the unpacked bundle.
-      package: the package's name, as its `package.xml` says.
-      file: the launch file's name.
+        bundle: the unpacked bundle.
+        package: the package's name, as its `package.xml` says.
+        file: the launch file's name.
     """
     folders = [path.parent for path in bundle.rglob("package.xml") if path.is_file() and _name_in(path) == package]
     found = {path.name: path for folder in folders for path in sorted(folder.rglob("*"))}
@@ -142,11 +142,11 @@ def node_variables(
     """What nodes find besides what every program of the job does.
 
     Args:
-      bundle: the application's unpacked bundle, whose packages are found by name.
-      launcher: `roslaunch` or `ros2`.
-      python: the interpreter that runs jobs.
-      variables: the launch configuration's own.
-      environ: variables of this process.
+        bundle: the application's unpacked bundle, whose packages are found by name.
+        launcher: `roslaunch` or `ros2`.
+        python: the interpreter that runs jobs.
+        variables: the launch configuration's own.
+        environ: variables of this process.
     """
     # Nodes begin with `#!/usr/bin/env python3` and mean ROS's Python, not the one that jobs are performed with.
     own = str(Path(python).parent)

@@ -25,15 +25,15 @@ def write_bundle(world: World, folder: Path, *, preview: bool = True) -> str:
     """Writes a world's bundle; the folder appears whole or not at all.
 
     Args:
-      world: the world.
-      folder: where; must not exist, its parent is made if need be.
-      preview: whether to draw `preview.png`, the slowest part.
+        world: the world.
+        folder: where; must not exist, its parent is made if need be.
+        preview: whether to draw `preview.png`, the slowest part.
 
     Returns:
-      The content's hash, hexadecimal: of all names and bytes but the preview's.
+        The content's hash, hexadecimal: of all names and bytes but the preview's.
 
     Raises:
-      FileExistsError: there is something at `folder` already.
+        FileExistsError: there is something at `folder` already.
     """
     if folder.exists():
         raise FileExistsError(f"{folder}: exists already; a bundle is written once, into a new folder")
@@ -55,8 +55,8 @@ def read_world(folder: Path) -> World:
     """Reads the world of a bundle.
 
     Raises:
-      FileNotFoundError: the folder holds no `world.json`.
-      ValueError: the file is no world, or one of another version's form.
+        FileNotFoundError: the folder holds no `world.json`.
+        ValueError: the file is no world, or one of another version's form.
     """
     return World.model_validate_json((folder / WORLD_FILE).read_bytes())
 

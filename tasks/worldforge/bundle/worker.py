@@ -44,7 +44,7 @@ def answer(request: dict[str, str | int]) -> dict[str, str]:
     """Builds one bundle.
 
     Returns:
-      `{"content": hash}`, or `{"error": reason}` when there is no such world.
+        `{"content": hash}`, or `{"error": reason}` when there is no such world.
     """
     try:
         body = parse_template_body(str(request["body"]))

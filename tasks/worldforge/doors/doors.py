@@ -98,10 +98,10 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
     """Gives every doorway a door, fully open.
 
     Args:
-      plan: the plan, which is left as it is.
+        plan: the plan, which is left as it is.
 
     Returns:
-      The plan with doors; for the doorways without one, by their place in `passages`, the reason.
+        The plan with doors; for the doorways without one, by their place in `passages`, the reason.
     """
     walls = [_corners_box(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
     doorways = [index for index, passage in enumerate(plan.passages) if passage.kind == "Doorway"]

@@ -22,8 +22,8 @@ def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
     """The leaf's outline on the floor, counter-clockwise.
 
     Args:
-      door: the door.
-      angle_rad: how far it is open; None: as it is at first.
+        door: the door.
+        angle_rad: how far it is open; None: as it is at first.
     """
     yaw = door.yaw_at(door.open_angle_rad if angle_rad is None else angle_rad)
     u, v = cos(yaw), sin(yaw)
@@ -37,8 +37,8 @@ def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Poi
     """The outlines of all leaves, as obstacles for a map.
 
     Args:
-      plan: the plan.
-      fully_open: as far open as they go, not as they are at first.
+        plan: the plan.
+        fully_open: as far open as they go, not as they are at first.
     """
     doors = [passage.door for passage in plan.passages if passage.door]
     return [leaf_corners(door, door.max_angle_rad if fully_open else None) for door in doors]

@@ -20,8 +20,8 @@ def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
     """A door's parts in the world, as it is at first.
 
     Args:
-      door: the door.
-      closed_frame: in the leaf's own frame instead.
+        door: the door.
+        closed_frame: in the leaf's own frame instead.
     """
     yaw = 0.0 if closed_frame else door.yaw_at(door.open_angle_rad)
     (x0, y0), c, s = ((0.0, 0.0) if closed_frame else door.hinge), cos(yaw), sin(yaw)
@@ -53,8 +53,8 @@ def lintel_over(plan: Floorplan, number: int) -> Wall:
     """The piece of wall over a doorway.
 
     Args:
-      plan: the plan.
-      number: the doorway's place in `passages`.
+        plan: the plan.
+        number: the doorway's place in `passages`.
     """
     passage = plan.passages[number]
     ends = {passage.start, passage.end}
@@ -67,8 +67,8 @@ def door_lines(plan: Floorplan, write: WriteGeom) -> Iterator[str]:
     The joint's position is how far the leaf is open: 0 is closed.
 
     Args:
-      plan: the plan.
-      write: writes a geom.
+        plan: the plan.
+        write: writes a geom.
     """
     for solid in doorframe_solids(plan):
         yield write(solid, "")

@@ -113,9 +113,9 @@ def frame_solids(number: int, passage: Passage, lintel: Wall) -> Iterator[Solid]
     """The casing around a doorway, on both faces of its wall; for the eye only.
 
     Args:
-      number: the doorway's, for the names.
-      passage: the doorway.
-      lintel: the piece of wall over it.
+        number: the doorway's, for the names.
+        passage: the doorway.
+        lintel: the piece of wall over it.
     """
     door = passage.door
     color = _FINISHES.get(door.style.partition(" ")[2], _FINISHES["white"])[0] if door else WHITE

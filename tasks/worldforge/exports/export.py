@@ -39,15 +39,15 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
     """Writes the archive; equal bundles make equal bytes, independent of their order, times and owners.
 
     Args:
-      bundles: the folder of each world's bundle, by the world's name in archives, such as
-        `generation_82856b0yq33y_world_3`.
-      path: the archive; it appears when it is whole.
+        bundles: the folder of each world's bundle, by the world's name in archives, such as
+            `generation_82856b0yq33y_world_3`.
+        path: the archive; it appears when it is whole.
 
     Raises:
-      FileNotFoundError: a bundle is missing or lacks `world.json` or `world.xml`.
-      ValueError: there is no bundle, a name cannot be a folder's, or a bundle holds no world or something
-        that is neither a regular file nor a folder.
-      OSError: a bundle cannot be read or the archive cannot be written.
+        FileNotFoundError: a bundle is missing or lacks `world.json` or `world.xml`.
+        ValueError: there is no bundle, a name cannot be a folder's, or a bundle holds no world or something
+            that is neither a regular file nor a folder.
+        OSError: a bundle cannot be read or the archive cannot be written.
     """
     if not bundles:
         raise ValueError("bundles is empty; an export has at least one world")

@@ -9,11 +9,11 @@ def export_key(prefix: str, export_id: str) -> str:
     """The key of an export job's archive, where the service's own clients look for it.
 
     Args:
-      prefix: the output location's prefix; may be empty.
-      export_id: the export job's id, with or without `export-` in front.
+        prefix: the output location's prefix; may be empty.
+        export_id: the export job's id, with or without `export-` in front.
 
     Raises:
-      ValueError: that is no id.
+        ValueError: that is no id.
     """
     bare_id = export_id.removeprefix("export-")
     if not _EXPORT_ID.fullmatch(bare_id):

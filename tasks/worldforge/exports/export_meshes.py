@@ -36,7 +36,7 @@ def unit_mesh(kind: Kind) -> Mesh:
     """The shape with half extents of 1: a cube of edge 2, a ball of radius 1.
 
     Raises:
-      ValueError: the shape has no unit, such as a capsule, whose ends change with its proportions.
+        ValueError: the shape has no unit, such as a capsule, whose ends change with its proportions.
     """
     if kind == "box":
         return _flat(creation.box((2.0, 2.0, 2.0)))

@@ -131,8 +131,8 @@ def read_scene(bundle: Path) -> Scene:
     """Reads a bundle.
 
     Raises:
-      FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-      ValueError: one of them is none, or the MJCF has something that exports cannot hold.
+        FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
+        ValueError: one of them is none, or the MJCF has something that exports cannot hold.
     """
     world = read_world(bundle)
     path = bundle / MODEL_FILE
@@ -145,12 +145,12 @@ def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) 
     """Takes a compiled world apart.
 
     Args:
-      world: the world that the MJCF was written for.
-      model: the compiled MJCF.
-      folder: where its pictures are; without, they are written anew where they are needed.
+        world: the world that the MJCF was written for.
+        model: the compiled MJCF.
+        folder: where its pictures are; without, they are written anew where they are needed.
 
     Raises:
-      ValueError: the MJCF has something that exports cannot hold.
+        ValueError: the MJCF has something that exports cannot hold.
     """
     fixed = {item.id: item for item in world.furniture if not item.movable}
     colors = _material_colors(model)

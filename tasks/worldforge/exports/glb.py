@@ -37,8 +37,8 @@ def world_glb(bundle: Path) -> bytes:
     """The world of a bundle.
 
     Raises:
-      FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-      ValueError: one of them is none.
+        FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
+        ValueError: one of them is none.
     """
     return scene_glb(read_scene(bundle))
 

@@ -77,7 +77,7 @@ def package_files(worlds: list[str]) -> dict[str, str]:
     """The text files of both packages but models and worlds, by their paths in the archive's top folder.
 
     Args:
-      worlds: names of the worlds in archives; the first is launched unless another is asked for.
+        worlds: names of the worlds in archives; the first is launched unless another is asked for.
     """
     shared = _package(
         SHARED_MODELS,

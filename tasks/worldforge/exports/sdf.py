@@ -32,9 +32,9 @@ def model_files(thing: Thing, name: str, model: mujoco.MjModel) -> dict[str, str
     """A model folder's files by their paths in it: `model.config`, `model.sdf` and meshes.
 
     Args:
-      thing: what it is made from.
-      name: the model's name, which is its folder's.
-      model: the compiled MJCF that the thing is from.
+        thing: what it is made from.
+        name: the model's name, which is its folder's.
+        model: the compiled MJCF that the thing is from.
     """
     meshes = {}
     for shape in thing.shapes:

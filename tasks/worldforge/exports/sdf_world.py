@@ -30,9 +30,9 @@ def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
     """Writes a world; its building becomes the model of the world's own name.
 
     Args:
-      scene: the world.
-      name: its name in archives.
-      shared: gets the models that are not in it yet.
+        scene: the world.
+        name: its name in archives.
+        shared: gets the models that are not in it yet.
     """
     root = ET.Element("sdf", version=SDF_VERSION)
     world = ET.SubElement(root, "world", name=name)

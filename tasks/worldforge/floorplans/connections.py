@@ -47,9 +47,9 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
     """Chooses and places all ways; every room is connected afterwards if the partition is valid.
 
     Args:
-      plan: a valid partition.
-      brief: the preferences.
-      dice: the source of chance.
+        plan: a valid partition.
+        brief: the preferences.
+        dice: the source of chance.
     """
     walls = shared_walls(plan)
     ways: list[Way] = []

@@ -42,11 +42,11 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     from every wall, and all coordinates are multiples of 5 cm.
 
     Args:
-      body: the template.
-      rng: the source of chance.
+        body: the template.
+        rng: the source of chance.
 
     Raises:
-      WorldGenerationError: no valid plan within the bounded number of attempts.
+        WorldGenerationError: no valid plan within the bounded number of attempts.
     """
     preferences = body.floorplan
     # The search takes thousands of small draws, for which the standard library's generator is ten times faster.

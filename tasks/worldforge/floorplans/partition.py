@@ -71,11 +71,11 @@ def partition(
     """Cuts a footprint as the expression says, each room in proportion to its area.
 
     Args:
-      expression: the slicing tree; every room occurs once.
-      areas: the rooms' desired areas, in any unit.
-      ratios: the rooms' desired length over width; only pockets, which can choose, look at it.
-      width: footprint along x, in units.
-      height: footprint along y, in units.
+        expression: the slicing tree; every room occurs once.
+        areas: the rooms' desired areas, in any unit.
+        ratios: the rooms' desired length over width; only pockets, which can choose, look at it.
+        width: footprint along x, in units.
+        height: footprint along y, in units.
     """
     sizes, firsts = _sizes(expression, areas)
     boxes: list[Box | None] = [None] * len(expression)

@@ -72,10 +72,10 @@ def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> 
     """Cuts every tree's rectangle so that each room gets its area.
 
     Args:
-      trees: the cuts.
-      areas: square units: (room, plan).
-      ratios: extent along x over extent along y of each plan.
-      exact: round the cuts to whole units.
+        trees: the cuts.
+        areas: square units: (room, plan).
+        ratios: extent along x over extent along y of each plan.
+        exact: round the cuts to whole units.
     """
     rooms, plans = areas.shape
     columns = np.arange(plans)
@@ -144,9 +144,9 @@ class BatchEvaluator:
         """What the rooms' shapes cost.
 
         Args:
-          cuts: the plans.
-          footprint: logarithm of the extent along x over that along y.
-          areas: logarithm of each room's area over its preferred area.
+            cuts: the plans.
+            footprint: logarithm of the extent along x over that along y.
+            areas: logarithm of each room's area over its preferred area.
         """
         off, narrow = self._off(cuts)
         off_footprint = np.abs(footprint - self.footprint)

@@ -152,13 +152,13 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
     """Climbs to a partition that may have L-shaped rooms.
 
     Args:
-      brief: the preferences.
-      dice: the source of chance.
-      below: the cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
-        it, any valid partition will do.
+        brief: the preferences.
+        dice: the source of chance.
+        below: the cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
+            it, any valid partition will do.
 
     Raises:
-      WorldGenerationError: `below` is not given, and no valid partition was met in `MAX_CLIMBS` hill climbs.
+        WorldGenerationError: `below` is not given, and no valid partition was met in `MAX_CLIMBS` hill climbs.
     """
     evaluator = PlanEvaluator(brief)
     valid: dict[Partition, float] = {}
@@ -183,12 +183,12 @@ def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> di
     """Improves one random slicing tree by small changes; steps back are taken less and less.
 
     Args:
-      evaluator: computes the cost of a plan.
-      dice: the source of chance.
-      any_footprint: begin with any outline, where the desired one has led nowhere.
+        evaluator: computes the cost of a plan.
+        dice: the source of chance.
+        any_footprint: begin with any outline, where the desired one has led nowhere.
 
     Returns:
-      The partitions on the way, with their costs.
+        The partitions on the way, with their costs.
     """
     brief = evaluator.brief
     count = len(brief.areas_m2)

@@ -34,11 +34,11 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
     """Finds a partition that is valid and near the preferences, another one for other dice.
 
     Args:
-      brief: the preferences.
-      dice: the source of chance.
+        brief: the preferences.
+        dice: the source of chance.
 
     Raises:
-      WorldGenerationError: there is no valid partition of rectangles, and none with L-shaped rooms was found.
+        WorldGenerationError: there is no valid partition of rectangles, and none with L-shaped rooms was found.
     """
     if len(brief.areas_m2) == 1:
         return _only_room(brief, dice)

@@ -46,7 +46,7 @@ def all_trees(rooms: int) -> Trees:
     """All plans of two to five rooms (2, 12, 144, 2760), and an even fifth of the 71 280 plans of six rooms.
 
     Args:
-      rooms: how many rooms there are.
+        rooms: how many rooms there are.
     """
     every = np.array([*permutations(range(rooms))], dtype=np.intp)
     stride = _SIX_ROOMS_STRIDE if rooms >= _SIX_ROOMS else 1

@@ -13,9 +13,9 @@ def competing_preferences(brief: Brief, plan: Partition, room: int) -> str:
     """Says at whose expense a room's aspect ratio could have been granted.
 
     Args:
-      brief: the preferences, of two rooms or more.
-      plan: the plan that misses the ratio.
-      room: the room's number.
+        brief: the preferences, of two rooms or more.
+        plan: the plan that misses the ratio.
+        room: the room's number.
     """
     best = shortlist(brief)
     granting = np.flatnonzero(~best.misses[1 + room])

@@ -273,7 +273,7 @@ def styles_of(model_type: str) -> tuple[Style, ...]:
     """All styles of one kind.
 
     Raises:
-      KeyError: for a kind that is not in the catalogue.
+        KeyError: for a kind that is not in the catalogue.
     """
     return CATALOGUE[model_type].styles
 
@@ -282,8 +282,8 @@ def parts_of(item: Furniture) -> tuple[Part, ...]:
     """The parts of one piece, in its own frame, standing on its `base_m`.
 
     Raises:
-      ValueError: when kind or style are not in the catalogue, which means that the piece was written
-        by another version of the generator.
+        ValueError: when kind or style are not in the catalogue, which means that the piece was written
+            by another version of the generator.
     """
     return _build(item.model_type, item.style)
 

@@ -13,11 +13,11 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
     """Height of the level that carries everything over a spot.
 
     Args:
-      parts: of the piece, in its own frame.
-      spot: what would lie there, in that frame: back, right, front, left.
+        parts: of the piece, in its own frame.
+        spot: what would lie there, in that frame: back, right, front, left.
 
     Returns:
-      None where nothing solid carries the whole spot, or where something else stands on it.
+        None where nothing solid carries the whole spot, or where something else stands on it.
     """
     x0, y0, x1, y1 = spot[0] - _MARGIN_M, spot[1] - _MARGIN_M, spot[2] + _MARGIN_M, spot[3] + _MARGIN_M
     under = [part for part in parts if _over(part, x0, y0, x1, y1)]

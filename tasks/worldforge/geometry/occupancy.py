@@ -78,10 +78,10 @@ def occupancy_grid(
     robot, or stays flat on the floor, leaves no trace.
 
     Args:
-      floorplan: the walls and the outline.
-      furniture: obstacles as oriented rectangles.
-      polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
-        furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
+        floorplan: the walls and the outline.
+        furniture: obstacles as oriented rectangles.
+        polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
+            furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
     """
     half = max(wall.thickness_m for wall in floorplan.walls) / 2
     xs, ys = zip(*floorplan.footprint, strict=True)
@@ -185,7 +185,7 @@ def fitting(grid: OccupancyGrid, radius_m: float) -> NDArray[np.bool_]:
     radius, row by row of the disc.
 
     Returns:
-      Shape (rows, columns).
+        Shape (rows, columns).
     """
     # Half a millimetre of grace: distances are sums of floats.
     limit = (radius_m - _GRACE_M) / grid.resolution_m + 0.5
@@ -209,12 +209,12 @@ def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.
     """Cells whose middle a disc can reach from `start` without touching anything.
 
     Args:
-      grid: the map; unknown cells count as occupied.
-      start: where the disc's middle is at first, in metres.
-      radius_m: the disc's radius.
+        grid: the map; unknown cells count as occupied.
+        start: where the disc's middle is at first, in metres.
+        radius_m: the disc's radius.
 
     Returns:
-      Shape (rows, columns); nothing at all when the disc does not fit at `start`.
+        Shape (rows, columns); nothing at all when the disc does not fit at `start`.
     """
     return connected(fitting(grid, radius_m), grid.cell(start))
 

@@ -29,12 +29,12 @@ def against_walls(
     """Back to a wall, at the ends, the middle and the quarters of every free stretch.
 
     Args:
-      space: the room.
-      style: the piece.
-      front_m: what has to stay free before it.
-      prefer: `middle`, `corner` or `any`.
-      dice: the source of chance.
-      tall: whether the piece must not stand before a window.
+        space: the room.
+        style: the piece.
+        front_m: what has to stay free before it.
+        prefer: `middle`, `corner` or `any`.
+        dice: the source of chance.
+        tall: whether the piece must not stand before a window.
     """
     poses: list[Pose] = []
     inward = WALL_GAP_M + style.depth_m / 2

@@ -28,12 +28,12 @@ def furnish(
     Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
 
     Args:
-      body: the template.
-      floorplan: the plan, which is left as it is.
-      rng: the source of chance.
+        body: the template.
+        floorplan: the plan, which is left as it is.
+        rng: the source of chance.
 
     Returns:
-      Furniture and loose objects; the outcome of each preference; the rooms with materials and goals.
+        Furniture and loose objects; the outcome of each preference; the rooms with materials and goals.
     """
     rooms, preferences = choose_surfaces(body, floorplan.rooms, rng)
     arrangements = body.interior.Furniture.FurnitureArrangements

@@ -37,8 +37,8 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
     """Places the line: the longest that fits one wall, else around a corner, else on two walls.
 
     Args:
-      work: the kitchen; nothing stands in it yet.
-      kinds: what belongs to the line.
+        work: the kitchen; nothing stands in it yet.
+        kinds: what belongs to the line.
     """
     if not kinds:
         return

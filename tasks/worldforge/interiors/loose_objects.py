@@ -57,11 +57,11 @@ def scatter(furnished: RoomFurnishing, room_for: int) -> list[Furniture]:
     """Adds loose objects to a furnished room.
 
     Args:
-      furnished: the room with its furniture; the objects' places are taken in its space.
-      room_for: how many objects the room may get.
+        furnished: the room with its furniture; the objects' places are taken in its space.
+        room_for: how many objects the room may get.
 
     Returns:
-      The objects, all at rest: nothing leans, nothing overhangs.
+        The objects, all at rest: nothing leans, nothing overhangs.
     """
     objects: list[Furniture] = []
     for table in furnished.placed("DiningTables"):

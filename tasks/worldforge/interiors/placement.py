@@ -68,9 +68,9 @@ class RoomSpace:
     """One room while it is being furnished.
 
     Attributes:
-      room: the room.
-      bounds: its extent.
-      sides: its sides that have walls.
+        room: the room.
+        bounds: its extent.
+        sides: its sides that have walls.
     """
 
     def __init__(self, room: Room, floorplan: Floorplan) -> None:
@@ -97,10 +97,10 @@ class RoomSpace:
         """Whether a piece may cover a rectangle, its own clearances and the ways aside.
 
         Args:
-          box: what it would cover.
-          tall: whether it would hide a window.
-          partners: ids of the pieces it belongs to, whose zones it may enter.
-          tucked: footprint of the piece it may be pushed under.
+            box: what it would cover.
+            tall: whether it would hide a window.
+            partners: ids of the pieces it belongs to, whose zones it may enter.
+            tucked: footprint of the piece it may be pushed under.
         """
         x0, y0, x1, y1 = self.bounds
         if box[0] < x0 or box[1] < y0 or box[2] > x1 or box[3] > y1:

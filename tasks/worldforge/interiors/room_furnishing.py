@@ -67,13 +67,13 @@ class RoomFurnishing:
     """A room on its way to being furnished.
 
     Attributes:
-      room: the room.
-      space: what is still free in it.
-      density: how full it should get.
-      dice: the source of chance.
-      new_id: names pieces.
-      items: pieces placed so far.
-      missed: kinds that found no place, with the reason.
+        room: the room.
+        space: what is still free in it.
+        density: how full it should get.
+        dice: the source of chance.
+        new_id: names pieces.
+        items: pieces placed so far.
+        missed: kinds that found no place, with the reason.
     """
 
     room: Room
@@ -241,10 +241,10 @@ class RoomFurnishing:
         """Writes the piece down, on whole millimetres.
 
         Args:
-          kind: its type.
-          style: its look.
-          pose: where; asked for before.
-          zone: whether its clearances are kept; a counter in the corner of a kitchen has none.
+            kind: its type.
+            style: its look.
+            pose: where; asked for before.
+            zone: whether its clearances are kept; a counter in the corner of a kitchen has none.
         """
         item = Furniture(
             id=self.new_id(kind),

@@ -27,10 +27,10 @@ class Ways:
         """An empty room.
 
         Args:
-          bounds: the room's extent.
-          half_width_m: half the width of the ways.
-          solids: walls, which keep the middle of a robot at that distance.
-          outside: what of the extent is no part of the room.
+            bounds: the room's extent.
+            half_width_m: half the width of the ways.
+            solids: walls, which keep the middle of a robot at that distance.
+            outside: what of the extent is no part of the room.
         """
         self._x0, self._y0, x1, y1 = bounds
         self._half_m = half_width_m

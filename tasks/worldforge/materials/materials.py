@@ -194,8 +194,8 @@ def finish_named(surface: Surface, material: str, name: str) -> Finish:
     """A finish by the names that `world.json` has; an empty name is that of the first one.
 
     Raises:
-      ValueError: there is none of this name, which means that the world was written by another version
-        of the generator.
+        ValueError: there is none of this name, which means that the world was written by another version
+            of the generator.
     """
     known = (FLOORS if surface == "floor" else WALLS)[material].finishes
     for finish in known:
@@ -217,7 +217,7 @@ def surface_finish(name: str) -> Finish:
     """The finish that a name from `surface_name`, or `wall_outside`, stands for.
 
     Raises:
-      ValueError: there is no such finish.
+        ValueError: there is no such finish.
     """
     if name == "wall_outside":
         return OUTSIDE

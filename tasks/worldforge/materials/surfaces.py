@@ -20,12 +20,12 @@ def choose_surfaces(
     """Gives every room a floor and a wall material, each in one of its finishes.
 
     Args:
-      body: the template.
-      rooms: the plan's rooms.
-      rng: the source of chance.
+        body: the template.
+        rooms: the plan's rooms.
+        rng: the source of chance.
 
     Returns:
-      The rooms with their materials, and the outcome of each listed material.
+        The rooms with their materials, and the outcome of each listed material.
     """
     floors, floor_preferences = _choose("Flooring", body.interior.Flooring.MaterialSets, USUAL_FLOORS, rooms, rng)
     walls, wall_preferences = _choose("Walls", body.interior.Walls.MaterialSets, USUAL_WALLS, rooms, rng)

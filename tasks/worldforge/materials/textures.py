@@ -64,7 +64,7 @@ def texture_size_m(name: str) -> tuple[float, float] | None:
     """Length to the right and up of one repetition, metres; `None`: the surface has one plain colour.
 
     Args:
-      name: a surface, as in `floor_Tiles_white`.
+        name: a surface, as in `floor_Tiles_white`.
     """
     pattern = surface_finish(name).pattern
     if pattern == "plain":
@@ -108,12 +108,12 @@ def sample(name: str, right_m: NDArray[np.floating[Any]], up_m: NDArray[np.float
     """Colours of a surface at places on it.
 
     Args:
-      name: the surface.
-      right_m: places to the right of any fixed line, metres.
-      up_m: places above any fixed line, metres.
+        name: the surface.
+        right_m: places to the right of any fixed line, metres.
+        up_m: places above any fixed line, metres.
 
     Returns:
-      Red, green, blue; the places' shape and a last axis.
+        Red, green, blue; the places' shape and a last axis.
     """
     pixels = texture(name)
     size_m = texture_size_m(name)

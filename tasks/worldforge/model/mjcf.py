@@ -55,9 +55,9 @@ def world_mjcf(world: World, *, textured: bool = False) -> str:
     """The world as MJCF text.
 
     Args:
-      world: the world.
-      textured: whether floors and walls have pictures, `textures/<surface>.png` for each surface in
-        `surfaces`; without, they have plain colours and the text is complete in itself.
+        world: the world.
+        textured: whether floors and walls have pictures, `textures/<surface>.png` for each surface in
+            `surfaces`; without, they have plain colours and the text is complete in itself.
     """
     plan = world.floorplan
     lines = [

@@ -37,9 +37,9 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
     """Places a room's label.
 
     Args:
-      room: the room.
-      furniture: what to keep clear of where possible.
-      scale: pixels per metre, because letters have their size in pixels.
+        room: the room.
+        furniture: what to keep clear of where possible.
+        scale: pixels per metre, because letters have their size in pixels.
     """
     room_box = widest_box(room)
     across, up = (room_box[2] - room_box[0]) * scale, (room_box[3] - room_box[1]) * scale

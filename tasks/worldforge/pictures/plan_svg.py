@@ -82,10 +82,10 @@ def floorplan_svg(world: World) -> str:
     """Draws the plan of a world.
 
     Args:
-      world: the world; names in it are untrusted and come out escaped.
+        world: the world; names in it are untrusted and come out escaped.
 
     Returns:
-      A self-contained SVG document.
+        A self-contained SVG document.
     """
     plan = world.floorplan
     sheet = _sheet(plan)

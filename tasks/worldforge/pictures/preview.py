@@ -44,7 +44,7 @@ def render_preview(world: World) -> bytes:
     """Draws a world.
 
     Returns:
-      A PNG of 960 x 720 pixels.
+        A PNG of 960 x 720 pixels.
     """
     raster = Raster(_view(world))
     palette = Palette()

@@ -15,8 +15,8 @@ class Palette:
     """Colour numbers, each with its red, green, blue as it looks in full light.
 
     Attributes:
-      patterned: surfaces that are to be filled with their patterns, and the share of light on them: `z`
-        floors, `x` and `y` walls by the direction in which they run.
+        patterned: surfaces that are to be filled with their patterns, and the share of light on them: `z`
+            floors, `x` and `y` walls by the direction in which they run.
     """
 
     def __init__(self) -> None:

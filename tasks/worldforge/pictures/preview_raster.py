@@ -70,8 +70,8 @@ class Raster:
     """Colour numbers and depths of a picture while it is drawn.
 
     Attributes:
-      depth: pixels towards the camera, minus infinity where nothing is.
-      ids: the colour number of what is seen, 0 where nothing is.
+        depth: pixels towards the camera, minus infinity where nothing is.
+        ids: the colour number of what is seen, 0 where nothing is.
     """
 
     def __init__(self, view: View) -> None:

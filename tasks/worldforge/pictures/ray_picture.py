@@ -94,9 +94,9 @@ class RayPicture:
     """A world ready to be looked at.
 
     Args:
-      model: the compiled world.
-      look: tells the colours of places.
-      background: colour where a ray meets nothing, 0 to 1.
+        model: the compiled world.
+        look: tells the colours of places.
+        background: colour where a ray meets nothing, 0 to 1.
     """
 
     def __init__(self, model: mujoco.MjModel, look: Look, background: Vector = (0.86, 0.91, 0.95)) -> None:
@@ -147,16 +147,16 @@ class RayPicture:
         """Takes the picture.
 
         Args:
-          camera: from where.
-          lamps: sets of lamps; a pixel looks at one lamp of each set and at the others through its
-            neighbours.
-          width: pixels.
-          height: pixels.
-          ambient: light that comes from everywhere.
-          extra: further light at places, shape (n, 3): the sun.
+            camera: from where.
+            lamps: sets of lamps; a pixel looks at one lamp of each set and at the others through its
+                neighbours.
+            width: pixels.
+            height: pixels.
+            ambient: light that comes from everywhere.
+            extra: further light at places, shape (n, 3): the sun.
 
         Returns:
-          Red, green, blue, shape (height, width, 3).
+            Red, green, blue, shape (height, width, 3).
         """
         rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:height, 0:width])
         self._has_panes = self.glass_share(camera, width // 4, height // 4) > 0

@@ -38,16 +38,16 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
     """Draws the inside of a room.
 
     Args:
-      world: the world.
-      room: the room's name.
-      width_px: width of the picture.
-      height_px: height of the picture.
+        world: the world.
+        room: the room's name.
+        width_px: width of the picture.
+        height_px: height of the picture.
 
     Returns:
-      A PNG; the same one for the same world.
+        A PNG; the same one for the same world.
 
     Raises:
-      ValueError: there is no room of this name.
+        ValueError: there is no room of this name.
     """
     found = next((each for each in world.floorplan.rooms if each.name == room), None)
     if found is None:
@@ -154,8 +154,8 @@ class _Looks:
     """Colours of a world's geoms and surfaces.
 
     Args:
-      model: the compiled world, whose materials are named like surfaces.
-      world: the world.
+        model: the compiled world, whose materials are named like surfaces.
+        world: the world.
     """
 
     def __init__(self, model: mujoco.MjModel, world: World) -> None:
@@ -210,9 +210,9 @@ class _Sun:
     """Sunlight that falls through a room's windows onto what stands inside.
 
     Args:
-      model: the compiled world.
-      room: the room.
-      world: the world.
+        model: the compiled world.
+        room: the room.
+        world: the world.
     """
 
     def __init__(self, model: mujoco.MjModel, room: Room, world: World) -> None:

@@ -44,14 +44,14 @@ def check_world(
     """Measures a world.
 
     Args:
-      world: the world.
-      mjcf: its model, from `world_mjcf`.
-      grid: its map, from `occupancy_grid`, with all doors fully open, since a robot can push them.
-      robot_radius_m: radius of the disc that has to reach every room from the origin.
-      settle_s: how long to let physics run, with every body awake at first; None leaves that out.
+        world: the world.
+        mjcf: its model, from `world_mjcf`.
+        grid: its map, from `occupancy_grid`, with all doors fully open, since a robot can push them.
+        robot_radius_m: radius of the disc that has to reach every room from the origin.
+        settle_s: how long to let physics run, with every body awake at first; None leaves that out.
 
     Raises:
-      ValueError: when MuJoCo does not accept the model.
+        ValueError: when MuJoCo does not accept the model.
     """
     plan = world.floorplan
     model = _awake(mjcf)

@@ -32,10 +32,10 @@ def catalogue_sheet(kinds: tuple[str, ...] = (*MODEL_TYPES, *LOOSE_TYPES)) -> by
     """Draws all styles of some kinds of furniture, one kind after the other.
 
     Args:
-      kinds: the kinds, in order.
+        kinds: the kinds, in order.
 
     Returns:
-      A PNG.
+        A PNG.
     """
     rows: list[Image.Image] = []
     for kind in kinds:
@@ -53,7 +53,7 @@ def style_picture(kind: str, style: Style, width: int = CELL_WIDTH, height: int 
     """One piece on a plain floor, seen from its front and left.
 
     Returns:
-      Red, green, blue, shape (height, width, 3).
+        Red, green, blue, shape (height, width, 3).
     """
     item = Furniture(
         id="piece",

@@ -18,14 +18,14 @@ def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str 
     """Renders a page.
 
     Args:
-      template: file name of the template, which puts in `policy`, `style` and, if there is one, `script`.
-      style: file name of the style sheet.
-      scripts: file names of the scripts, which become one.
-      library: a script that comes before them and makes pictures of parts of the page.
-      values: what else the template puts in; text is escaped.
+        template: file name of the template, which puts in `policy`, `style` and, if there is one, `script`.
+        style: file name of the style sheet.
+        scripts: file names of the scripts, which become one.
+        library: a script that comes before them and makes pictures of parts of the page.
+        values: what else the template puts in; text is escaped.
 
     Returns:
-      The document; its content security policy allows this style, these scripts and pictures inside the page.
+        The document; its content security policy allows this style, these scripts and pictures inside the page.
     """
     css, script = _text(style), "".join(map(_text, scripts))
     allowed = " ".join(f"'{_digest(each)}'" for each in (library, script) if each) or "'none'"

@@ -14,12 +14,12 @@ def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
     """Writes the pictures; those that are there already are replaced.
 
     Args:
-      world: the world.
-      bundle: its bundle, whose preview is taken if there is one.
-      folder: where to; made if need be.
+        world: the world.
+        bundle: its bundle, whose preview is taken if there is one.
+        folder: where to; made if need be.
 
     Returns:
-      The files: the plan, the view from above, then one for each room in the plan's order.
+        The files: the plan, the view from above, then one for each room in the plan's order.
     """
     folder.mkdir(parents=True, exist_ok=True)
     plan, preview = folder / PLAN_FILE, folder / PREVIEW_FILE

@@ -28,12 +28,12 @@ def viewer_page(bundle: Path, title: str) -> str:
     """The page of a bundle's world.
 
     Args:
-      bundle: the world's bundle.
-      title: what to call the world.
+        bundle: the world's bundle.
+        title: what to call the world.
 
     Raises:
-      FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-      ValueError: one of them is none.
+        FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
+        ValueError: one of them is none.
     """
     world = read_world(bundle)
     glb = base64.b64encode(world_glb(bundle)).decode("ascii")
@@ -55,7 +55,7 @@ def three_js() -> str:
     """three.js with its reader of GLB files, which trimesh carries for pages of its own.
 
     Raises:
-      RuntimeError: the trimesh that is installed carries it in another way.
+        RuntimeError: the trimesh that is installed carries it in another way.
     """
     with zipfile.ZipFile(io.BytesIO(resources.get_bytes("templates/viewer.zip"))) as packed:
         template = packed.read("viewer.html.template").decode("utf-8")

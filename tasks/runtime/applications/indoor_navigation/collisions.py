@@ -50,11 +50,11 @@ class CollisionMonitor(KeepsAttributes):
         """Looks up the bodies and geoms.
 
         Args:
-          model: the compiled world with the robot.
-          data: its state, after `mj_forward`.
-          robot_body_id: the robot's root body.
-          furniture_ids: prefixes of geom names that name pieces of furniture.
-          on_touch: called at every look at which something is touched.
+            model: the compiled world with the robot.
+            data: its state, after `mj_forward`.
+            robot_body_id: the robot's root body.
+            furniture_ids: prefixes of geom names that name pieces of furniture.
+            on_touch: called at every look at which something is touched.
         """
         self._data = data
         self._on_touch = on_touch

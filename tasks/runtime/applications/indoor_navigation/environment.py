@@ -50,7 +50,7 @@ class IndoorNavigation(ResumableEnvironment):
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
 
         Raises:
-          RuntimeError: no run has begun.
+            RuntimeError: no run has begun.
         """
         if self._reset_next_step and self._step_count == 0:
             raise RuntimeError("there is no run to report on; call reset first")
@@ -67,11 +67,11 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
     environment variables, else what suits the size of the world.
 
     Args:
-      context: the run; it has to have a world.
+        context: the run; it has to have a world.
 
     Raises:
-      LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds, or there is
-        no such robot.
+        LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds, or there is
+            no such robot.
     """
     if context.world is None or context.world_dir is None:
         raise LaunchError(

@@ -56,16 +56,16 @@ class LevelScan:
         """Draws the plan.
 
         Args:
-          model: the compiled world with the robot.
-          data: its state, after `mj_forward`; read at every measurement.
-          body_id: the robot's root body, which rays start in and do not hit.
-          height_m: where on its axis they start; also how high that is over the floor when the body is level.
-          fan: the rays.
-          range_max_m: what lies farther away is not seen.
-          groups: which geom groups rays can hit.
+            model: the compiled world with the robot.
+            data: its state, after `mj_forward`; read at every measurement.
+            body_id: the robot's root body, which rays start in and do not hit.
+            height_m: where on its axis they start; also how high that is over the floor when the body is level.
+            fan: the rays.
+            range_max_m: what lies farther away is not seen.
+            groups: which geom groups rays can hit.
 
         Raises:
-          ValueError: there is something of which it is not known where it ends.
+            ValueError: there is something of which it is not known where it ends.
         """
         if model.nflex:
             raise ValueError("there are soft bodies")

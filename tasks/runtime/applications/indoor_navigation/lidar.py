@@ -37,13 +37,13 @@ class RangeFinder:
         """Prepares the buffers.
 
         Args:
-          model: the compiled world with the robot.
-          data: its state, read at every measurement.
-          body_id: the robot's root body; rays start on its z axis.
-          height_m: where on that axis.
-          angles_rad: directions of the rays, counter-clockwise from the robot's x axis.
-          range_max_m: what lies farther away is not seen.
-          hidden_group: geom group that no ray can hit, from `hide_geoms_from_lidar`.
+            model: the compiled world with the robot.
+            data: its state, read at every measurement.
+            body_id: the robot's root body; rays start on its z axis.
+            height_m: where on that axis.
+            angles_rad: directions of the rays, counter-clockwise from the robot's x axis.
+            range_max_m: what lies farther away is not seen.
+            hidden_group: geom group that no ray can hit, from `hide_geoms_from_lidar`.
         """
         self._model, self._data, self._body_id = model, data, body_id
         self._rotation = data.xmat[body_id].reshape(3, 3)
@@ -97,13 +97,13 @@ def hide_geoms_from_lidar(
     does not use, so that pictures stay the same.
 
     Args:
-      model: its `geom_group` is changed in place.
-      data: a state of it, after `mj_forward`.
-      height_m: height of the plane over the floor.
-      tolerance_m: how far the plane may tilt away at the sensor's range.
+        model: its `geom_group` is changed in place.
+        data: a state of it, after `mj_forward`.
+        height_m: height of the plane over the floor.
+        tolerance_m: how far the plane may tilt away at the sensor's range.
 
     Returns:
-      The group, or nothing when the world uses all of them.
+        The group, or nothing when the world uses all of them.
     """
     unused = [group for group in _VISIBLE_GROUPS if group not in model.geom_group]
     if not unused:

@@ -29,8 +29,8 @@ class Mission(KeepsAttributes):
         """Starts with nothing visited.
 
         Args:
-          rooms: the rooms to visit, in any order.
-          time_limit_s: simulated time that ends the run.
+            rooms: the rooms to visit, in any order.
+            time_limit_s: simulated time that ends the run.
         """
         self._rooms = rooms
         self._unvisited = {index: (_bounds(room.polygon), room.polygon) for index, room in enumerate(rooms)}
@@ -55,11 +55,11 @@ class Mission(KeepsAttributes):
         """Takes note of the robot's state.
 
         Args:
-          state: the state now.
-          tilt_rad: angle between the robot's axis and the vertical.
+            state: the state now.
+            tilt_rad: angle between the robot's axis and the vertical.
 
         Returns:
-          Number of rooms that were entered for the first time.
+            Number of rooms that were entered for the first time.
         """
         self.tipped_over |= tilt_rad > TIPPED_OVER_RAD
         if self._last is not None:
@@ -82,9 +82,9 @@ class Mission(KeepsAttributes):
         """Decides verdict, requirements and metrics of the run.
 
         Args:
-          collisions: the touches to list.
-          touches: how many there were.
-          max_force_N: the hardest one's force.
+            collisions: the touches to list.
+            touches: how many there were.
+            max_force_N: the hardest one's force.
         """
         time_s = self._last.time_s if self._last else 0.0
         requirements = self._requirements(time_s, max_force_N)

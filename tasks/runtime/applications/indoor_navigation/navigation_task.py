@@ -57,12 +57,12 @@ class NavigationTask(Task):
         """Prepares the task; a run begins with `initialize_episode`.
 
         Args:
-          world: the world that the physics was made from.
-          robot: the robot that was put into it.
-          rng: source of the first heading and of the lidar's noise.
-          recorder: where ROS 2 messages go.
-          time_limit_s: simulated time that ends a run.
-          known: the world's map, for the recording.
+            world: the world that the physics was made from.
+            robot: the robot that was put into it.
+            rng: source of the first heading and of the lidar's noise.
+            recorder: where ROS 2 messages go.
+            time_limit_s: simulated time that ends a run.
+            known: the world's map, for the recording.
         """
         self._world = world
         self._robot = robot
@@ -101,11 +101,11 @@ class NavigationTask(Task):
         """Hands a command to the robot's controller, which clips it to what the robot can do.
 
         Args:
-          action: see `action_spec`.
-          physics: unused; the task is bound to it.
+            action: see `action_spec`.
+            physics: unused; the task is bound to it.
 
         Raises:
-          ActionError: it is not an action of this robot.
+            ActionError: it is not an action of this robot.
         """
         del physics
         standing = self._controller.command(action)

@@ -45,10 +45,10 @@ def read_map(path: Path) -> OccupancyMap:
     """Reads a `map.yaml` and the picture it names.
 
     Args:
-      path: the YAML file.
+        path: the YAML file.
 
     Raises:
-      ValueError: it is no YAML, the map is turned against the world, or a member is missing or wrong.
+        ValueError: it is no YAML, the map is turned against the world, or a member is missing or wrong.
     """
     try:
         description = YAML(typ="safe").load(path.read_text())
@@ -83,7 +83,7 @@ def read_world_map(world_dir: Path) -> OccupancyMap:
     """Reads the map of a world, which does not change, once, and caches it.
 
     Raises:
-      ValueError: see `read_map`.
+        ValueError: see `read_map`.
     """
     return read_map(world_dir / "map.yaml")
 

@@ -69,7 +69,7 @@ class ScenePhysics(Physics):
         """Advances by `nstep` steps.
 
         Raises:
-          PhysicsError: the state became invalid.
+            PhysicsError: the state became invalid.
         """
         model, data, look = self.model.ptr, self.data.ptr, self.between_substeps
         # What dm_control's `check_invalid_state` does, at a fifth of its cost.
@@ -92,11 +92,11 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
     """Reads a world, stands a robot on its origin and compiles them.
 
     Args:
-      world_xml: the world's MJCF; its physics options are the ones that count.
-      robot: the robot.
+        world_xml: the world's MJCF; its physics options are the ones that count.
+        robot: the robot.
 
     Raises:
-      ValueError: MuJoCo cannot make a model of it; the message has its reason.
+        ValueError: MuJoCo cannot make a model of it; the message has its reason.
     """
     try:
         model = _compile(world_xml, robot)

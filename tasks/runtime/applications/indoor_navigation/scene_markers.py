@@ -37,9 +37,9 @@ def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float) 
     """Returns a disc and a name per room; green where the robot has been.
 
     Args:
-      rooms: the rooms, each with its goal.
-      visited: which of them the robot has been in.
-      time_s: simulated time.
+        rooms: the rooms, each with its goal.
+        visited: which of them the robot has been in.
+        time_s: simulated time.
     """
     header = ros.Header(ros.Time.from_seconds(time_s), _FRAME)
     markers = []
@@ -71,11 +71,11 @@ class ContactMarkers:
         """Looks up the bodies and geoms.
 
         Args:
-          recorder: where they go.
-          model: the compiled world with the robot.
-          data: its state, after `mj_forward`.
-          robot_body_id: a body of the robot.
-          furniture_ids: prefixes of geom names that name pieces of furniture.
+            recorder: where they go.
+            model: the compiled world with the robot.
+            data: its state, after `mj_forward`.
+            robot_body_id: a body of the robot.
+            furniture_ids: prefixes of geom names that name pieces of furniture.
         """
         self._recorder, self._model, self._data = recorder, model, data
         self._robot, self._floor = robot_geoms(model, robot_body_id), floor_geoms(model, data)

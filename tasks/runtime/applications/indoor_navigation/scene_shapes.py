@@ -37,8 +37,8 @@ def occupancy_grid(known: OccupancyMap, header: ros.Header) -> OccupancyGrid:
     """Returns a map as Nav2's map server publishes it.
 
     Args:
-      known: the map.
-      header: when, and in which frame.
+        known: the map.
+        header: when, and in which frame.
     """
     cells = np.where(known.free, 0, -1).astype(np.int8)
     if known.occupied is not None:
@@ -52,10 +52,10 @@ def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, sta
     """Returns what is fixed and shown: floors, walls, furniture.
 
     Args:
-      model: the compiled world.
-      data: its state, after `mj_forward`.
-      frame_id: frame of the world.
-      stamp: simulated time.
+        model: the compiled world.
+        data: its state, after `mj_forward`.
+        frame_id: frame of the world.
+        stamp: simulated time.
     """
     fixed = _shown(model) & (model.body_weldid[model.geom_bodyid] == 0)
     pattern = Marker(ros.Header(stamp, frame_id), "", 0, MarkerType.CUBE)
@@ -69,11 +69,11 @@ def robot_markers(
     """Returns what a robot looks like; its parts move with their frames.
 
     Args:
-      model: the compiled world with the robot.
-      data: its state, after `mj_forward`.
-      frames: frames by body, the base's first; what is rigidly fixed to a body is seen from its frame.
-      wheels: bodies without frames that are drawn in the base's, since they look the same however they are turned.
-      stamp: simulated time.
+        model: the compiled world with the robot.
+        data: its state, after `mj_forward`.
+        frames: frames by body, the base's first; what is rigidly fixed to a body is seen from its frame.
+        wheels: bodies without frames that are drawn in the base's, since they look the same however they are turned.
+        stamp: simulated time.
     """
     shown, group = _shown(model), model.body_weldid[model.geom_bodyid]
     markers = []

@@ -94,8 +94,8 @@ class Telemetry(KeepsAttributes):
         """Publishes what does not change, and the first state.
 
         Args:
-          model: the world with the robot.
-          data: its state, after `mj_forward`.
+            model: the world with the robot.
+            data: its state, after `mj_forward`.
         """
         self._data = data
         self._start_s, self._samples, self._due_s = data.time, 0, data.time - _ROUNDING_S
@@ -163,8 +163,8 @@ class Telemetry(KeepsAttributes):
         """Publishes the goals.
 
         Args:
-          rooms: the rooms, each with its goal.
-          visited: which of them the robot has been in.
+            rooms: the rooms, each with its goal.
+            visited: which of them the robot has been in.
         """
         time_s = self._data.time
         self._recorder.write("/goals", goal_markers(rooms, visited, time_s), time_s)

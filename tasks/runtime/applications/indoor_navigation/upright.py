@@ -34,8 +34,8 @@ class Fan:
         """Prepares the directions.
 
         Args:
-          count: rays all around.
-          first_rad: angle of the first one; the others follow counter-clockwise.
+            count: rays all around.
+            first_rad: angle of the first one; the others follow counter-clockwise.
         """
         self.count = count
         self._per_rad = count / math.tau
@@ -51,12 +51,12 @@ class Fan:
         """Says which rays go through sectors.
 
         Args:
-          begins: what lies in the directions where sectors begin.
-          widths: what would lie where they end if they began at angle 0; they reach at most half around.
+            begins: what lies in the directions where sectors begin.
+            widths: what would lie where they end if they began at angle 0; they reach at most half around.
 
         Returns:
-          How many rays go through each sector; and sector after sector the numbers of these rays, counting on after the
-          last ray, and their directions.
+            How many rays go through each sector; and sector after sector the numbers of these rays, counting on after
+            the last ray, and their directions.
         """
         per_rad = self._per_rad
         begin = np.arctan2(begins.imag, begins.real)
@@ -89,9 +89,9 @@ class Fan:
         """Gives the rays that meet a disc, unless all of them have ended before it.
 
         Args:
-          center: of the disc, in the fan's frame.
-          radius_m: of the disc.
-          distances: where the rays have ended so far.
+            center: of the disc, in the fan's frame.
+            radius_m: of the disc.
+            distances: where the rays have ended so far.
         """
         away_m = abs(center)
         middle, half = cmath.phase(center) * self._per_rad + self._zero, self.count / 2
@@ -103,9 +103,9 @@ class Fan:
         """Gives the rays that meet a convex polygon, unless all of them have ended before it.
 
         Args:
-          corners: of the polygon, in order, in the fan's frame.
-          least_m: how far away all of it is at least.
-          distances: where the rays have ended so far.
+            corners: of the polygon, in order, in the fan's frame.
+            least_m: how far away all of it is at least.
+            distances: where the rays have ended so far.
         """
         center = sum(corners) / len(corners)
         middle = cmath.phase(center) * self._per_rad + self._zero
@@ -132,9 +132,9 @@ class Frame:
         """Prepares the change of frames.
 
         Args:
-          origin: where it is.
-          x_axis: its x axis seen from above, shorter than 1 when the robot is tilted.
-          y_axis: its y axis likewise.
+            origin: where it is.
+            x_axis: its x axis seen from above, shorter than 1 when the robot is tilted.
+            y_axis: its y axis likewise.
         """
         self.origin = origin
         doubled = 2 * (x_axis.conjugate() * y_axis).imag
@@ -145,7 +145,7 @@ class Frame:
         """Where in the frame's own plane something upright is.
 
         Args:
-          away: where it stands, seen from the origin in the world's directions.
+            away: where it stands, seen from the origin in the world's directions.
         """
         return self._turn * away + self._mirror * away.conjugate()
 
@@ -157,8 +157,8 @@ class Faces:
         """Keeps the sides that can be seen.
 
         Args:
-          boxes: their corners from above, shape (n, 4), clockwise.
-          range_max_m: faces that are farther away are left out.
+            boxes: their corners from above, shape (n, 4), clockwise.
+            range_max_m: faces that are farther away are left out.
         """
         starts, ends = boxes.ravel(), np.roll(boxes, -1, axis=1).ravel()
         lengths = np.abs(ends - starts)
@@ -193,9 +193,9 @@ class Columns:
         """Notes them.
 
         Args:
-          centers: of their circles from above.
-          radii_m: of their circles.
-          range_max_m: columns that are farther away are left out.
+            centers: of their circles from above.
+            radii_m: of their circles.
+            range_max_m: columns that are farther away are left out.
         """
         rows = zip(centers.tolist(), radii_m.tolist(), strict=True)
         self._circles = [(center.real, center.imag, radius_m, radius_m + range_max_m) for center, radius_m in rows]
@@ -217,11 +217,11 @@ def covered_sides(boxes: Places, others: Places) -> NDArray[np.bool_]:
     """Which sides of boxes have one of other boxes right before them over their whole length.
 
     Args:
-      boxes: their corners from above, shape (n, 4), clockwise.
-      others: likewise.
+        boxes: their corners from above, shape (n, 4), clockwise.
+        others: likewise.
 
     Returns:
-      Shape (n, 4); the first side goes from the first corner to the second.
+        Shape (n, 4); the first side goes from the first corner to the second.
     """
     next_ = np.roll(boxes, -1, axis=1)
     outwards = 1j * (next_ - boxes) / np.abs(next_ - boxes)

@@ -85,11 +85,11 @@ class Scout(KeepsAttributes):
         """Prepares for a run.
 
         Args:
-          known: the map.
-          goals: one place per room, metres, by the room's name.
-          limits: how large the robot is and what it can do.
-          plans: told of every way that is planned.
-          lidar: what its scans are.
+            known: the map.
+            goals: one place per room, metres, by the room's name.
+            limits: how large the robot is and what it can do.
+            plans: told of every way that is planned.
+            lidar: what its scans are.
         """
         self._plans = plans
         self._limits = limits
@@ -131,7 +131,7 @@ class Scout(KeepsAttributes):
         """Decides on forward velocity (m/s) and turning rate (rad/s).
 
         Raises:
-          StopIteration: the robot has been standing still for a second with nothing left to do.
+            StopIteration: the robot has been standing still for a second with nothing left to do.
         """
         observation = timestep.observation
         x, y, yaw = observation["pose"].tolist()
@@ -243,11 +243,11 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
     """Makes the robot's program for one run.
 
     Args:
-      context: the run; its world's map is what the robot knows.
-      environment: `indoor-navigation`, or another one with the same observations and actions.
+        context: the run; its world's map is what the robot knows.
+        environment: `indoor-navigation`, or another one with the same observations and actions.
 
     Raises:
-      LaunchError: there is no world or its map cannot be read, or the environment is of another kind.
+        LaunchError: there is no world or its map cannot be read, or the environment is of another kind.
     """
     if context.world is None or context.world_dir is None:
         raise LaunchError(

@@ -27,8 +27,8 @@ class PathFollower:
         """Starts at the path's beginning.
 
         Args:
-          path: points of shape (n, 2), about 5 cm apart, n at least 2.
-          limits: what the robot can do.
+            path: points of shape (n, 2), about 5 cm apart, n at least 2.
+            limits: what the robot can do.
         """
         self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
         self._points: list[tuple[float, float]] = [(x, y) for x, y in path.tolist()]
@@ -57,14 +57,14 @@ class PathFollower:
         """Decides on a velocity.
 
         Args:
-          x: position, metres.
-          y: position, metres.
-          yaw: heading, radians.
-          speed: present forward speed, m/s; sets how far ahead to aim.
-          speed_limit: most that is allowed now, m/s.
+            x: position, metres.
+            y: position, metres.
+            yaw: heading, radians.
+            speed: present forward speed, m/s; sets how far ahead to aim.
+            speed_limit: most that is allowed now, m/s.
 
         Returns:
-          Forward velocity in m/s and turning rate in rad/s.
+            Forward velocity in m/s and turning rate in rad/s.
         """
         self._advance(x, y)
         lookahead_m = _LOOKAHEAD_MIN_M + _LOOKAHEAD_PER_MPS_S * max(0.0, speed)

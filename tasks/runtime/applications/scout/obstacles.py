@@ -41,12 +41,12 @@ class ObstacleMemory(KeepsAttributes):
         """Takes in a measurement.
 
         Args:
-          pose: x, y in metres and yaw in radians, of the measurement.
-          hits: what was hit, from `near_hits`.
-          now_s: time.
+            pose: x, y in metres and yaw in radians, of the measurement.
+            hits: what was hit, from `near_hits`.
+            now_s: time.
 
         Returns:
-          Those of the hits that the map does not show, as points of shape (n, 2), metres.
+            Those of the hits that the map does not show, as points of shape (n, 2), metres.
         """
         if not hits.size:
             return np.zeros((0, 2))
@@ -75,12 +75,12 @@ def near_hits(
     """Where rays of the lidar and the bumper's sensors ended within 1.6 m.
 
     Args:
-      rays: their directions, from `ray_directions`.
-      scan: the lidar's ranges, metres.
-      proximity: the bumper's ranges, metres.
+        rays: their directions, from `ray_directions`.
+        scan: the lidar's ranges, metres.
+        proximity: the bumper's ranges, metres.
 
     Returns:
-      Points in the robot's frame, metres: forward is the real part, left the imaginary one.
+        Points in the robot's frame, metres: forward is the real part, left the imaginary one.
     """
     ranges = np.concatenate((scan, proximity))
     near = np.flatnonzero(ranges < _NEAR_M)
@@ -91,8 +91,8 @@ def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:
     """How far a disc can go straight on before it touches one of `near_hits`; metres.
 
     Args:
-      hits: points in the robot's frame.
-      half_width_m: the disc's radius.
+        hits: points in the robot's frame.
+        half_width_m: the disc's radius.
     """
     ahead = hits[(np.abs(hits.imag) < half_width_m) & (hits.real > 0)]
     if not ahead.size:

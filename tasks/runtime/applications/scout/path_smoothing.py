@@ -23,12 +23,12 @@ def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -
     """Straightens and rounds a path.
 
     Args:
-      points: the path, shape (n, 2), metres; its ends stay.
-      clearance: distance to the nearest obstacle for points of shape (n, 2).
-      radius_m: clearance that rounding must not go below.
+        points: the path, shape (n, 2), metres; its ends stay.
+        clearance: distance to the nearest obstacle for points of shape (n, 2).
+        radius_m: clearance that rounding must not go below.
 
     Returns:
-      Points about `STEP_M` apart, shape (m, 2), m at least 2.
+        Points about `STEP_M` apart, shape (m, 2), m at least 2.
     """
     path = resample(_straighten(points, clearance))
     rounded = path

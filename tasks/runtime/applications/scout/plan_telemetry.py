@@ -22,9 +22,9 @@ class PlanTelemetry:
         """Publishes a way.
 
         Args:
-          goal: where to, metres.
-          path: points on the way, shape (n, 2).
-          time_s: simulated time.
+            goal: where to, metres.
+            path: points on the way, shape (n, 2).
+            time_s: simulated time.
         """
         if not self._recorder.enabled:
             return

@@ -52,8 +52,8 @@ class GridPlanner:
         """Prepares the map as it is.
 
         Args:
-          known: the map.
-          radius_m: the disc's radius.
+            known: the map.
+            radius_m: the disc's radius.
         """
         self._map = known
         self._radius_m = radius_m
@@ -81,12 +81,12 @@ class GridPlanner:
         """Finds a way of the first kind that there is: free, tight, pushing.
 
         Args:
-          start: where the disc's middle is; when the disc does not fit there, the way begins at the
-            nearest place where it does.
-          goal: where it should be, likewise.
+            start: where the disc's middle is; when the disc does not fit there, the way begins at the
+                nearest place where it does.
+            goal: where it should be, likewise.
 
         Returns:
-          The way, or nothing when there is none on the map alone.
+            The way, or nothing when there is none on the map alone.
         """
         for kind in _MARGIN_M:
             path = self._path(kind, start, goal)

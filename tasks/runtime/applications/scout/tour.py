@@ -18,10 +18,10 @@ def plan_tour(distances: NDArray[np.float64]) -> list[int]:
     problems", 1962), many on one from nearest neighbour to nearest neighbour, untangled by 2-opt.
 
     Args:
-      distances: shape (n, n), symmetric; infinite where there is no way.
+        distances: shape (n, n), symmetric; infinite where there is no way.
 
     Returns:
-      The places that can be reached from place 0, without it.
+        The places that can be reached from place 0, without it.
     """
     table = distances.tolist()
     places = [place for place in range(1, len(table)) if np.isfinite(table[0][place])]
