@@ -12,6 +12,7 @@ __all__ = [
     "provenance",
     "requirements",
     "robot_yaml",
+    "stops",
     "variables",
     "verification",
 ]
