@@ -1,6 +1,6 @@
 """The flows of all operations, by the modules of `flows` that they are in.
 
-Written by `python -m prefect_robomaker.deployments.reference`. Importing this imports none of them.
+Written by `python -m tools.reference`. Importing this imports none of them.
 """
 
 from typing import TYPE_CHECKING

@@ -9,7 +9,7 @@ import pytest
 from helpers.published_model import Model, published_files
 
 from prefect_robomaker.deployments.service_model.model import paginators_model, service_model
-from prefect_robomaker.schemas.differences import DIFFERENCES
+from tools.reference.differences import DIFFERENCES
 
 Facts = dict[str, Any]
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from helpers.published_model import Model, published_files
 
-from prefect_robomaker.schemas.differences import changed_bounds, changed_members
 from prefect_robomaker.schemas.operations.registry import OPERATIONS, OperationShape
+from tools.reference.differences import changed_bounds, changed_members
 
 Schema = dict[str, Any]
 

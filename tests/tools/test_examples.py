@@ -11,13 +11,13 @@ import pytest
 from helpers.paths import REPOSITORY
 from helpers.performer_process import AwaitStatus, PerformElsewhere
 
-from prefect_robomaker.deployments.reference.examples import ARCHIVE, EXAMPLES, MADE_BY
-from prefect_robomaker.deployments.reference.operations_page import command
-from prefect_robomaker.deployments.reference.pages import DOCS
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
+from tools.reference.examples import ARCHIVE, EXAMPLES, MADE_BY
+from tools.reference.operations_page import command
+from tools.reference.pages import DOCS
 
 BUNDLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 

@@ -5,8 +5,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ...schemas.differences import changed_bounds
-from ..service_model.model import service_model
+from prefect_robomaker.deployments.service_model.model import service_model
+
+from .differences import changed_bounds
 
 Definition = Mapping[str, Any]
 

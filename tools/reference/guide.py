@@ -3,9 +3,10 @@
 import re
 from collections.abc import Callable, Mapping
 
-from ...schemas.behaviour import Kind
-from ...schemas.behaviours import BEHAVIOURS, behaviours_of
-from ...schemas.operations.resources import OPERATION_GROUPS
+from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
+
+from .behaviour import Kind
+from .behaviours import BEHAVIOURS, behaviours_of
 
 _MARK = re.compile(r"<!-- made: (?P<name>[a-z-]+) -->\n.*?<!-- end -->", re.DOTALL)
 

@@ -5,16 +5,16 @@ from collections import Counter
 
 import pytest
 
-from prefect_robomaker.deployments.reference.guide import with_tables
-from prefect_robomaker.deployments.reference.pages import DOCS, pages
-from prefect_robomaker.deployments.reference.tables import Tables
-from prefect_robomaker.schemas.behaviours import BEHAVIOURS
-from prefect_robomaker.schemas.differences import DIFFERENCES
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
+from tools.reference.behaviours import BEHAVIOURS
+from tools.reference.differences import DIFFERENCES
+from tools.reference.guide import with_tables
+from tools.reference.pages import DOCS, pages
+from tools.reference.tables import Tables
 
 OPERATIONS_PAGE = DOCS / "operations.md"
-HINT = "run `python -m prefect_robomaker.deployments.reference` and commit what it writes"
+HINT = "run `python -m tools.reference` and commit what it writes"
 
 
 def section(operation: str) -> str:

@@ -6,17 +6,18 @@ import re
 from collections.abc import Iterator
 from types import ModuleType
 
-from ...schemas.behaviour import Behaviour, Kind
-from ...schemas.behaviours import BEHAVIOURS, behaviours_of
-from ...schemas.differences import ANYTHING, DIFFERENCES, LINE_BREAKS
-from ...schemas.operations.registry import OPERATIONS
-from ...schemas.operations.resources import OPERATION_GROUPS
-from ...schemas.wire import errors
-from ...schemas.wire.errors import RobomakerError
-from ...schemas.wire.operation_shape import OperationShape
-from ...tasks.operations.registry import registry
-from ..endpoint import messages
-from ..service_model.shapes import WIDEST
+from prefect_robomaker.deployments.endpoint import messages
+from prefect_robomaker.deployments.service_model.shapes import WIDEST
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
+from prefect_robomaker.schemas.wire import errors
+from prefect_robomaker.schemas.wire.errors import RobomakerError
+from prefect_robomaker.schemas.wire.operation_shape import OperationShape
+from prefect_robomaker.tasks.operations.registry import registry
+
+from .behaviour import Behaviour, Kind
+from .behaviours import BEHAVIOURS, behaviours_of
+from .differences import ANYTHING, DIFFERENCES, LINE_BREAKS
 from .examples import EXAMPLES
 from .tables import Tables
 
@@ -24,7 +25,7 @@ _WIDTH = 90
 _INTRODUCTION = """\
 # Operations
 
-All {count} operations of the service. This page is made by `python -m prefect_robomaker.deployments.reference`; what is
+All {count} operations of the service. This page is made by `python -m tools.reference`; what is
 different on the whole, and why, is in [Coming from RoboMaker](coming-from-robomaker.md).
 
 Each operation can be called in four ways, and does the same in all of them:

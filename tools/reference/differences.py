@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .wire.common import MAX_DURATION_S
+from prefect_robomaker.schemas.wire.common import MAX_DURATION_S
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
-from ...schemas.operations.resources import RESOURCES
-from ...tasks.operations.registry import registry
+from prefect_robomaker.schemas.operations.resources import RESOURCES
+from prefect_robomaker.tasks.operations.registry import registry
 
 _MODULE = '''\
 """The flows of all operations, by the modules of `flows` that they are in.
 
-Written by `python -m prefect_robomaker.deployments.reference`. Importing this imports none of them.
+Written by `python -m tools.reference`. Importing this imports none of them.
 """
 
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ __all__ = [
 {names}
 ]
 '''
-_MARK = "  # Deployments of all operations, written by `python -m prefect_robomaker.deployments.reference`.\n"
+_MARK = "  # Deployments of all operations, written by `python -m tools.reference`.\n"
 
 
 def flows_by_module() -> Mapping[str, Sequence[str]]:

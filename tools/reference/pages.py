@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...schemas.wire.errors import ConfigurationError
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+
 from .door import operation_flows_module, with_deployments
 from .guide import with_tables
 from .operations_page import operations_page
