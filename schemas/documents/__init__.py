@@ -13,7 +13,10 @@ May import: `schemas.wire`.
 """
 
 __all__ = [
+    "applications",
     "base",
+    "fleets",
+    "kinds",
     "simulation_job_batches",
     "simulation_jobs",
     "world_export_jobs",

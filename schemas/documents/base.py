@@ -72,6 +72,11 @@ class Changes(BaseModel):
         return type(self)(**{name: getattr(self, name) for name in self.model_fields_set.difference(names)})
 
     @classmethod
+    def of_members(cls, resource: StoredResource) -> Self:
+        """Reads a resource of a list that was asked for no other `members` of the documents than these."""
+        return cls.model_validate(resource.document)
+
+    @classmethod
     def members(cls) -> tuple[str, ...]:
         """The names under which its members are stored."""
         return tuple(field.serialization_alias or name for name, field in cls.model_fields.items())

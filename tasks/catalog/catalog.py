@@ -8,6 +8,7 @@ from sqlalchemy import Connection, RowMapping, and_, delete, func, insert, selec
 from sqlalchemy.exc import IntegrityError
 
 from ...schemas.documents.base import Changes, Document
+from ...schemas.documents.kinds import upgraded
 from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.common import MAX_TAGS
@@ -203,7 +204,7 @@ class Catalog(CatalogLeases):
         def compute(row: RowMapping) -> dict[str, Any]:
             if status is not None and row["kind"] in LIFECYCLES:
                 raise StateConflictError(f"{arn} is a {row['kind']}; its status changes by events only")
-            document = dict(row["document"])
+            document = upgraded(row["kind"], row["document"], arn)
             return {
                 **others,
                 "document": _changed(document, changes if isinstance(changes, Changes) else changes(document)),
@@ -273,7 +274,7 @@ class Catalog(CatalogLeases):
             except StateConflictError as error:
                 raise StateConflictError(f"{arn}: {error}") from error
             changes = document_changes.to_json() if isinstance(document_changes, Changes) else document_changes or {}
-            return {"status": status, "document": {**row["document"], **changes}}
+            return {"status": status, "document": {**upgraded(row["kind"], row["document"], arn), **changes}}
 
         return self._change(arn, owner, compute)
 

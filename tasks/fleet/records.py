@@ -14,14 +14,15 @@ the rest up to date.
 
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
 
+from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.fleets import FleetChanges, FleetDocument, RobotDocument, RobotMembership
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, ThrottlingException
-from ..catalog import Resource
+from ..catalog import Resource, Stored
 from ..service.service import Service
 
 FLEET = "deployment-fleet"
@@ -73,7 +74,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
     while True:
         filters = {"fleetName": [ResourceArn.parse(fleet, FLEET).name]}
         some = service.catalog.list(ROBOT, filters=filters, limit=page, after=after)
-        found += [robot for robot in some.resources if robot.document["fleet"] == fleet]  # names may repeat
+        found += [robot for robot in some.resources if RobotDocument.of(robot).fleet == fleet]  # names may repeat
         if (after := some.next_token) is None:
             return found
 
@@ -92,7 +93,7 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
         InvalidParameterException: it is in another fleet.
     """
     known = service.catalog.get(robot, kind=ROBOT)
-    if known.document["fleet"] != fleet.arn:
+    if RobotDocument.of(known).fleet != fleet.arn:
         _register(robot, fleet, last_deployment(fleet.arn, service), service)
 
 
@@ -102,21 +103,20 @@ def take_out_of_fleet(robot: str, service: Service) -> None:
     Raises:
         ResourceNotFoundException: there is no such robot.
     """
-    service.catalog.update(robot, lambda document: {**document, "fleet": None}, labels={}, status="Available")
+    service.catalog.update(robot, RobotMembership(fleet=None), labels={}, status="Available")
 
 
 def settle(fleet: Resource, service: Service) -> None:
     """Brings a fleet and its robots up to date with its last deployment; the caller holds its lease."""
     deployment = last_deployment(fleet.arn, service)
-    if deployment is not None and fleet.document.get("lastDeploymentJob") != deployment.arn:
-        last = {"lastDeploymentJob": deployment.arn}
-        service.catalog.update(fleet.arn, lambda document: {**document, **last})
+    if deployment is not None and FleetDocument.of(fleet).last_deployment_job != deployment.arn:
+        service.catalog.update(fleet.arn, FleetChanges(last_deployment_job=deployment.arn))
     for robot in robots_of(fleet.arn, service):
         with suppress(ResourceNotFoundException):  # robots may be deleted at any time
             _register(robot.arn, fleet, deployment, service)
 
 
-def end_deployment(job: Resource, event: str, service: Service, changes: Mapping[str, Any] | None = None) -> None:
+def end_deployment(job: Resource, event: str, service: Service, changes: FailureChanges | None = None) -> None:
     """Ends a deployment job unless it has ended; the caller holds the lease of its fleet.
 
     Args:
@@ -132,13 +132,15 @@ def end_deployment(job: Resource, event: str, service: Service, changes: Mapping
 def _register(robot: str, fleet: Resource, deployment: Resource | None, service: Service) -> None:
     waits = deployment is not None and deployment.status == "Pending"
 
-    def registered(document: dict[str, Any]) -> dict[str, Any]:
-        if document["fleet"] not in (None, fleet.arn):
+    def registered(stored: Stored) -> RobotMembership:
+        document = RobotDocument.model_validate(stored)
+        if document.fleet not in (None, fleet.arn):
             raise InvalidParameterException(
-                f"robot: {robot} is registered with {document['fleet']}; deregister it there first"
+                f"robot: {robot} is registered with {document.fleet}; deregister it there first"
             )
-        meant = {"lastDeploymentJob": deployment.arn} if deployment is not None and waits else {}
-        return {**document, **meant, "fleet": fleet.arn}
+        if deployment is not None and waits:
+            return RobotMembership(last_deployment_job=deployment.arn, fleet=fleet.arn)
+        return RobotMembership(fleet=fleet.arn)
 
     status = "PendingNewDeployment" if waits else "Registered"
     service.catalog.update(robot, registered, labels={"fleetName": [fleet.name]}, status=status)

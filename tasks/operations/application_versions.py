@@ -7,6 +7,8 @@ themselves; a job that uses a version whose archive has changed since fails and 
 from collections.abc import Mapping
 from typing import Any
 
+from ...schemas.documents.applications import ApplicationDocument, StoredSource
+from ...schemas.documents.base import VERSION_KEY
 from ...schemas.runs.plan import ApplicationRole
 from ...schemas.wire.errors import InvalidParameterException, ThrottlingException
 from ..catalog import NewResource, Resource
@@ -40,11 +42,11 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
     """
     for _ in range(_ATTEMPTS):
         application = find_application(request["application"], role, LATEST, service)
-        check_revision(request.get("currentRevisionId"), application.document)
+        check_revision(request.get("currentRevisionId"), ApplicationDocument.of(application))
         content = _content(application, request, service)
 
-        def make(parent: Resource, number: int, content: Mapping[str, Any] = content) -> NewResource:
-            if parent.document["revisionId"] != content["revisionId"]:
+        def make(parent: Resource, number: int, content: ApplicationDocument = content) -> NewResource:
+            if ApplicationDocument.of(parent).revision_id != content.revision_id:
                 raise _ChangedMeanwhile
             return _version(parent, number, content)
 
@@ -55,7 +57,7 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
     raise ThrottlingException(f"{request['application']} was changed by others {_ATTEMPTS} times in a row; try again")
 
 
-def _version(application: Resource, number: int, content: Mapping[str, Any]) -> NewResource:
+def _version(application: Resource, number: int, content: ApplicationDocument) -> NewResource:
     return Resource.new(
         arn=version_arn(application.arn, number),
         kind=version_kind(application.kind),
@@ -63,36 +65,37 @@ def _version(application: Resource, number: int, content: Mapping[str, Any]) -> 
         name=application.name,
         status="Active",
         parent=application.arn,
-        document={**content, "version": str(number)},
+        document=content.model_copy(update={"version": str(number)}),
     )
 
 
-def _content(application: Resource, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+def _content(application: Resource, request: Mapping[str, Any], service: Service) -> ApplicationDocument:
     """What the version holds: the application, with its archives as they are at this moment."""
-    content = {key: value for key, value in application.document.items() if key != "lastNumber"}
-    if sources := content.get("sources"):
-        content["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
+    content = ApplicationDocument.of(application).without("last_number", VERSION_KEY)
+    if content.sources:
+        sources = [with_etag(source.to_json(), index, service) for index, source in enumerate(content.sources)]
+        content = content.model_copy(update={"sources": [StoredSource.model_validate(each) for each in sources]})
     _check_etags(request.get("s3Etags"), content, application)
     if digest := _image_digest(request.get("imageDigest"), content, application):
-        content["imageDigest"] = digest
+        content = content.model_copy(update={"image_digest": digest})
     return content
 
 
-def _check_etags(wanted: list[str] | None, content: Mapping[str, Any], application: Resource) -> None:
+def _check_etags(wanted: list[str] | None, content: ApplicationDocument, application: Resource) -> None:
     if not wanted:
         return
-    found = sorted(source["etag"] for source in content.get("sources") or [])
+    found = sorted(source.etag for source in content.sources or [])
     if sorted(etag.strip('"') for etag in wanted) != found:
         there = f"its archives have {', '.join(found)}" if found else "it has no archives"
         raise InvalidParameterException(f"s3Etags: {', '.join(wanted)} is not what {application.arn} holds; {there}")
 
 
-def _image_digest(wanted: str | None, content: Mapping[str, Any], application: Resource) -> str | None:
+def _image_digest(wanted: str | None, content: ApplicationDocument, application: Resource) -> str | None:
     """The digest of the version's image: what its URI says, else what the caller says it is."""
-    known = content.get("imageDigest")
+    known = content.image_digest
     if wanted is None:
         return known
-    uri = (content.get("environment") or {}).get("uri", "")
+    uri = content.environment.uri if content.environment else ""
     if not uri or uri.startswith("python://"):
         raise InvalidParameterException(f"imageDigest: {application.arn} is no container image; leave imageDigest out")
     if known is not None and known != wanted.lower():

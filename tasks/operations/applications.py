@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.operations.applications import ApplicationListRequest
 from ...schemas.runs.plan import ApplicationRole
 from ...schemas.wire.arns import ResourceArn, application_arn
 from ...schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
-from ..catalog import Page, Resource
+from ..catalog import Page, Resource, Stored
 from ..service.builtin_applications import is_builtin
 from ..service.service import Service
 from ..simulations.planning.applications import (
@@ -24,7 +25,6 @@ from ..simulations.planning.applications import (
 from .pages import page_of
 
 _CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
-_KEPT = ("lastNumber",)  # what of the document outlives a change: the catalog's count of versions
 
 
 def create_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
             name=request["name"],
             status="Active",
             tags=request.get("tags") or {},
-            document={**definition, **_new_revision(service)},
+            document=definition,
         ),
         token=None,
         unique_name=True,
@@ -66,7 +66,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
     """
     version = request.get("applicationVersion")
     resource = find_application(request["application"], role, version, service)
-    return {**_tagged(resource), "imageDigest": resource.document.get("imageDigest")}
+    return {**_tagged(resource), "imageDigest": ApplicationDocument.of(resource).image_digest}
 
 
 def list_applications(
@@ -126,27 +126,28 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 def revision(resource: Resource) -> dict[str, Any]:
     """The members of a response that say what an application, or a version of it, is."""
-    document = resource.document
+    document = ApplicationDocument.of(resource)
+    content = document.to_json()
     return {
         "arn": resource.parent or resource.arn,
         "name": resource.name,
-        "version": document["version"],
-        "revisionId": document["revisionId"],
+        "version": document.version,
+        "revisionId": document.revision_id,
         "lastUpdatedAt": resource.updated_at,
-        **{member: document[member] for member in _CONTENT if member in document},
+        **{member: content[member] for member in _CONTENT if member in content},
     }
 
 
-def check_revision(wanted: str | None, document: Mapping[str, Any]) -> None:
+def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
     """Checks that an application still has the revision that a request is about.
 
     Raises:
         InvalidParameterException: it has another; says which.
     """
-    if wanted is not None and wanted != document["revisionId"]:
+    if wanted is not None and wanted != document.revision_id:
         raise InvalidParameterException(
             f"currentRevisionId: the application has another revision than {wanted!r} by now, "
-            f"{document['revisionId']!r}; describe it, and repeat the call with that one if it is what you mean"
+            f"{document.revision_id!r}; describe it, and repeat the call with that one if it is what you mean"
         )
 
 
@@ -162,8 +163,8 @@ def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service
     resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:
         return None
-    wanted = _definition(request, service)
-    differing = [member for member in sorted(_CONTENT) if wanted.get(member) != resource.document.get(member)]
+    wanted, existing = _definition(request, service).to_json(), ApplicationDocument.of(resource).to_json()
+    differing = [member for member in sorted(_CONTENT) if wanted.get(member) != existing.get(member)]
     if differing:
         raise ResourceAlreadyExistsException(
             f"{resource.arn} exists and differs in {', '.join(differing)}; give the new one another name, "
@@ -193,8 +194,8 @@ def update_application(role: ApplicationRole, request: Mapping[str, Any], servic
     return _tagged(updated)
 
 
-def _definition(request: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """What an application is; archives with the ETags they have now."""
+def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
+    """What an application is, as a revision of its own; archives with the ETags they have now."""
     definition = {member: request[member] for member in _CONTENT if request.get(member) is not None}
     if sources := definition.pop("sources", None):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
@@ -204,19 +205,19 @@ def _definition(request: Mapping[str, Any], service: Service) -> dict[str, Any]:
         check_environment(uri)
         if digest := image_digest(uri):
             definition["imageDigest"] = digest
-    return definition
+    revision_id = str(uuid.UUID(int=service.chance.getrandbits(128)))
+    return ApplicationDocument.model_validate({**definition, "version": LATEST, "revisionId": revision_id})
 
 
-def _replace(arn: str, definition: Mapping[str, Any], wanted: str | None, service: Service) -> Resource:
-    def changes(document: dict[str, Any]) -> dict[str, Any]:
+def _replace(arn: str, definition: ApplicationDocument, wanted: str | None, service: Service) -> Resource:
+    def changes(stored: Stored) -> ApplicationDocument:
+        document = ApplicationDocument.model_validate(stored)
         check_revision(wanted, document)
-        return {**definition, **_new_revision(service), **{key: document[key] for key in _KEPT if key in document}}
+        if document.last_number is None:
+            return definition
+        return definition.model_copy(update={"last_number": document.last_number})  # versions are counted on
 
     return service.catalog.update(arn, changes)
-
-
-def _new_revision(service: Service) -> dict[str, str]:
-    return {"version": LATEST, "revisionId": str(uuid.UUID(int=service.chance.getrandbits(128)))}
 
 
 def _tagged(resource: Resource) -> dict[str, Any]:

@@ -5,10 +5,12 @@ carried out and stored as `Pending`, where it stays until it is cancelled or its
 no job operation, since there is nothing to perform.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from ...schemas.documents.applications import ApplicationDocument
+from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.deployment_jobs import (
     DEFAULT_ROBOT_TIMEOUT_S,
@@ -50,7 +52,9 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
     job = service.made_before(token)
     if job is None:
         configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
-        order = {"deploymentApplicationConfigs": configs, "deploymentConfig": _config(request, service)}
+        order = DeploymentJobDocument(
+            deployment_application_configs=configs, deployment_config=_config(request, service)
+        )
         with fleet_held(request.fleet, service) as fleet:
             job = service.made_before(token) or _stored(order, fleet, service, token, request.tags)
     return {**_summary(job), "tags": dict(job.tags)}
@@ -99,7 +103,7 @@ def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service)
 
 
 def _stored(
-    order: Mapping[str, Any],
+    order: DeploymentJobDocument,
     fleet: Resource,
     service: Service,
     token: ClientToken | None,
@@ -124,20 +128,24 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
         raise InvalidParameterException(
             f"fleet: {fleet.arn} has had no deployment that could be repeated; call CreateDeploymentJob first"
         )
-    order = {key: last.document[key] for key in ("deploymentApplicationConfigs", "deploymentConfig")}
+    document = DeploymentJobDocument.of(last)
+    order = DeploymentJobDocument(
+        deployment_application_configs=document.deployment_application_configs,
+        deployment_config=document.deployment_config,
+    )
     return _stored(order, fleet, service, token)
 
 
-def _check_robots(order: Mapping[str, Any], fleet: Resource, service: Service) -> None:
+def _check_robots(order: DeploymentJobDocument, fleet: Resource, service: Service) -> None:
     """Refuses a deployment that cannot reach a single robot."""
-    (config,) = order["deploymentApplicationConfigs"]
+    (config,) = order.deployment_application_configs
     ResourceArn.parse(config["application"], "robot-application")
     application = find_application(config["application"], "robot", config["applicationVersion"], service)
-    architectures = {robot.document["architecture"] for robot in robots_of(fleet.arn, service)}
+    architectures = {RobotDocument.of(robot).architecture for robot in robots_of(fleet.arn, service)}
     if not architectures:
         raise InvalidParameterException(f"fleet: {fleet.arn} has no robots; register some first")
-    sources: Sequence[Mapping[str, Any]] = application.document.get("sources") or [{}]
-    served = {source.get("architecture") for source in sources}
+    sources = ApplicationDocument.of(application).sources
+    served = {source.architecture for source in sources} if sources else {None}
     if None not in served and not architectures & served:
         raise InvalidParameterException(
             f"deploymentApplicationConfigs[0]: version {config['applicationVersion']} of {application.arn} has sources "
@@ -180,13 +188,14 @@ def _fleet(job: Resource) -> str:
 
 
 def _summary(job: Resource) -> dict[str, Any]:
+    document = DeploymentJobDocument.of(job)
     return {
         "arn": job.arn,
         "fleet": job.parent,
         "status": job.status,
-        "deploymentApplicationConfigs": job.document["deploymentApplicationConfigs"],
-        "deploymentConfig": job.document["deploymentConfig"],
-        "failureReason": job.document.get("failureReason"),
-        "failureCode": job.document.get("failureCode"),
+        "deploymentApplicationConfigs": document.deployment_application_configs,
+        "deploymentConfig": document.deployment_config,
+        "failureReason": document.failure_reason,
+        "failureCode": document.failure_code,
         "createdAt": job.created_at,
     }

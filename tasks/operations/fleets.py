@@ -5,6 +5,8 @@ from contextlib import suppress
 from datetime import timedelta
 from typing import Any
 
+from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.fleets import FleetDocument
 from ...schemas.operations.fleets import (
     CreateFleetRequest,
     CreateFleetResponse,
@@ -67,7 +69,14 @@ def _stored(request: CreateFleetRequest, service: Service) -> Resource:
     for later_ms in range(_NAMESAKES):
         moment = now + timedelta(milliseconds=later_ms)
         arn = application_arn(settings.region, settings.account, FLEET, request.name, moment)
-        fleet = Resource.new(arn=arn, kind=FLEET, id=ResourceArn.parse(arn).id, name=request.name, tags=request.tags)
+        fleet = Resource.new(
+            arn=arn,
+            kind=FLEET,
+            id=ResourceArn.parse(arn).id,
+            name=request.name,
+            tags=request.tags,
+            document=FleetDocument(),
+        )
         try:
             return service.catalog.create(fleet, token=None)
         except ResourceAlreadyExistsException:
@@ -77,10 +86,10 @@ def _stored(request: CreateFleetRequest, service: Service) -> Resource:
 
 def _empty(fleet: Resource, service: Service) -> None:
     if (deployment := last_deployment(fleet.arn, service)) is not None:
-        failure = {
-            "failureCode": "DeploymentFleetDoesNotExist",
-            "failureReason": f"{fleet.arn} was deleted before the deployment ended",
-        }
+        failure = FailureChanges(
+            failure_code="DeploymentFleetDoesNotExist",
+            failure_reason=f"{fleet.arn} was deleted before the deployment ended",
+        )
         end_deployment(deployment, "fail", service, failure)
     for robot in robots_of(fleet.arn, service):
         with suppress(ResourceNotFoundException):  # robots may be deleted at any time
@@ -89,7 +98,7 @@ def _empty(fleet: Resource, service: Service) -> None:
 
 def _summaries(fleets: Sequence[Resource], service: Service) -> list[dict[str, Any]]:
     """The entries of fleets in a list, in the same order."""
-    last = {fleet.arn: fleet.document.get("lastDeploymentJob", "") for fleet in fleets}
+    last = {fleet.arn: FleetDocument.of(fleet).last_deployment_job or "" for fleet in fleets}
     jobs = service.catalog.get_many(filter(None, last.values()))
     return [_summary(fleet, jobs.get(last[fleet.arn])) for fleet in fleets]
 

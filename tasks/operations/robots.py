@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from ...schemas.documents.fleets import RobotDocument
 from ...schemas.operations.robots import (
     CreateRobotRequest,
     CreateRobotResponse,
@@ -41,11 +42,9 @@ def create_robot(request: CreateRobotRequest, service: Service) -> CreateRobotRe
             name=request.name,
             status="Available",
             tags=request.tags,
-            document={
-                "architecture": request.architecture,
-                "greengrassGroupId": request.greengrassGroupId,
-                "fleet": None,
-            },
+            document=RobotDocument(
+                architecture=request.architecture, greengrass_group_id=request.greengrassGroupId, fleet=None
+            ),
         ),
         token=None,
         unique_name=True,
@@ -99,7 +98,7 @@ def deregister_robot(request: DeregisterRobotRequest, service: Service) -> Dereg
     """Takes a robot out of a fleet; one that is in no fleet stays as it is."""
     robot = _checked(request.robot)
     with fleet_held(request.fleet, service) as fleet:
-        there = service.catalog.get(robot, kind=ROBOT).document["fleet"]
+        there = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet
         if there not in (None, fleet.arn):
             raise InvalidParameterException(f"robot: {robot} is registered with {there}, not with {fleet.arn}")
         if there is not None:
@@ -109,21 +108,22 @@ def deregister_robot(request: DeregisterRobotRequest, service: Service) -> Dereg
 
 def robot_summaries(robots: Sequence[Resource], service: Service) -> list[dict[str, Any]]:
     """The entries of robots in a list, in the same order."""
-    meant = {robot.document["lastDeploymentJob"] for robot in robots if "lastDeploymentJob" in robot.document}
+    meant = {last for robot in robots if (last := RobotDocument.of(robot).last_deployment_job) is not None}
     jobs = service.catalog.get_many(meant)
     return [_summary(robot, jobs) for robot in robots]
 
 
 def _summary(robot: Resource, jobs: Mapping[str, Resource]) -> dict[str, Any]:
-    job = jobs.get(robot.document.get("lastDeploymentJob", ""))
+    document = RobotDocument.of(robot)
+    job = jobs.get(document.last_deployment_job or "")
     return {
         "arn": robot.arn,
         "name": robot.name,
-        "fleetArn": robot.document["fleet"],
+        "fleetArn": document.fleet,
         "status": robot.status,
-        "greenGrassGroupId": robot.document["greengrassGroupId"],
+        "greenGrassGroupId": document.greengrass_group_id,
         "createdAt": robot.created_at,
-        "architecture": robot.document["architecture"],
+        "architecture": document.architecture,
         "lastDeploymentJob": job and job.arn,
         "lastDeploymentTime": job and job.created_at,
     }

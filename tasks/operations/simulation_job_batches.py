@@ -126,7 +126,7 @@ def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:
 
 def _counts(batch: Resource, service: Service) -> tuple[int, int]:
     """How many requests a batch has, and how many failed."""
-    counts = BatchCounts.model_validate(batch.document)
+    counts = BatchCounts.of_members(batch)
     if counts.request_count is None or counts.failed_count is None:  # it is from before they were counted
         whole = SimulationJobBatchDocument.of(service.catalog.get(batch.arn))
         return len(whole.requests), len(whole.failed)

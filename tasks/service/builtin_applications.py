@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import application_arn
 from ...schemas.wire.errors import ResourceAlreadyExistsException
@@ -57,7 +58,9 @@ def register_builtins(catalog: Catalog, settings: Settings) -> None:
             id=arn.split("-application/")[1],
             name=name,
             status="Active",
-            document={**definition, "version": "$LATEST", "revisionId": "builtin-1"},
+            document=ApplicationDocument.model_validate(
+                {**definition, "version": "$LATEST", "revisionId": "builtin-1"}
+            ),
         )
         try:
             catalog.create(resource, token=None, unique_name=True)

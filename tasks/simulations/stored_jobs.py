@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.requested_requirements import requirements_of
@@ -83,7 +84,7 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Se
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
     """Refuses what cannot mean anything; whether it can be started is found out by whoever performs the job."""
-    has_archives = bool(application.document.get("sources"))
+    has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(
             f"{place}: command, or packageName and launchFile, have to say what of the archive is started, "

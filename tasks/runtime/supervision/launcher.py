@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 
 from ....schemas.runs.plan import RunOutcome, RunPlan
+from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import LaunchError
 from ..limits.disk_use import found_files
 from ..limits.logs import log_tail
@@ -77,7 +78,7 @@ class Launcher:
     def run(
         self,
         plan: RunPlan,
-        stop: Callable[[], str | None],
+        stop: Callable[[], RunStop | None],
         *,
         on_crash: OnCrash | None = None,
         on_stopped: Callable[[], None] = lambda: None,
@@ -87,7 +88,7 @@ class Launcher:
 
         Args:
             plan: The run. Its folders are made when they are missing.
-            stop: Asked about every 0.1 s whether to stop: None, or why (`canceled`, `timed out (batch)`).
+            stop: Asked about every 0.1 s whether to stop: None, or why.
             on_crash: Called once, with failure code and reason, when something crashed in a run whose
                 failure behaviour is `Continue`. The run goes on until it is stopped or its duration
                 limit is reached, and fails then.
@@ -217,15 +218,15 @@ class _FirstCrash:
         if self._on_crash is not None:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
-    def outcome(self, stopped_for: str | None) -> Outcome | None:
+    def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
         """Returns how the run ended if something had crashed in it: failed, unless it was canceled after that."""
-        if self._outcome is None or stopped_for in (None, "duration limit"):
+        if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)
 
 
-def decide_outcome_with_log(ended: Exit | None, stopped_for: str | None, plan: RunPlan) -> Outcome:
-    """Decides a run's outcome (see `outcomes.decide_outcome`) with the log of the program that ended it."""
+def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
+    """Judges an end (see `outcomes.decide_outcome`) with the log of the program that it is about."""
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     return decide_outcome(ended, stopped_for, plan, log_tail(plan.output_dir, program))
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from ....schemas.runs.plan import ApplicationRole, RunPlan
 from ....schemas.runs.programs import ToolEnds
+from ....schemas.runs.stops import RunStop
 from ....schemas.wire.common import without_escapes
 from ..episode.progress import Phase
 
@@ -19,8 +20,7 @@ _MAX_TAIL_LINES = 12
 _OFTEN = 3
 """A failure's reason names a tool that ended so often."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
-"""Values of `RunResult.ended_by` for runs that were not stopped."""
-_BATCH_TIMEOUT = "timed out (batch)"
+"""What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
 _CRASH_CODES: dict[ApplicationRole | None, str] = {
     "robot": "RobotApplicationCrash",
     "simulation": "SimulationApplicationCrash",
@@ -88,14 +88,13 @@ class Outcome:
 
 
 def decide_outcome(
-    ended: Exit | None, stopped_for: str | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
+    ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
 ) -> Outcome:
-    """Decides the outcome of a run.
+    """Decides how a run ended.
 
     Args:
-        ended: The end of its process; None when its supervisor died without a report.
-        stopped_for: Why it was stopped: `duration limit`, or what the caller's `stop` said; None when it
-            ended by itself.
+        ended: The end of its process; None when its supervisor disappeared without a word.
+        stopped_for: Why it was stopped; None when it ended by itself.
         plan: The run.
         log: Name and last lines of its log.
 
@@ -107,11 +106,10 @@ def decide_outcome(
         return Outcome("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
     if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
         return Outcome("Completed")  # a rerun ends by itself where the run was stopped
-    if stopped_for == "duration limit":
+    if stopped_for == RunStop.DURATION_LIMIT:
         return Outcome("Completed", timed_out=True)
     if stopped_for is not None:
-        code = "BatchTimedOut" if stopped_for == _BATCH_TIMEOUT else None
-        return Outcome("Canceled", code, f"The run was stopped: {stopped_for}.")
+        return Outcome("Canceled", failure_reason=f"The run was stopped: {stopped_for}.")
     if ended is None:
         reason = "The run's supervising process disappeared, perhaps killed for want of memory."
         return Outcome("Failed", "InternalServiceError", failure_reason(reason, *log))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
+from ....schemas.runs.stops import RunStop
 from .outcomes import Exit
 
 DURATION_GRACE_S = 3.0
@@ -30,7 +31,7 @@ class Watch:
         self,
         channel: Connection,
         max_duration_s: float,
-        stop: Callable[[], str | None],
+        stop: Callable[[], RunStop | None],
         on_crash: Callable[[Exit], None],
         clock: Callable[[], float],
     ) -> None:
@@ -39,11 +40,11 @@ class Watch:
         self._on_crash = on_crash
         self._clock = clock
         self._deadline = clock() + max_duration_s
-        self._stopped_for: str | None = None
+        self._stopped_for: RunStop | None = None
         self._due: list[tuple[float, dict[str, Any]]] = []
         """What is still to be sent, with the time from which on."""
 
-    def until_end(self) -> tuple[Exit | None, str | None]:
+    def until_end(self) -> tuple[Exit | None, RunStop | None]:
         """Returns how the run ended (None: unknown) and why it was stopped (None: it was not)."""
         while True:
             patience = _KILL_TIMEOUT_S if self._was_killed else self._patience()
@@ -74,15 +75,15 @@ class Watch:
 
     def _look_for_reason_to_stop(self) -> None:
         if self._clock() >= self._deadline:
-            self._begin_stop("duration limit", "duration limit", DURATION_GRACE_S)
+            self._begin_stop(RunStop.DURATION_LIMIT, DURATION_GRACE_S)
         elif (reason := self._stop()) is not None:
-            self._begin_stop(reason, "canceled", CANCEL_GRACE_S)
+            self._begin_stop(reason, CANCEL_GRACE_S)
 
-    def _begin_stop(self, reason: str, told: str, grace_s: float) -> None:
+    def _begin_stop(self, reason: RunStop, grace_s: float) -> None:
         self._stopped_for = reason
         now = self._clock()
         # Asked twice: the second time interrupts application code that does not return.
-        self._due = [(now, {"stop": told}), (now + grace_s / 2, {"stop": told}), (now + grace_s, {"kill": True})]
+        self._due = [(now, {"stop": reason}), (now + grace_s / 2, {"stop": reason}), (now + grace_s, {"kill": True})]
 
     def _send_what_is_due(self) -> None:
         while self._due and self._clock() >= self._due[0][0]:

@@ -7,6 +7,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import NamedTemporaryFile
 from typing import Any
 
+from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.runs.programs import ProgramPlan
 from ....schemas.wire.errors import LaunchError
@@ -57,7 +58,7 @@ def plan_container(
     """
     launch = config["launchConfig"]
     engine = find_engine(surroundings.environ, surroundings.which)
-    digest = application.document.get("imageDigest")
+    digest = ApplicationDocument.of(application).image_digest
     image = get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
     note = ContainerNote(engine.program, _container_name(role, surroundings), uri, role)
     sandbox = _seeded_sandbox(engine, note, surroundings)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.programs import PortPlan, ProgramPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
@@ -120,23 +121,24 @@ def _settings_in(launch: Mapping[str, Any]) -> dict[str, str]:
 
 def image_of(application: Resource) -> str | None:
     """The container image that an application is; `None`: it is an archive or an installed package."""
-    uri = (application.document.get("environment") or {}).get("uri")
-    return None if uri is None or python_package(uri) is not None else uri
+    environment = ApplicationDocument.of(application).environment
+    return None if environment is None or python_package(environment.uri) is not None else environment.uri
 
 
 def _code(role: ApplicationRole, application: Resource, surroundings: Surroundings) -> Code:
-    if sources := application.document.get("sources"):
-        is_pinned = application.document["version"] != LATEST
+    document = ApplicationDocument.of(application)
+    if sources := document.sources:
+        is_pinned = document.version != LATEST
         source = _for_this_machine(sources)
-        folder = application_bundle(source, role.capitalize(), surroundings.service, is_pinned=is_pinned)
+        folder = application_bundle(source.to_json(), role.capitalize(), surroundings.service, is_pinned=is_pinned)
         return Code(role, application.name, folder=folder)
-    return Code(role, application.name, module=python_package(application.document["environment"]["uri"]))
+    return Code(role, application.name, module=document.environment and python_package(document.environment.uri))
 
 
-def _for_this_machine(sources: list[dict[str, Any]]) -> dict[str, Any]:
+def _for_this_machine(sources: list[StoredSource]) -> StoredSource:
     """The source for 64-bit x86; one without an architecture serves all."""
     for source in sources:
-        if source.get("architecture", "X86_64") == "X86_64":
+        if (source.architecture or "X86_64") == "X86_64":
             return source
     return sources[0]
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
 from ...catalog import Resource
@@ -63,7 +64,7 @@ def _version(application: Resource, version: str, service: Service) -> Resource:
     kind, arn = version_kind(application.kind), version_arn(application.arn, version)
     found = service.catalog.get_many([arn]).get(arn)
     if found is None:
-        numbers = [child.document["version"] for child in service.catalog.children(application.arn, kind)]
+        numbers = [ApplicationDocument.of(child).version for child in service.catalog.children(application.arn, kind)]
         raise ResourceNotFoundException(
             f"{application.arn} has no version {version!r}; it has {', '.join([LATEST, *numbers])}"
         )

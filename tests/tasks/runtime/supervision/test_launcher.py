@@ -194,11 +194,6 @@ class TestStopping:
         else:  # also when it was interrupted in a call that would not have returned
             assert read_result(plan).ended_by == "canceled"
 
-    def test_the_end_of_a_batch(self, launcher: Launcher, make_plan: Plan) -> None:
-        outcome = launcher.run(make_plan("hanging"), lambda: "timed out (batch)")
-        assert (outcome.status, outcome.failure_code) == ("Canceled", "BatchTimedOut")
-        assert outcome.failure_reason == "The run was stopped: timed out (batch)."
-
     @pytest.mark.parametrize("environment", ["make_environment", "hanging"])
     def test_the_duration_limit_is_a_normal_end(self, launcher: Launcher, make_plan: Plan, environment: str) -> None:
         plan = make_plan(environment, max_duration_s=0.5, variables={"STEPS": "100000", "WAIT_S": "0.01"})

@@ -1,0 +1,40 @@
+"""Which document each kind of resource has."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from .applications import ApplicationDocument
+from .base import Document
+from .fleets import DeploymentJobDocument, FleetDocument, RobotDocument
+from .simulation_job_batches import SimulationJobBatchDocument
+from .simulation_jobs import SimulationJobDocument
+from .world_export_jobs import WorldExportJobDocument
+from .world_generation_jobs import WorldGenerationJobDocument
+from .world_templates import WorldTemplateDocument
+from .worlds import WorldDocument
+
+DOCUMENTS: Mapping[str, type[Document]] = {
+    "deployment-fleet": FleetDocument,
+    "deployment-job": DeploymentJobDocument,
+    "robot": RobotDocument,
+    "robot-application": ApplicationDocument,
+    "robot-application-version": ApplicationDocument,
+    "simulation-application": ApplicationDocument,
+    "simulation-application-version": ApplicationDocument,
+    "simulation-job": SimulationJobDocument,
+    "simulation-job-batch": SimulationJobBatchDocument,
+    "world": WorldDocument,
+    "world-export-job": WorldExportJobDocument,
+    "world-generation-job": WorldGenerationJobDocument,
+    "world-template": WorldTemplateDocument,
+}
+
+
+def upgraded(kind: str, stored: Mapping[str, Any], arn: str) -> dict[str, Any]:
+    """A stored document in today's version, before something of it changes.
+
+    Raises:
+      ConfigurationError: a newer release wrote it.
+    """
+    document = DOCUMENTS.get(kind, Document)
+    return dict(document.upgraded(stored, arn))
