@@ -51,7 +51,7 @@ def test_builders_that_always_die_make_the_job_fail_with_their_end_as_the_reason
         while not over.is_set():
             for pid in children() - before:
                 with suppress(OSError):  # it has ended already
-                    if b"worldforge.worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                    if b"worldforge.bundle.worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
                         os.kill(pid, signal.SIGKILL)
             time.sleep(0.05)
 
