@@ -115,13 +115,13 @@ _GROUPS = (
     (
         "tasks.runtime",
         "tasks.runtime.supervision",
-        "cores disk_blame endings forkserver launcher outcomes ports programs run_requests supervision=watching "
-        "supervisor watch",
+        "cores disk_blame=disk_attribution endings=finished_outputs forkserver launcher outcomes ports "
+        "programs run_requests supervision=watching supervisor watch",
     ),
     (
         "tasks.runtime",
         "tasks.runtime.video",
-        "camera_recorder camera_settings failure_films=failure_videos film=encoder filming=recorder live_frames "
+        "camera_recorder camera_settings failure_films=failure_videos film=encoder filming=view_renderer live_frames "
         "live_view rerender video video_files video_settings",
     ),
     (
@@ -191,7 +191,7 @@ _GROUPS = (
     (
         "deployments.performer",
         "deployments.worker",
-        "channel child dispatcher flow_runs jobs lanes=pools prefect_watch warm",
+        "channel child=worker_process dispatcher flow_runs jobs lanes=pools prefect_watch warm=warm_worker",
     ),
     ("deployments.sdk", "deployments.service_model", "installation service_model=model shapes waiters"),
 )
