@@ -1,4 +1,4 @@
-"""The catalog: every resource, whoever asks, from any thread and any process."""
+"""The catalog of all resources, for any thread and any process."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime

@@ -107,7 +107,7 @@ class CatalogLeases(CatalogReader):
     def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
         """The jobs that have not ended and that nobody performs, oldest first.
 
-        Jobs of a batch that has not ended are left out: whoever performs the batch performs them.
+        Jobs of a batch that has not ended are left out: the worker that runs the batch runs them.
 
         Args:
             kinds: which kinds of jobs.

@@ -29,7 +29,7 @@ FLEET = "deployment-fleet"
 ROBOT = "robot"
 DEPLOYMENT = "deployment-job"
 
-_LEASE_S = 60.0  # how long a fleet is out of reach when whoever changes it dies meanwhile
+_LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01
 _PAGE = 500
 

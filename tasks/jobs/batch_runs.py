@@ -81,7 +81,7 @@ class BatchRun:
     def end(self) -> None:
         """Ends a batch that has to stop, with the jobs that nobody performs.
 
-        Jobs that others perform are cancelled; the batch is left to whoever performs it next then.
+        Jobs that others perform are cancelled; the batch is then left to the next job worker.
         """
         self._note_stop()
         if self._stop_leftovers():
@@ -183,7 +183,7 @@ class BatchRun:
             self._saved = len(failed)
 
     def _report(self) -> None:
-        """Tells whoever watches how many requests are in which state."""
+        """Reports how many requests are in which state."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = {status.lower(): count for status, count in statuses.items()}
         failed = len(self._failed)

@@ -232,7 +232,7 @@ class JobRun:
     def _asked(self) -> tuple[str, StopReason | None]:
         """The job's status, which is `Restarting` when a restart of its run is ordered; and why it has to end."""
         if self._lease.lost:
-            return self._lease.job.status, StopReason.CANCELED  # whoever took over runs the job again
+            return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again
         try:
             status, canceled = self._service.catalog.standing(self._lease.job.arn)
             return status, StopReason.CANCELED if canceled else self._stop()
@@ -351,5 +351,5 @@ class JobRun:
     def _clean_up(self, run_id: str) -> None:
         """Removes what is not needed any more; outputs that could not be stored stay."""
         if self._lease.lost:
-            return  # whoever took over may go on with the same run
+            return  # the worker that took over may continue the same run
         clean_up_job(self._folder(run_id).parent, self._document, run_id)

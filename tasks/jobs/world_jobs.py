@@ -15,7 +15,7 @@ WorldJobProgress = WorldGenerationProgress | WorldExportProgress
 
 
 def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
-    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does.
+    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices.
 
     Cancelling a job that has ended, or is being cancelled, changes nothing and succeeds.
 

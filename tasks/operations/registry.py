@@ -103,7 +103,7 @@ class Operation:
     def perform(self, arn: str, service: Service) -> dict[str, Any]:
         """Carries a stored job to its end and returns its final description.
 
-        Called again for the same job, by whomever, it goes on where the job stands. An interruption
+        Called again for the same job, by any job worker, it continues where the job stands. An interruption
         (Ctrl-C, the end or cancellation of the flow run) cancels the job, and goes on once it has ended.
         """
         if self.performer is None:

@@ -88,7 +88,7 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
 def cancel_simulation_job_batch(
     request: CancelSimulationJobBatchRequest, service: Service
 ) -> CancelSimulationJobBatchResponse:
-    """Has a batch end as cancelled, with its jobs: soon by whoever performs it, at once if nobody does.
+    """Cancels a batch and its jobs: at once if no job worker runs it, else as soon as its worker notices.
 
     Cancelling a batch that has ended changes nothing and succeeds.
     """

@@ -82,7 +82,7 @@ def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -
 
 @operation("CancelSimulationJob")
 def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> CancelSimulationJobResponse:
-    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does.
+    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """
@@ -94,7 +94,7 @@ def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service)
 
 @operation("RestartSimulationJob")
 def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> RestartSimulationJobResponse:
-    """Has a running job run again from the start; whoever performs it sees the new status."""
+    """Restarts a running job from the start; its job worker sees the new status."""
     job = service.catalog.get(request.job, kind=KIND)
     _, is_to_be_cancelled = service.catalog.standing(request.job)
     if is_to_be_cancelled and not is_terminal(KIND, job.status):

@@ -71,7 +71,7 @@ def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service
 
 @operation("CancelWorldExportJob")
 def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Service) -> CancelWorldExportJobResponse:
-    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does; there is no archive then.
+    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices; no archive is left.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """

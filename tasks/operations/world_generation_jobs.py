@@ -87,7 +87,7 @@ def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service:
 def cancel_world_generation_job(
     request: CancelWorldGenerationJobRequest, service: Service
 ) -> CancelWorldGenerationJobResponse:
-    """Has a job end as cancelled: soon by whoever performs it, at once if nobody does; its worlds stay.
+    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices; its worlds stay.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """

@@ -83,7 +83,7 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Se
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Refuses what cannot mean anything; whether it can be started is found out by whoever performs the job."""
+    """Refuses what cannot mean anything; whether it can be started is found out by its job worker."""
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

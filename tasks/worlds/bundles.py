@@ -18,7 +18,7 @@ from ..storage import unpublish
 BUNDLE_LABEL = "bundle"
 _KIND = "world-bundle-holder"
 _HELD_AT_MOST_S = 120.0
-"""After how long whoever holds a bundle counts as dead."""
+"""After how long a process that holds a bundle counts as dead."""
 _WAIT_S = 0.05
 
 

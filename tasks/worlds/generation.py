@@ -92,5 +92,5 @@ def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundl
             template=request.template, bundle=bundle, description_key=f"{bundle.prefix}/{DESCRIPTION_FILE}"
         ),
     )
-    with suppress(ResourceAlreadyExistsException):  # of a performer that was held up, by whoever took over
+    with suppress(ResourceAlreadyExistsException):  # made by the job worker that took over from one that was held up
         service.catalog.create(world, token=None)

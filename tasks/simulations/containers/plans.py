@@ -145,7 +145,7 @@ def check_gpu(container: Container, name: str) -> None:
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundings) -> Sandbox:
-    """Folders for a container, with what its image has there; whoever `USER` is may write to them."""
+    """Folders for a container, with what its image has there; any `USER` may write to them."""
     sandbox = container_sandbox(surroundings.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}

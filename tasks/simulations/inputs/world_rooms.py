@@ -28,7 +28,7 @@ def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
         return None
     try:
         return _read(service.store, bundle.bucket, bundle.prefix)
-    except (StorageError, ValidationError):  # whoever performs the job finds out, and says so
+    except (StorageError, ValidationError):  # the job worker finds out, and says so
         return None
 
 
