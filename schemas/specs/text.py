@@ -239,7 +239,7 @@ class _Reader:
             self._refuse(event, "a key has to be plain text")
         if event.value == "<<" and event.style is None:
             self._refuse(event, "merge keys (<<) are not part of YAML 1.2; repeat the entries, or alias a whole value")
-        return event.value
+        return self._text(event)
 
     def _alias(self, event: _Event) -> Node:
         if event.anchor not in self._anchors:
@@ -249,9 +249,16 @@ class _Reader:
         return node
 
     def _scalar(self, event: _ScalarEvent) -> ScalarNode:
-        text = event.value
+        text = self._text(event)
         value = self._plain_value(event, text) if event.style is None else text
         return ScalarNode(self._place(event), value, text)
+
+    def _text(self, event: _ScalarEvent) -> str:
+        """The characters of a scalar: JSON writes those beyond U+FFFF as two escapes, which YAML's parser leaves apart."""
+        try:
+            return event.value.encode("utf-16", "surrogatepass").decode("utf-16")
+        except UnicodeDecodeError:
+            self._refuse(event, "holds half of a surrogate pair, which is no character")
 
     def _plain_value(self, event: _Event, text: str) -> str | int | float | bool | None:
         if text in _WORDS:

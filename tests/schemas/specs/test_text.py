@@ -22,9 +22,13 @@ _json_values = st.recursive(
 )
 
 
-@given(_json_values)
-def test_json_is_read_as_json(value: object) -> None:
-    assert plain(parse(json.dumps(value, ensure_ascii=False), "f")) == value
+@given(_json_values, st.booleans())
+def test_json_is_read_as_json(value: object, ensure_ascii: bool) -> None:
+    assert plain(parse(json.dumps(value, ensure_ascii=ensure_ascii), "f")) == value
+
+
+def test_pairs_of_surrogate_escapes_are_one_character() -> None:
+    assert plain(parse(r'{"\ud83e\udd16": "a\ud83d\ude00b"}', "f")) == {"🤖": "a😀b"}
 
 
 def test_scalars_are_those_of_yaml_1_2() -> None:
@@ -91,6 +95,8 @@ def test_an_alias_stands_for_its_anchor() -> None:
         ("a: 'open", "this is not YAML"),
         ("a: {\n", "f:2:1: this is not YAML"),
         ("a: \x01", "this is not YAML"),
+        (r'{"a": "\ud83d"}', "f:1:7: holds half of a surrogate pair"),
+        (r'{"\ude00": 1}', "f:1:2: holds half of a surrogate pair"),
         ("[" * (MAX_DEPTH + 5), "nested more than"),
         ("[" * 50_000, "nested more than"),
         ("9" * 100_000, "is not a number that JSON has"),
