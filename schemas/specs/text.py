@@ -254,7 +254,7 @@ class _Reader:
         return ScalarNode(self._place(event), value, text)
 
     def _text(self, event: _ScalarEvent) -> str:
-        """The characters of a scalar: JSON writes those beyond U+FFFF as two escapes, which YAML's parser leaves apart."""
+        """The characters of a scalar; the two escapes that JSON writes for one beyond U+FFFF become that one."""
         try:
             return event.value.encode("utf-16", "surrogatepass").decode("utf-16")
         except UnicodeDecodeError:

@@ -1,6 +1,7 @@
 """Performing one simulation job batch: its requests become jobs, the jobs run, the batch ends."""
 
 import time
+from collections import Counter
 from collections.abc import Mapping
 from datetime import timedelta
 from typing import TYPE_CHECKING
@@ -185,12 +186,11 @@ class BatchRun:
     def _report(self) -> None:
         """Reports how many requests are in which state."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
-        counts = {status.lower(): count for status, count in statuses.items()}
+        counts = Counter({status.lower(): count for status, count in statuses.items()})
         failed = len(self._failed)
-        waiting = len(self._requests) - sum(counts.values()) - failed
-        self._service.report_progress(
-            Progress({**counts, "not created": failed, "pending": waiting}, len(self._requests))
-        )
+        # Requests that are no jobs yet wait as those do that are.
+        counts["pending"] += len(self._requests) - counts.total() - failed
+        self._service.report_progress(Progress({**counts, "not created": failed}, len(self._requests)))
 
     def _look(self) -> bool:
         """Records, several times a second, what the requests' tasks have brought about.

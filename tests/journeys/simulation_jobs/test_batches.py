@@ -53,6 +53,7 @@ def test_a_batch_runs_all_requests_and_never_too_many_at_once(
     assert active_at_once(service, batch) == 2
     assert seen[-1].total == 6
     assert seen[-1].counts["completed"] == 6
+    assert {sum(progress.counts.values()) for progress in seen} == {6}
 
 
 def test_requests_that_cannot_become_jobs_fail_and_the_others_run(
