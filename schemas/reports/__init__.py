@@ -4,4 +4,4 @@ May import: `schemas.runs`, `schemas.wire`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["progress", "report", "run_record", "summary"]
+__all__ = ["progress", "report", "run_record", "summary", "variants"]

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -44,7 +44,9 @@ class ReportedJob(Model):
     """One simulation job, or a request of a batch that never became one."""
 
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    variant: str = Field(default="", description="What its request has that not all of the run have: `SPEED=2`.")
     step: str | None = Field(default=None, description="The step that made it.")
+    request: dict[str, Any] = Field(default={}, description="The request that it was made from.", exclude=True)
     arn: str | None = Field(default=None, description="The job's ARN.")
     status: str = Field(description="The job's status, or `NotCreated`.")
     failure_code: str | None = Field(default=None, description="The service's failure code.")

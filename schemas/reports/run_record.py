@@ -37,6 +37,7 @@ class JobRecord(Model):
 
     arn: str | None = Field(default=None, description="The job's ARN; absent when no job came of the request.")
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    variant: str = Field(default="", description="What its request has that not all of the run have: `SPEED=2`.")
     status: str = Field(description="The job's status, or `NotCreated`.")
     verdict: Verdict | None = Field(default=None, description="The simulation's verdict; absent when there is none.")
     world: str | None = Field(default=None, description="The world it drove in: a short name for people, or an ARN.")

@@ -16,6 +16,7 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.reports.summary import ReportSummary
+from ...schemas.reports.variants import variants
 from ...schemas.runs.plan import RunResult
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
@@ -134,7 +135,8 @@ def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
                         failure_reason=str(error),
                     )
                 )
-    return jobs
+    told_apart = variants([job.request for job in jobs])
+    return [job.model_copy(update={"variant": variant}) for job, variant in zip(jobs, told_apart, strict=True)]
 
 
 def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
@@ -164,6 +166,7 @@ def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
             status="NotCreated",
             failure_code=failure.failure_code,
             failure_reason=failure.failure_reason,
+            request=dict(document.requests[index]),
             world_arn=world_arn(document.requests[index]),
             application=_application(document.requests[index]),
         )
@@ -185,6 +188,7 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         status=job.status,
         failure_code=document.failure_code,
         failure_reason=document.failure_reason,
+        request=dict(document.request),
         world_arn=world_arn(document.request),
         application=_application(document.request),
         seed=document.seed,
@@ -255,6 +259,7 @@ def _job_record(job: ReportedJob, place: StoredPlace | None, service: Service) -
     return JobRecord(
         arn=job.arn,
         label=job.label,
+        variant=job.variant,
         status=job.status,
         verdict=result.verdict if result else None,
         world=job.world_arn and short_name(job.world_arn),
@@ -273,7 +278,7 @@ def _job_record(job: ReportedJob, place: StoredPlace | None, service: Service) -
 def _why_failed(result: RunResult | None) -> str | None:
     if result is None or result.verdict not in ("FAIL", "ERROR"):
         return None
-    broken = [item.detail for item in result.requirements if item.counts and not item.satisfied]
+    broken = [f"{item.name}: {item.detail}" for item in result.requirements if item.counts and not item.satisfied]
     return "; ".join(broken) or result.summary
 
 
@@ -325,7 +330,13 @@ def _reported_step(step: StepRecord) -> ReportedStep:
 
 def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
     rows: list[dict[str, Any]] = [
-        {"job": job.label, "world": job.world or "", "status": job.status, "verdict": job.verdict or ""}
+        {
+            "job": job.label,
+            "world": job.world or "",
+            "setting": job.variant,
+            "status": job.status,
+            "verdict": job.verdict or "",
+        }
         | {name: round(value, 2) for name, value in job.metrics.items()}
         for job in jobs
     ]

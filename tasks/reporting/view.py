@@ -65,6 +65,7 @@ class JobView:
     outcome: Outcome
     number: int
     title: str
+    missed: list[str]
     reason: str
     log: str
     world: WorldView | None
@@ -159,6 +160,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         outcome=outcome_of(job),
         number=index,
         title=job.label,
+        missed=_missed(job),
         reason=reason,
         log="" if job.log_tail.strip() in reason else wording.plain(job.log_tail),
         world=world,
@@ -173,6 +175,13 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         folder=folder_of(job),
         seconds=_path_seconds(job.result),
     )
+
+
+def _missed(job: ReportedJob) -> list[str]:
+    """Names of the requirements that made the verdict what it is."""
+    if job.result is None or job.result.verdict not in ("FAIL", "ERROR"):
+        return []
+    return [item.name.replace("_", " ") for item in job.result.requirements if item.counts and not item.satisfied]
 
 
 def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:

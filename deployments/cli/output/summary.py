@@ -72,8 +72,12 @@ def _step_line(step: StepRecord) -> list[Cell]:
 
 def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     shown = jobs[:_MAX_JOBS]
-    rows: list[list[Cell]] = [[(title, "dim") for title in ("job", "verdict", "world", "rooms", "time", "")]]
-    rows += [_job_cells(job) for job in shown]
+    titles = ("#", "job", "verdict", "world", "setting", "rooms", "time", "")
+    table = [[(title, "dim") for title in titles]]
+    table += [_job_cells(number, job) for number, job in enumerate(shown, start=1)]
+    # A column that says nothing about any job is left out.
+    filled = [column for column in range(len(titles)) if any(row[column][0] for row in table[1:])]
+    rows: list[list[Cell]] = [[row[column] for column in filled] for row in table]
     widths = [max(len(row[column][0]) for row in rows) for column in range(len(rows[0]))]
     lines = []
     for row in rows:
@@ -99,7 +103,7 @@ def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     ][:_MAX_JOBS]
 
 
-def _job_cells(job: JobRecord) -> list[Cell]:
+def _job_cells(number: int, job: JobRecord) -> list[Cell]:
     # What a run that was cut short was judged to be means nothing.
     verdict = job.verdict if job.verdict and job.status == "Completed" else job.status
     rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
@@ -107,7 +111,16 @@ def _job_cells(job: JobRecord) -> list[Cell]:
     reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
     trouble = ": ".join(part for part in (job.failure_code or "", reason) if part)
     style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
-    return [(job.label, ""), (verdict, style), (job.world or "", ""), (rooms, ""), (took, ""), (_cut(trouble), "red")]
+    return [
+        (str(number), "dim"),
+        (job.label, ""),
+        (verdict, style),
+        (job.world or "", ""),
+        (job.variant, ""),
+        (rooms, ""),
+        (took, ""),
+        (_cut(trouble), "red"),
+    ]
 
 
 def _in_one_line(reason: str) -> str:

@@ -1,7 +1,7 @@
 """Result of a run: what environments and agents report, and `result.json`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
@@ -123,7 +123,8 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     remarks = dict(report.extra)
     added = [requirement for finding in findings for requirement in finding.requirements]
     reached = _ended_at_its_goals(episode, added)
-    own = [item.model_copy(update={"counts": not reached}) for item in report.requirements]
+    judged, own = _without(report, {requirement.name for requirement in added})
+    own = [item.model_copy(update={"counts": not reached}) for item in own]
     for finding in findings:
         metrics |= finding.metrics
         remarks |= finding.extra
@@ -131,8 +132,8 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     if len(finite) < len(metrics):
         remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
     return RunResult(
-        verdict=_verdict("NONE" if reached else report.verdict, added),
-        summary=_summary(report.summary, added, reached, episode.sim_time_s),
+        verdict=_verdict("NONE" if reached else judged, added),
+        summary=_summary(report, added, reached, episode.sim_time_s),
         requirements=[*own, *added],
         metrics={"steps": float(episode.steps), **finite},
         rooms=report.rooms,
@@ -154,12 +155,28 @@ def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
     return episode.ended_by == "requirements" and bool(added) and all(requirement.satisfied for requirement in added)
 
 
-def _summary(own: str, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
+def _without(report: EnvironmentReport, replaced: Set[str]) -> tuple[Verdict, list[Requirement]]:
+    """What the environment judged, without requirements of these names: of two of one name the job's counts."""
+    kept = [item for item in report.requirements if item.name not in replaced]
+    missed = [item for item in report.requirements if not item.satisfied]
+    if report.verdict == "FAIL" and missed and all(item.name in replaced for item in missed):
+        return "PASS", kept
+    return report.verdict, kept
+
+
+def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
     """The environment's sentence, and what it does not know."""
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
+    missed = {item.name for item in report.requirements if not item.satisfied}
     broken = [f"{item.name}: {item.detail}" for item in added if not item.satisfied]
-    return " ".join(part for part in (own, f"Not met: {'; '.join(broken)}." if broken else "") if part)
+    instead = [item.name for item in added if item.satisfied and item.name in missed]
+    parts = (
+        report.summary,
+        f"The job's own {', '.join(instead)} counts instead." if instead else "",
+        f"Not met: {'; '.join(broken)}." if broken else "",
+    )
+    return " ".join(part for part in parts if part)
 
 
 def _verdict(judged: Verdict, added: Sequence[Requirement]) -> Verdict:

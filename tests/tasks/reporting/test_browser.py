@@ -1,22 +1,22 @@
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.browser import EXECUTABLE, browser
 from PIL import Image, ImageStat
 
 from prefect_robomaker.tasks.reporting import write_report
 
-BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
-
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no Chromium on this machine: chromium, google-chrome not in PATH")
+pytestmark = pytest.mark.skipif(
+    not EXECUTABLE, reason="no Chromium on this machine: chromium, google-chrome not in PATH"
+)
 
 
 def _browse(page: Path, profile: Path, *options: str) -> subprocess.CompletedProcess[str]:
     command = [
-        BROWSER, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
+        EXECUTABLE, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
         "--no-first-run", "--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={profile}",
         *options, page.as_uri(),
     ]  # fmt: skip
@@ -53,11 +53,25 @@ def test_a_browser_shows_the_page_without_complaint(page: Path, tmp_path: Path, 
 
 def test_a_click_on_a_column_sorts_the_table_with_gaps_last(page: Path, tmp_path: Path) -> None:
     html = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", page.read_text(encoding="utf-8"))
-    click = "<script>document.querySelectorAll('.sortable th button')[4].click()</script>"
+    click = "<script>document.querySelectorAll('.sortable th button')[3].click()</script>"
     page.write_text(html.replace("</body>", f"{click}</body>"), encoding="utf-8")
     document = _browse(page, tmp_path / "profile", "--dump-dom").stdout
-    table = document[document.index('<table class="sortable"') :]
+    table = document[document.index('<table class="sortable stacks"') :]
     table = table[: table.index("</table>")]
     assert re.search(r'aria-sort="ascending"><button type="button">Distance', table)
-    jobs = re.findall(r'<th scope="row"[^>]*><a [^>]*>([^<]+)</a>', table)
+    jobs = re.findall(r'<th scope="row"[^>]*><a [^>]*><span[^>]*>\d+</span> ([^<]+)</a>', table)
     assert jobs == ["sim-fail1", "sim-pass1", "sim-pass2", "sim-broken1", "sim-cancel1"]
+
+
+@pytest.mark.parametrize("width", [400, 1200])
+def test_no_table_has_to_be_scrolled_sideways(page: Path, tmp_path: Path, width: int) -> None:
+    with browser() as tab:
+        tab.resize(width, 1000)
+        tab.open(page.as_uri())
+        tables = "[...document.querySelectorAll('.scroll')]"
+        assert (
+            tab.run(f"{tables}.filter(each => each.scrollWidth > each.clientWidth).map(each => each.outerHTML)") == []
+        )
+        assert tab.run("document.documentElement.scrollWidth") <= width
+        assert tab.complaints == []
+        tab.picture(tmp_path / f"report-{width}.png")

@@ -13,11 +13,11 @@ def record(**changes: Any) -> RunRecord:
     began = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
     jobs = [
         JobRecord(
-            label="sim-1", arn="arn:1", status="Completed", verdict="PASS", world="g/world-1", rooms_visited=4,
-            rooms_total=4, duration_s=31, output_uri="file:///store/robomaker/quickstart/sim-1/run-1",
+            label="sim-1", variant="SPEED=1", arn="arn:1", status="Completed", verdict="PASS", world="g/world-1",
+            rooms_visited=4, rooms_total=4, duration_s=31, output_uri="file:///store/robomaker/quickstart/sim-1/run-1",
         ),
         JobRecord(
-            label="sim-2", arn="arn:2", status="Failed", failure_code="RobotApplicationCrash",
+            label="sim-2", variant="SPEED=2", arn="arn:2", status="Failed", failure_code="RobotApplicationCrash",
             failure_reason="it crashed\nLast lines of logs/stderr.log:\nTraceback\nno x", output_uri="file:///store/robomaker/quickstart/sim-2/run-1",
         ),
         JobRecord(label="request 3", status="NotCreated", failure_code="InvalidInput", failure_reason="no role"),
@@ -59,10 +59,11 @@ def test_the_final_block() -> None:
         "",
         "  ✗ export (CreateWorldExportJob): no bucket",
         "",
-        "  job        verdict     world      rooms  time",
-        "  sim-1      PASS        g/world-1  4/4    31 s",
-        "  sim-2      Failed                              RobotApplicationCrash: it crashed; its log ends with: no x",
-        "  request 3  NotCreated                          InvalidInput: no role",
+        "  #  job        verdict     world      setting  rooms  time",
+        "  1  sim-1      PASS        g/world-1  SPEED=1  4/4    31 s",
+        "  2  sim-2      Failed                 SPEED=2               "
+        "RobotApplicationCrash: it crashed; its log ends with: no x",
+        "  3  request 3  NotCreated                                   InvalidInput: no role",
         "",
         "  report   /runs/night-1/report.html",
         "  outputs  file:///store/robomaker/quickstart",
@@ -86,8 +87,8 @@ def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
     shown = lines(record(jobs=jobs, steps=[]))
     assert shown[1] == "night: broken, 2 broke, 1 canceled, after 3 min 05 s"
     assert [line.split() for line in shown[4:6]] == [
-        ["sim-1", "Canceled"],
-        ["sim-2", "Failed", "it", "crashed:", "KeyError"],
+        ["1", "sim-1", "Canceled"],
+        ["2", "sim-2", "Failed", "it", "crashed:", "KeyError"],
     ]
     assert shown[6].endswith("xxx…")
     assert len(shown[6]) < 300

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.runs.plan import Collision, RunResult
+from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RunResult
 from prefect_robomaker.tasks.runtime.episode.results import (
     EnvironmentReport,
     Episode,
@@ -67,3 +67,22 @@ def test_what_json_cannot_say_is_refused_and_leaves_nothing(tmp_path: Path) -> N
 
 def test_no_time_no_factor() -> None:
     assert make_result(episode(EnvironmentReport(), wall_time_s=0.0), 1).real_time_factor == 0.0
+
+
+@pytest.mark.parametrize(
+    ("satisfied", "others", "verdict"), [(True, True, "PASS"), (False, True, "FAIL"), (True, False, "FAIL")]
+)
+def test_of_two_requirements_of_one_name_the_jobs_counts(satisfied: bool, others: bool, verdict: str) -> None:
+    own = [
+        Requirement(name="gentle", satisfied=False, detail="30 N, at most 20 N"),
+        Requirement(name="upright", satisfied=others, detail="the robot stayed upright"),
+    ]
+    asked = Requirement(name="gentle", kind="no_collision", satisfied=satisfied, detail="30 N, at most 50 N")
+    report = EnvironmentReport(verdict="FAIL", summary="Failed: 30 N.", requirements=own)
+
+    result = make_result(episode(report), 1, [Findings(requirements=[asked])])
+
+    assert result.verdict == verdict
+    assert [item.name for item in result.requirements] == ["upright", "gentle"]
+    assert result.requirements[1].kind == "no_collision"
+    assert ("The job's own gentle counts instead." in result.summary) == satisfied

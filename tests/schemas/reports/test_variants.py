@@ -1,0 +1,48 @@
+"""What sets jobs apart."""
+
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.reports.variants import variants
+
+
+def request(application: str = "scout", seed: int | None = None, **variables: str) -> dict[str, Any]:
+    launch = {"environmentVariables": variables}
+    made: dict[str, Any] = {"robotApplications": [{"application": application, "launchConfig": launch}]}
+    return made if seed is None else made | {"seed": seed}
+
+
+def test_jobs_are_told_apart_by_what_differs() -> None:
+    assert variants([request(SPEED="1", MODE="x"), request(SPEED="2", MODE="x"), request(MODE="x")]) == [
+        "SPEED=1",
+        "SPEED=2",
+        "",
+    ]
+    arn = "arn:aws:robomaker:us-east-1:000000000000:robot-application/my-nav/1577836800000"
+    assert variants([request(seed=1), request(arn, seed=2)]) == ["robot=scout, seed=1", "robot=my-nav, seed=2"]
+
+
+def test_worlds_and_tokens_are_told_elsewhere() -> None:
+    worlds = [[{"world": "a"}], [{"world": "b"}]]
+    requests = [
+        {"clientRequestToken": str(number), "simulationApplications": [{"application": "i", "worldConfigs": world}]}
+        for number, world in enumerate(worlds)
+    ]
+    assert variants(requests) == ["", ""]
+
+
+_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=40),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(st.lists(st.dictionaries(st.text(max_size=8), _values, max_size=3), max_size=5))
+def test_any_requests_give_one_short_line_each(requests: list[dict[str, Any]]) -> None:
+    said = variants(requests)
+
+    assert len(said) == len(requests)
+    assert variants(requests[:1] * 3) == [""] * (3 if requests else 0)
