@@ -44,8 +44,9 @@ def _settings(value: object, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple
         for index, item in enumerate(cast("list[object]", value)):
             yield from _settings(item, (*path, str(index)))
     elif value is not None:
-        is_application = len(path) > 2 and path[-1] == "application"
-        yield (*path[:-1], _APPLICATIONS.get(path[0], path[-1])) if is_application else path, _short(str(value))
+        is_application = path[-1:] == ("application",)
+        named = (*path[:-1], _APPLICATIONS.get(path[0], "application")) if is_application else path
+        yield named, _short(str(value))
 
 
 def _label(path: tuple[str, ...]) -> str:

@@ -31,6 +31,7 @@ from ..rendering import gl
 from ..requirements.checks import RequirementError
 from ..states.checkpoint_files import CheckpointError, RunTakenError, discard_checkpoints
 from ..states.checkpoints import Checkpointer
+from ..states.failure_state import FailureRecorder
 from ..states.provenance import machine_facts
 from ..video.camera_recorder import CameraRecorder
 from ..video.camera_settings import camera_recording
@@ -144,6 +145,9 @@ def _attempt(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
     try:
         episode = _run(plan, rng, recorder, progress, stop, observers, remote, checkpoints)
     except BaseException as error:
+        for observer in observers:
+            if isinstance(observer, FailureRecorder) and (where := observer.explain()):
+                error.add_note(where)
         # Reported before the robot's program is told, whose end would seem to be the failure.
         progress.write_report(_report_of(error, progress))
         # The first failure counts; a full disk may also keep the rest from being closed.

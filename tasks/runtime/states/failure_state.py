@@ -89,6 +89,17 @@ class FailureRecorder:
             return Findings()
         return Findings(extra={"mujoco_warnings": found}, metrics={"mujoco_warnings": float(sum(found.values()))})
 
+    def explain(self) -> str:
+        """Names the joints whose numbers MuJoCo found bad; empty where it named none.
+
+        MuJoCo's own words give the number of a degree of freedom, which says nothing to people.
+        """
+        if self._model is None or self._data is None:
+            return ""
+        counts = self._data.warning.number - self._warned
+        bad = [warning for warning in _warnings(self._model, self._data, counts) if warning.joint is not None]
+        return "; ".join(dict.fromkeys(f"bad numbers at joint {item.joint!r} of body {item.body!r}" for item in bad))
+
     def _write(
         self, model: mujoco.MjModel, data: mujoco.MjData, kept: NDArray[np.float64], counts: NDArray[np.int64]
     ) -> None:

@@ -91,6 +91,24 @@ def _diverge(environment):
         physics.step(3)
 
 
+class Loose(Counting):
+    """Has physics of two joints, one of which breaks."""
+
+    def __init__(self, context):
+        from dm_control import mujoco
+
+        super().__init__(context)
+        joint = "<joint name='{0}'/><geom size='.1' pos='0 0 .2'/>"
+        bodies = "".join(f"<body name='{name}'>{joint.format(name + '_hinge')}</body>" for name in ("base", "wrist"))
+        self.physics = mujoco.Physics.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+
+    def during_step(self):
+        if self.count == 10:
+            self.physics.data.qvel[1] = np.nan
+        with self.physics.check_invalid_state():
+            self.physics.step()
+
+
 def _fork(environment):
     """Leaves two children, and two grandchildren in sessions of their own."""
     nap = f"import time; time.sleep(1000)  # {environment.context.environment['MARK']}"

@@ -134,6 +134,7 @@ class TestFailures:
             ("UnableToReset", OK, SIMULATION, ["environment.reset()", "cannot reset"]),
             ("unable", OK, SIMULATION, ["making the environment", "KeyError: 'no such map'"]),
             ("diverging", OK, SIMULATION, ["PhysicsError", "mjWARN_BADQPOS"]),
+            ("Loose", OK, SIMULATION, ["PhysicsError", "bad numbers at joint 'wrist_hinge' of body 'wrist'"]),
             ("NoMessage", OK, SIMULATION, ["run_result()", "verdict", "'PASS', 'FAIL'"]),
             ("exiting_3", OK, SIMULATION, ["exit code 3", "environment.step()"]),
             ("segfaulting", OK, SIMULATION, ["killed by SIGSEGV", "environment.step()"]),
