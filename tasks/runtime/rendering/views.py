@@ -20,6 +20,10 @@ SHOWN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 """MuJoCo's viewers show groups 0 to 2; 3 to 5 are collision shapes by custom."""
 
 _ELEVATION_DEG = -32.0
+_STEEPER_DEG, _STEEPEST_DEG = 15.0, -75.0
+"""How a camera rises where something is in between, in steps: straight down there is no behind any more."""
+_UPRIGHT = 0.5
+"""Cosine of the tilt beyond which a body lies rather than stands, so that its front says nothing of a direction."""
 _SIDE_DEG = 55.0
 """What stands still is seen from the side rather than from behind."""
 _DISTANCE_RADII = 3.6
@@ -56,7 +60,8 @@ def choose_view(
 ) -> View:
     """Returns one view.
 
-    A camera of the model goes first, so a robot may bring its own `follow` and a world its own `top`. Cameras of
+    A camera of the model goes first, so a robot may bring its own `follow` and a world its own `top`. Where a robot's
+    `follow` is fixed to it, the view keeps that camera's distance, side and slope, but not its tilt. Cameras of
     robots are found with and without the robot's name: `front` is `<robot>/front` once it is attached. Without a
     name it is the model's `follow`, else its first camera, else a camera made to follow what the actuators move,
     else MuJoCo's own view of the whole.
@@ -73,11 +78,13 @@ def choose_view(
     camera = _own_camera(model, name or FOLLOW)
     if camera is None and name is None and model.ncam:
         camera = 0
+    body = robot_body(model)
+    if camera is not None and body is not None and _rides_along(model, camera, body) and name in (None, FOLLOW):
+        return FollowView(model, body, camera)
     if camera is not None:
         return _fixed(camera)
     if name == TOP:
         return TopView(model, aspect)
-    body = robot_body(model)
     if name == FOLLOW or (name is None and body is not None):
         return FollowView(model, body) if body is not None else _whole(model)
     if name is None:
@@ -89,53 +96,80 @@ def choose_view(
 
 
 class FollowView:
-    """Stands behind a robot and above it, turns with it slowly, comes closer where a wall is in between."""
+    """Stands behind a robot and above it, turns with it slowly, and keeps the horizon level when it tips over.
 
-    def __init__(self, model: mujoco.MjModel, body: int) -> None:
+    Where something fixed is in between it rises to look over it, and comes closer where that does not help.
+    """
+
+    def __init__(self, model: mujoco.MjModel, body: int, camera: int | None = None) -> None:
         """Prepares the view.
 
         Args:
             model: The model.
             body: Root body of what is followed.
+            camera: A camera on the robot that says from where it is seen at rest; None: from behind, or from the side
+                if it stands still.
         """
         self._model, self._body = model, body
         self._radius_m = radius_of(model, body)
         self._distance_m = _DISTANCE_RADII * self._radius_m
-        # As a plain number: a member of an enumeration is not equal to a number of numpy.
-        first = int(model.jnt_type[model.body_jntadr[body]]) if model.body_jntnum[body] else None
-        roams = first == mujoco.mjtJoint.mjJNT_FREE.value
-        self._side_deg = 0.0 if roams else _SIDE_DEG
+        self._elevation_deg, self._side_deg = _ELEVATION_DEG, 0.0 if _roams(model, body) else _SIDE_DEG
+        if camera is not None:
+            self._stand_like(camera)
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FREE
-        self._view.elevation = _ELEVATION_DEG
         self._time_s: float | None = None
+        self._heading_deg = 0.0
+
+    def _stand_like(self, camera: int) -> None:
+        """Takes distance, side and slope from a camera; a narrower field of view needs more distance."""
+        x, y, z = (float(value) for value in self._model.cam_poscom0[camera])
+        narrower = math.tan(math.radians(self._model.cam_fovy[camera] / 2)) / _half_view(self._model)
+        self._distance_m = math.hypot(x, y, z) * narrower
+        self._side_deg = math.degrees(math.atan2(-y, -x))
+        self._elevation_deg = -math.degrees(math.atan2(z, math.hypot(x, y)))
 
     def __call__(self, data: mujoco.MjData) -> mujoco.MjvCamera:
         """Moves the camera on to the state's time."""
         place = np.array(data.subtree_com[self._body])
-        heading_deg = self._heading_deg(data) + self._side_deg
+        azimuth_deg = self._turned_to(data) + self._side_deg
         view = self._view
         if self._time_s is None or not 0 <= data.time - self._time_s < 5:
-            view.lookat[:], view.azimuth, share = place, heading_deg, 1.0
+            view.lookat[:], view.azimuth, share = place, azimuth_deg, 1.0
         else:
             # A first-order lag: a gait's nodding does not shake the picture.
             share = 1 - math.exp(-(data.time - self._time_s) / _SMOOTHING_S)
             view.lookat[:] += share * (place - view.lookat)
-            view.azimuth += share * ((heading_deg - view.azimuth + 180) % 360 - 180)
-        free_m = self._free_distance_m(data)
+            view.azimuth += share * ((azimuth_deg - view.azimuth + 180) % 360 - 180)
+        elevation_deg, free_m = self._free_stand(data)
+        view.elevation += share * (elevation_deg - view.elevation)
         view.distance = free_m if free_m < view.distance else view.distance + share * (free_m - view.distance)
         self._time_s = data.time
         return view
 
-    def _heading_deg(self, data: mujoco.MjData) -> float:
-        x, y = data.xmat[self._body].reshape(3, 3)[:2, 0]
-        if math.hypot(x, y) < 0.2:  # it stands on its head or tail: no heading to speak of
-            return self._view.azimuth - self._side_deg if self._time_s is not None else 0.0
-        return math.degrees(math.atan2(y, x))
+    def _turned_to(self, data: mujoco.MjData) -> float:
+        """Where the robot heads; once it lies, where it headed before."""
+        frame = data.xmat[self._body].reshape(3, 3)
+        if self._time_s is None or frame[2, 2] > _UPRIGHT:
+            self._heading_deg = math.degrees(math.atan2(frame[1, 0], frame[0, 0]))
+        return self._heading_deg
 
-    def _free_distance_m(self, data: mujoco.MjData) -> float:
+    def _free_stand(self, data: mujoco.MjData) -> tuple[float, float]:
+        """Elevation and distance: the flattest that sees the robot from the full distance, else the farthest."""
+        best = (self._elevation_deg, 0.0)
+        elevation_deg = self._elevation_deg
+        while elevation_deg >= min(_STEEPEST_DEG, self._elevation_deg):
+            free_m = self._free_distance_m(data, elevation_deg)
+            if free_m > best[1]:
+                best = (elevation_deg, free_m)
+            if free_m >= self._distance_m:
+                break
+            elevation_deg -= _STEEPER_DEG
+        return best
+
+    def _free_distance_m(self, data: mujoco.MjData, elevation_deg: float) -> float:
         """How far back the camera can stand before something fixed comes between it and the robot."""
-        azimuth, elevation = math.radians(self._view.azimuth), math.radians(_ELEVATION_DEG)
+        azimuth, elevation = math.radians(self._view.azimuth), math.radians(elevation_deg)
         back = -np.array(
             (math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation))
         )
@@ -185,7 +219,7 @@ class TopView:
             self._body = robot_body(model)
             view.lookat[:] = model.stat.center
             half_m = 2.5 * radius_of(model, self._body) if self._body is not None else model.stat.extent
-        view.distance = half_m / math.tan(math.radians(model.vis.global_.fovy / 2))
+        view.distance = half_m / _half_view(model)
 
 
 def fixed_extent(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[_Vector, _Vector] | None:
@@ -209,6 +243,23 @@ def _own_camera(model: mujoco.MjModel, name: str) -> int | None:
     # Of all that is fixed there is one view from above; a robot's own `top` is asked for with the robot's name.
     attached = (i for i in range(model.ncam) if name != TOP and model.camera(i).name.endswith(f"/{name}"))
     return next(attached, None)
+
+
+def _rides_along(model: mujoco.MjModel, camera: int, body: int) -> bool:
+    """Whether a camera is fixed to a part of the robot, so that it tips over with it."""
+    is_fixed = int(model.cam_mode[camera]) == mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
+    return is_fixed and int(model.cam_bodyid[camera]) == body and _roams(model, body)
+
+
+def _roams(model: mujoco.MjModel, body: int) -> bool:
+    first = int(model.jnt_type[model.body_jntadr[body]]) if model.body_jntnum[body] else None
+    # As a plain number: a member of an enumeration is not equal to a number of numpy.
+    return first == mujoco.mjtJoint.mjJNT_FREE.value
+
+
+def _half_view(model: mujoco.MjModel) -> float:
+    """Tangent of half the vertical field of view of free cameras."""
+    return math.tan(math.radians(model.vis.global_.fovy / 2))
 
 
 def _fixed(camera: int) -> View:

@@ -79,12 +79,51 @@ def test_follow_stands_behind_the_robot_and_above(heading: float) -> None:
     assert np.allclose(view.lookat, data.body("rover").subtree_com)
 
 
-def test_follow_comes_closer_where_a_wall_is_in_between() -> None:
-    model, data = room(place="-2.3 0 .1")
+def test_follow_looks_over_what_is_low_and_comes_closer_to_what_is_high() -> None:
     open_model, open_data = room()
-    close, far = choose_view(model, "follow")(data), choose_view(open_model, "follow")(open_data)
+    far = choose_view(open_model, "follow")(open_data)
+    flat, full_m = far.elevation, far.distance
+    model, data = room(place="-2.3 0 .1")
+    over = choose_view(model, "follow")(data)
+    assert over.elevation < flat - 10
+    assert over.distance == pytest.approx(full_m)
+    assert camera_place(over)[2] > 1
+    model, data = room(walls=WALLS.replace(".1 2 .5", ".1 2 5"), place="-2.55 0 .1")
+    close = choose_view(model, "follow")(data)
     assert camera_place(close)[0] > -2.9
-    assert close.distance < 0.8 * far.distance
+    assert close.distance < full_m
+
+
+def test_follow_keeps_the_horizon_and_its_side_when_the_robot_tips_over() -> None:
+    own = '<camera name="follow" pos="-1 0 1" xyaxes="0 -1 0 .7 0 .7"/></body>'
+    xml = ROOM.format(walls="", rover=ROVER.format(place="0 0 .1", heading=0)).replace("</body>\n\n", f"{own}\n\n")
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    follow = choose_view(model, None)
+    before = follow(data)
+    azimuth, elevation, distance = before.azimuth, before.elevation, before.distance
+    assert before.type == mujoco.mjtCamera.mjCAMERA_FREE
+    assert elevation == pytest.approx(-45, abs=4)
+    assert azimuth == pytest.approx(0, abs=1)
+    start = model.joint(model.body("rover").jntadr[0]).qposadr[0]
+    for step in range(60):  # it falls on its back, over its tail, and slides away
+        angle = min(math.pi, step / 10)
+        data.time = step / 15
+        data.qpos[start : start + 7] = [0.02 * step, 0, 0.1, math.cos(angle / 2), 0, math.sin(angle / 2), 0]
+        mujoco.mj_forward(model, data)
+        view = follow(data)
+        assert (view.azimuth, view.elevation) == pytest.approx((azimuth, elevation), abs=1)
+        assert np.linalg.norm(view.lookat - data.body("rover").subtree_com) < 0.3
+    assert view.distance == pytest.approx(distance)
+
+
+def test_a_robots_own_camera_is_there_by_its_full_name() -> None:
+    own = '<camera name="r/follow" pos="-1 0 1" xyaxes="0 -1 0 .7 0 .7"/></body>'
+    xml = ROOM.format(walls="", rover=ROVER.format(place="0 0 .1", heading=0)).replace("</body>\n\n", f"{own}\n\n")
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert choose_view(model, "follow")(mujoco.MjData(model)).type == mujoco.mjtCamera.mjCAMERA_FREE
+    assert choose_view(model, "r/follow")(mujoco.MjData(model)).fixedcamid == model.camera("r/follow").id
 
 
 def test_follow_glides_after_a_robot_that_nods() -> None:
