@@ -67,16 +67,24 @@ class CommandParser(Parser):
     def __init__(self, command: Command, **options: Any) -> None:
         super().__init__(formatter_class=_Formatter, description=command.description, **options)
         self._command = command
+        self._is_declared = False
         _add_debug(self)
 
-    def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
-        """Declares the command's arguments and parses them; the answer's `execute` runs the command."""
+    def declare(self) -> None:
+        """Imports the command's module and adds its arguments, once."""
+        if self._is_declared:
+            return
+        self._is_declared = True
         if self._command.path.is_dir():
             _add_commands(self, self._command.path, dest="action", metavar="ACTION", title="actions", required=True)
         else:
             module = self._command.load()
             module.declare(self)
             self.set_defaults(execute=module.execute)
+
+    def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
+        """Declares the command's arguments and parses them; the answer's `execute` runs the command."""
+        self.declare()
         return super().parse_known_args(args, namespace)
 
 

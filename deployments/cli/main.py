@@ -40,6 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _execute(words: Sequence[str]) -> int:
     parser = build_parser()
+    if "_ARGCOMPLETE" in os.environ:
+        from .completion import complete
+
+        complete(parser)
     chosen = parser.parse_args(words)
     if chosen.version:
         return _print_version()

@@ -1,0 +1,59 @@
+"""Completion of words in shells: commands, options, operations, runs, specification files.
+
+The shell calls `robomaker` itself at each press of the tabulator key, so what it offers is what there is now.
+"""
+
+import argparse
+import os
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
+
+from argcomplete.completers import FilesCompleter
+from argcomplete.finders import CompletionFinder
+
+from .grammar import CommandParser
+
+Completer: TypeAlias = Callable[..., object]
+
+_PLENTY = 50
+"""Runs that are offered, the latest first: nobody reads more."""
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answers the shell with what fits, and ends the program."""
+    for action in _actions(parser):
+        if (completer := _COMPLETERS.get(str(action.metavar))) is not None:
+            setattr(action, "completer", completer)  # noqa: B010 - argcomplete's convention, unknown to argparse's types
+    CompletionFinder()(parser)
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """All arguments of all commands; argcomplete has to see them before it begins."""
+    if isinstance(parser, CommandParser):
+        parser.declare()
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from _actions(command)
+
+
+def _operations(**_: object) -> list[str]:
+    from ...schemas.operations.registry import OPERATIONS
+
+    return sorted(OPERATIONS)
+
+
+def _runs(**_: object) -> list[str]:
+    from ...schemas.settings import Settings
+
+    folder = Settings.from_environment(os.environ).home / "runs"
+    found = sorted(folder.glob("*/run.json"), key=lambda path: path.stat().st_mtime, reverse=True)
+    return ["latest", *(path.parent.name for path in found[:_PLENTY])]
+
+
+_COMPLETERS: dict[str, Completer] = {
+    "OPERATION": _operations,
+    "RUN": _runs,
+    "SPEC": FilesCompleter(["yaml", "yml", "json"]),
+}
