@@ -235,7 +235,7 @@ class PipelineRun:
     def _cancelled(self, name: str) -> dict[str, Any]:
         """What is left of a step that was interrupted: how the job that it made stands."""
         entry, output = registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
-        return entry.described(output["arn"], self._service) if entry.performer and output else output
+        return entry.described(output["arn"], self._service) if entry.run_job and output else output
 
     def _call(self, name: str) -> dict[str, Any]:
         """Calls a step's operation; jobs are performed to their end."""
@@ -243,7 +243,7 @@ class PipelineRun:
         request = resolve_input(step, self._outputs)
         entry = registry()[step.operation]
         output = self._reused(step.operation, step.if_exists, request) or entry.answer(request, self._service)
-        if entry.performer is None:
+        if entry.run_job is None:
             return output
         self._outputs[name] = output
 

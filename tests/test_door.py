@@ -33,7 +33,7 @@ NAMES = {
 
 
 def test_its_names_are_these_and_the_flows_of_all_operations() -> None:
-    performed = {entry.perform_name for entry in registry().values() if entry.performer}
+    performed = {entry.perform_name for entry in registry().values() if entry.run_job}
 
     assert set(prefect_robomaker.__all__) == NAMES | set(registry()) | performed
     assert len(prefect_robomaker.__all__) == len(NAMES) + 57 + 4

@@ -55,7 +55,7 @@ def test_prefect_yaml_deploys_every_flow_and_the_specifications_it_names_exist()
     expected = {"prefect_robomaker.flows.pipelines:RunPipeline"}
     for name, entry in registry().items():
         expected.add(f"prefect_robomaker.flows.{entry.resource}:{name}")
-        if entry.performer:
+        if entry.run_job:
             expected.add(f"prefect_robomaker.flows.{entry.resource}:{entry.perform_name}")
     assert entrypoints == expected
     for deployment in declared:

@@ -95,7 +95,7 @@ class Jobs:
         began = time.monotonic()
         _logger.info("%s: begun", job.id)
         try:
-            if self.service.catalog.lost_performers(job.arn):
+            if self.service.catalog.lost_workers(job.arn):
                 mark_crashed([job.id], "its job worker died; the job is run again")
             self._run_flow(pool, job.arn)
         except WorkerStopping:

@@ -14,6 +14,7 @@ May import: `schemas`.
 """
 
 from .catalog import Catalog, Stored
-from .records import ClientToken, NewResource, Page, Resource
+from .client_tokens import ClientToken
+from .records import NewResource, Page, Resource
 
 __all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource", "Stored"]

@@ -13,6 +13,7 @@ from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.common import MAX_TAGS
 from ...schemas.wire.errors import InvalidParameterException, LimitExceededException, StateConflictError
+from .client_tokens import ClientToken, find_resource, store_token
 from .leases import CatalogLeases
 from .queries import (
     changed_one,
@@ -20,12 +21,11 @@ from .queries import (
     insert_labels,
     not_found,
     one_row,
-    repeated,
     replace_labels,
     resource_of,
 )
-from .records import ClientToken, NewResource, Resource
-from .tables import client_tokens, resources
+from .records import NewResource, Resource
+from .tables import resources
 
 _MAX_ATTEMPTS = 100
 
@@ -85,20 +85,12 @@ class Catalog(CatalogLeases):
     def _create(self, resource: NewResource, token: ClientToken | None, unique_name: bool) -> Resource:
         with self._transaction(self._writer) as connection:
             account = ResourceArn.parse(resource.arn).account
-            if token is not None and (earlier := repeated(connection, token, account)) is not None:
+            if token is not None and (earlier := find_resource(connection, token, account)) is not None:
                 return earlier
             check_free(connection, resource, unique_name)
             created = self._insert(connection, resource, unique_name)
             if token is not None:
-                connection.execute(
-                    insert(client_tokens).values(
-                        operation=token.operation,
-                        account=account,
-                        token=token.token,
-                        request_hash=token.request_hash,
-                        arn=resource.arn,
-                    )
-                )
+                store_token(connection, token, account, resource.arn)
             return created
 
     def _insert(self, connection: Connection, resource: NewResource, unique_name: bool = False) -> Resource:

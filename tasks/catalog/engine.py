@@ -25,7 +25,7 @@ def _add_labels(connection: Connection) -> None:
         connection.execute(text("ALTER TABLE resources ADD COLUMN labels JSON"))
 
 
-def _add_lost_performers(connection: Connection) -> None:
+def _add_lost_workers(connection: Connection) -> None:
     if "lost_performers" not in {column["name"] for column in inspect(connection).get_columns("resources")}:
         connection.execute(text("ALTER TABLE resources ADD COLUMN lost_performers INTEGER NOT NULL DEFAULT 0"))
 
@@ -33,7 +33,7 @@ def _add_lost_performers(connection: Connection) -> None:
 MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     metadata.create_all,
     _add_labels,
-    _add_lost_performers,
+    _add_lost_workers,
     label_worlds,
 )
 """Each brings the tables one version further; later ones are added at the end and never change.

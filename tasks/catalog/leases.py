@@ -21,7 +21,7 @@ class CatalogLeases(CatalogReader):
     def claim(self, arn: str, owner: str, lease_s: float) -> bool:
         """Takes a resource's lease if nobody else holds it.
 
-        A lease that has run out was its owner's until it died: `lost_performers` counts that.
+        A lease that has run out was its owner's until it died: `lost_workers` counts that.
 
         Args:
             arn: the resource.
@@ -40,7 +40,7 @@ class CatalogLeases(CatalogReader):
         )
         left_behind = and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != owner)
         values = {
-            "lost_performers": resources.c.lost_performers + case((left_behind, 1), else_=0),
+            "lost_workers": resources.c.lost_workers + case((left_behind, 1), else_=0),
             "lease_owner": owner,
             "lease_expires_at": now + timedelta(seconds=lease_s),
         }
@@ -92,14 +92,14 @@ class CatalogLeases(CatalogReader):
             ended = connection.execute(update(resources).where(held).values(lease_expires_at=self._now()))
             return ended.rowcount
 
-    def lost_performers(self, arn: str) -> int:
+    def lost_workers(self, arn: str) -> int:
         """How many performers died while they held a resource's lease, as far as others took it over since.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
         """
         with self._transaction(self._engine) as connection:
-            lost = connection.scalar(select(resources.c.lost_performers).where(resources.c.arn == arn))
+            lost = connection.scalar(select(resources.c.lost_workers).where(resources.c.arn == arn))
         if lost is None:
             raise not_found(arn)
         return int(lost)

@@ -5,13 +5,9 @@ from typing import Any, cast
 
 from sqlalchemy import Connection, CursorResult, RowMapping, Select, and_, bindparam, delete, insert, null, or_, select
 
-from ...schemas.wire.errors import (
-    IdempotentParameterMismatchException,
-    ResourceAlreadyExistsException,
-    ResourceNotFoundException,
-)
-from .records import ClientToken, NewResource, Resource
-from .tables import client_tokens, resource_labels, resources
+from ...schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException
+from .records import NewResource, Resource
+from .tables import resource_labels, resources
 
 COLUMNS = (
     resources.c.arn,
@@ -133,27 +129,6 @@ def replace_labels(connection: Connection, arn: str, labels: Mapping[str, Sequen
     if sequence is not None:
         connection.execute(delete(resource_labels).where(resource_labels.c.sequence == sequence))
         insert_labels(connection, sequence, labels)
-
-
-def repeated(connection: Connection, token: ClientToken, account: str) -> Resource | None:
-    """The resource that an earlier call of an account with the same token added.
-
-    Raises:
-        IdempotentParameterMismatchException: that call was another request.
-    """
-    query = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
-        client_tokens.c.operation == token.operation,
-        client_tokens.c.account == account,
-        client_tokens.c.token == token.token,
-    )
-    earlier = connection.execute(query).mappings().one_or_none()
-    if earlier is None:
-        return None
-    if earlier["request_hash"] != token.request_hash:
-        raise IdempotentParameterMismatchException(
-            f"clientRequestToken {token.token!r} was used for {earlier['arn']} with another request; use a new token"
-        )
-    return resource_of(one_row(connection, earlier["arn"]))
 
 
 def check_free(connection: Connection, resource: NewResource, unique_name: bool) -> None:

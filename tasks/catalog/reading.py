@@ -8,10 +8,11 @@ from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.wire.errors import ServiceUnavailableException
+from .client_tokens import ClientToken, find_resource
 from .engine import open_engine, writing
-from .pages import decode_page_token, encode_page_token
-from .queries import COLUMNS, list_query, not_found, one_row, only_members, repeated, resource_of, resource_with
-from .records import ClientToken, Page, Resource
+from .page_tokens import decode_page_token, encode_page_token
+from .queries import COLUMNS, list_query, not_found, one_row, only_members, resource_of, resource_with
+from .records import Page, Resource
 from .tables import resources
 
 
@@ -51,11 +52,13 @@ class CatalogReader:
                     found[row["arn"]] = resource_of(row)
         return found
 
-    def made_before(self, token: ClientToken | None, account: str) -> Resource | None:
-        """The resource that an earlier call with this token added; asked before anything else is checked.
+    def find_by_client_token(self, token: ClientToken | None, account: str) -> Resource | None:
+        """Finds the resource that an earlier call with this client token added.
+
+        Handlers ask this before they check anything else: a repeated call succeeds whatever has changed since.
 
         Args:
-            token: the caller's token; `None`: there was no such call.
+            token: the caller's token; `None`: the call has none, so it repeats no other.
             account: whose token it is.
 
         Raises:
@@ -64,7 +67,7 @@ class CatalogReader:
         if token is None:
             return None
         with self._transaction(self._engine) as connection:
-            return repeated(connection, token, account)
+            return find_resource(connection, token, account)
 
     def find(self, kind: str, name: str) -> Resource | None:
         """The newest resource of a kind and name."""

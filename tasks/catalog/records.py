@@ -1,14 +1,11 @@
-"""What the catalog keeps, and what it is asked with."""
+"""Resources as the catalog stores and returns them, and pages of lists."""
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
 from ...schemas.documents.base import Document
-from ...schemas.wire.base import Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,30 +71,6 @@ class Resource(NewResource):
             labels={key: list(values) for key, values in (labels or {}).items()},
             document=document.to_json() if isinstance(document, Document) else document or {},
         )
-
-
-@dataclass(frozen=True)
-class ClientToken:
-    """What makes a create call repeatable."""
-
-    operation: str
-    """The operation's name; tokens of different operations have nothing to do with each other."""
-
-    token: str
-    """The caller's token."""
-
-    request_hash: str
-    """Equal for equal requests."""
-
-    @classmethod
-    def of(cls, operation: str, request: Shape) -> "ClientToken | None":
-        """The token in a request's `clientRequestToken`; `None` if it has none."""
-        members = request.model_dump(mode="json", exclude_none=True)
-        token = members.pop("clientRequestToken", None)
-        if token is None:
-            return None
-        canonical = json.dumps(members, sort_keys=True, separators=(",", ":"))
-        return cls(operation, token, hashlib.sha256(canonical.encode()).hexdigest())
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,8 @@ resources = Table(
     Column("cancel_requested", Boolean, nullable=False, default=False),
     Column("lease_owner", String(255)),
     Column("lease_expires_at", UtcTime),
-    Column("lost_performers", Integer, nullable=False, default=0, server_default="0"),
+    # The column keeps the name that it has in the catalogs of earlier versions.
+    Column("lost_performers", Integer, key="lost_workers", nullable=False, default=0, server_default="0"),
     UniqueConstraint("kind", "unique_name"),
     Index("resources_by_kind", "kind", "sequence"),
     Index("resources_by_name", "kind", "name", "sequence"),

@@ -21,7 +21,7 @@ _EVENTS = ("terminate", "fail", "canceled")
 def why_not_retried(lease: Lease, service: Service) -> str | None:
     """Returns why a job has reached its retry limit; `None` when it may run."""
     most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
-    lost = service.catalog.lost_performers(lease.job.arn)
+    lost = service.catalog.lost_workers(lease.job.arn)
     if lost < most:
         return None
     return f"{lost} job workers died, one after the other, while they ran this job; it is not begun again"

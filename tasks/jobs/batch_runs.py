@@ -162,7 +162,7 @@ class BatchRun:
         if str(index) in self._failed:
             return None
         request = SimulationJobRequest.model_validate(self._requests[index])
-        token = ClientToken(operation="StartSimulationJobBatch", token=f"{self._batch.id}-{index}", request_hash="")
+        token = ClientToken.of_batch_job(self._batch.id, index)
         try:
             job = store_job(request, self._service, token=token, batch=(self._arn, index))
         except ServiceError as error:

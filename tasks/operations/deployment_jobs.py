@@ -49,14 +49,14 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
     cannot run it beside others that can is left to the deployment, which fails for that robot only.
     """
     token = ClientToken.of("CreateDeploymentJob", request)
-    job = service.made_before(token)
+    job = service.find_by_client_token(token)
     if job is None:
         configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
         order = DeploymentJobDocument(
             deployment_application_configs=configs, deployment_config=_config(request, service)
         )
         with fleet_held(request.fleet, service) as fleet:
-            job = service.made_before(token) or _stored(order, fleet, service, token, request.tags)
+            job = service.find_by_client_token(token) or _stored(order, fleet, service, token, request.tags)
     return {**_summary(job), "tags": dict(job.tags)}
 
 
@@ -64,10 +64,10 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
 def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> Answer:
     """Stores the fleet's latest deployment once more, however it ended, for the robots it has now."""
     token = ClientToken.of("SyncDeploymentJob", request)
-    job = service.made_before(token)
+    job = service.find_by_client_token(token)
     if job is None:
         with fleet_held(request.fleet, service) as fleet:
-            job = service.made_before(token) or _repeated(fleet, service, token)
+            job = service.find_by_client_token(token) or _repeated(fleet, service, token)
     return _summary(job)
 
 

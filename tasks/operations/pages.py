@@ -1,4 +1,4 @@
-"""What all List operations have in common: filters, pages, and how many entries a page has."""
+"""Filters and pages of the List operations; `catalog/page_tokens.py` makes and checks the tokens of pages."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol

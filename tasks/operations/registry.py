@@ -31,7 +31,9 @@ Answer = Shape | Mapping[str, Any]
 """A response, or the members of one."""
 
 Handler = Callable[[Any, Service], Answer]
-Performer = Callable[[str, Service], None]
+
+JobRunner = Callable[[str, Service], None]
+"""Runs the stored job of an ARN to its end; a job worker calls it."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class Operation:
     shape: OperationShape
     handler: Handler
     module: str
-    performer: Performer | None = None
+    run_job: JobRunner | None = None
+    """For job operations: runs the stored job of an ARN to its end; `None` for all others."""
+
     describe: str | None = None
     """The operation that tells how a job stands; its response is what the flow returns."""
 
@@ -106,15 +110,15 @@ class Operation:
         Called again for the same job, by any job worker, it continues where the job stands. An interruption
         (Ctrl-C, the end or cancellation of the flow run) cancels the job, and goes on once it has ended.
         """
-        if self.performer is None:
+        if self.run_job is None:
             raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to perform")
         try:
-            self.performer(arn, service)
+            self.run_job(arn, service)
         except Exception:
             raise
         except BaseException:  # Ctrl-C, or a worker's termination signal: nothing is left half done
             service.catalog.request_cancel(arn)
-            self.performer(arn, service)
+            self.run_job(arn, service)
             raise
         return self.described(arn, service)
 
@@ -139,7 +143,7 @@ _registry: dict[str, Operation] = {}
 
 
 def operation(
-    name: str, *, perform: Performer | None = None, describe: str | None = None
+    name: str, *, perform: JobRunner | None = None, describe: str | None = None
 ) -> Callable[[Handler], Handler]:
     """Registers a handler as the service's operation `name`.
 

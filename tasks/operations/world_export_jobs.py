@@ -38,7 +38,7 @@ def perform_world_export_job(arn: str, service: Service) -> None:
 def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> Answer:
     """Stores an export job for worlds that exist."""
     token = ClientToken.of("CreateWorldExportJob", request)
-    answer = _described(service.made_before(token) or _stored(request, token, service))
+    answer = _described(service.find_by_client_token(token) or _stored(request, token, service))
     del answer["worlds"], answer["failureReason"]
     return answer
 

@@ -33,7 +33,7 @@ def perform_world_generation_job(arn: str, service: Service) -> None:
 def create_world_generation_job(request: CreateWorldGenerationJobRequest, service: Service) -> Answer:
     """Stores a generation job; the template's body is kept as it is now."""
     token = ClientToken.of("CreateWorldGenerationJob", request)
-    job = service.made_before(token) or _stored(request, token, service)
+    job = service.find_by_client_token(token) or _stored(request, token, service)
     return _described(job)
 
 

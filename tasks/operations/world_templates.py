@@ -33,7 +33,7 @@ _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to f
 def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
     """Checks and stores a template body."""
     token = ClientToken.of("CreateWorldTemplate", request)
-    resource = service.made_before(token) or _stored(request, token, service)
+    resource = service.find_by_client_token(token) or _stored(request, token, service)
     return CreateWorldTemplateResponse(
         arn=resource.arn,
         clientRequestToken=request.clientRequestToken,

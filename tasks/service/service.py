@@ -140,13 +140,13 @@ class Service:
         )
         return self.catalog.create(job, token=token)
 
-    def made_before(self, token: ClientToken | None) -> Resource | None:
-        """What an earlier call with the same token made: repeating it succeeds whatever has changed since.
+    def find_by_client_token(self, token: ClientToken | None) -> Resource | None:
+        """Finds the resource that an earlier call with the same client token added; see `catalog/client_tokens.py`.
 
         Raises:
             IdempotentParameterMismatchException: the earlier call was another request.
         """
-        return self.catalog.made_before(token, self.settings.account)
+        return self.catalog.find_by_client_token(token, self.settings.account)
 
     def new_seed(self) -> int:
         """A seed for a job whose request gives none; it is recorded with the job."""

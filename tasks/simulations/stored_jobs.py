@@ -43,7 +43,7 @@ def store_job(
             room.
         IdempotentParameterMismatchException: the token was used for another request.
     """
-    if (earlier := service.made_before(token)) is not None:
+    if (earlier := service.find_by_client_token(token)) is not None:
         return earlier
     wire = request.to_wire()
     robots, simulations = (_applications(wire, role, service) for role in _ROLES)

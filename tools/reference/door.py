@@ -34,7 +34,7 @@ def flows_by_module() -> Mapping[str, Sequence[str]]:
             name
             for entry in registry().values()
             if entry.resource == resource
-            for name in ([entry.name, entry.perform_name] if entry.performer else [entry.name])
+            for name in ([entry.name, entry.perform_name] if entry.run_job else [entry.name])
         )
         for resource in RESOURCES
     }

@@ -114,7 +114,7 @@ def _everywhere() -> str:
 def _operation(operation: OperationShape, tables: Tables) -> str:
     entry = registry()[operation.name]
     flow = f"`prefect_robomaker.flows.{entry.resource}:{entry.name}`"
-    if entry.performer is not None:
+    if entry.run_job is not None:
         flow += f"; `prefect_robomaker.flows.{entry.resource}:{entry.perform_name}` carries a stored job to its end"
     parts = [
         f"### {operation.name}\n",

@@ -16,14 +16,14 @@ def test_a_lease_that_ran_out_counts_as_a_lost_performer(catalog: Catalog, make_
     for number in range(3):
         assert catalog.claim(arn, f"host:{number}", 10)
         clock.advance(20)
-    assert catalog.lost_performers(arn) == 2
+    assert catalog.lost_workers(arn) == 2
 
     assert catalog.release(arn, "host:2")
     assert catalog.claim(arn, "host:3", 10)
     assert catalog.claim(arn, "host:3", 10)
-    assert catalog.lost_performers(arn) == 2
+    assert catalog.lost_workers(arn) == 2
     with pytest.raises(ResourceNotFoundException):
-        catalog.lost_performers(f"{arn}0")
+        catalog.lost_workers(f"{arn}0")
 
 
 def test_the_leases_of_a_dead_process_end_at_once(catalog: Catalog, make_resource: Any) -> None:
@@ -36,7 +36,7 @@ def test_the_leases_of_a_dead_process_end_at_once(catalog: Catalog, make_resourc
     assert catalog.expire_leases("hostXa:71:") == 0
     assert [job.arn for job in catalog.unfinished(["simulation-job"])] == arns[:2]
     assert [catalog.claim(arn, "another", 60) for arn in arns] == [True, True, False]
-    assert catalog.lost_performers(arns[0]) == 1
+    assert catalog.lost_workers(arns[0]) == 1
 
 
 def test_jobs_of_a_live_batch_wait_for_its_performer(catalog: Catalog, make_resource: Any) -> None:
@@ -57,5 +57,5 @@ def test_a_catalog_from_before_losses_were_counted_opens(url: str, clock: Any, m
     first.close()
 
     second = Catalog.open(url, clock=clock)
-    assert second.lost_performers(arn) == 0
+    assert second.lost_workers(arn) == 0
     second.close()

@@ -47,7 +47,7 @@ def test_what_is_given_back_cannot_be_changed_any_more_and_nothing_new_begins(
 
     assert service.catalog.get(job).status == "Running"
     assert [each.arn for each in service.catalog.unfinished([KIND])] == [job]
-    assert service.catalog.lost_performers(job) == 0
+    assert service.catalog.lost_workers(job) == 0
 
 
 def test_a_reserved_job_is_performed_under_its_reservation(service: Service, job: str, held: HeldLeases) -> None:
@@ -62,7 +62,7 @@ def test_a_reserved_job_is_performed_under_its_reservation(service: Service, job
 
     assert begun == [job]
     assert HeldLeases().reserve(job, service.catalog, 30)
-    assert service.catalog.lost_performers(job) == 0
+    assert service.catalog.lost_workers(job) == 0
 
 
 def test_a_job_that_takes_its_performers_along_fails(service: Service, job: str, held: HeldLeases) -> None:

@@ -33,7 +33,7 @@ def test_every_operation_is_a_flow_of_its_name_with_the_members_as_parameters(na
 
 
 def test_job_operations_have_a_flow_that_performs_a_stored_job() -> None:
-    jobs = {name for name, entry in registry().items() if entry.performer}
+    jobs = {name for name, entry in registry().items() if entry.run_job}
 
     assert {find_perform_flow(name).name for name in jobs} == {
         "PerformSimulationJob",

@@ -91,7 +91,7 @@ def test_a_job_that_takes_performers_along_is_given_up_and_the_others_go_on(
         assert served.process.wait(20) == 0
     assert described["failureCode"] == "InternalServiceError"
     assert "3 job workers died" in described["failureReason"]
-    assert service.catalog.lost_performers(other) == 1
+    assert service.catalog.lost_workers(other) == 1
 
 
 def test_without_prefect_jobs_wait_and_the_endpoint_answers(

@@ -1,0 +1,83 @@
+"""Client tokens: idempotency of Create and Start calls.
+
+A caller that repeats a call with the same `clientRequestToken` gets the resource that the first call added, whatever
+has changed since; the same token with another request is refused. The catalog stores the token in the transaction
+that adds the resource, and forgets it when the resource is deleted.
+
+```
+token = ClientToken.of("CreateSimulationJob", request)    in the handler, before anything else is checked
+service.find_by_client_token(token)                       the resource of the first call, if there was one
+catalog.create(resource, token=token)                     adds both, or returns the resource of the first call
+```
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, insert, select
+
+from ...schemas.wire.base import Shape
+from ...schemas.wire.errors import IdempotentParameterMismatchException
+from .queries import one_row, resource_of
+from .records import Resource
+from .tables import client_tokens
+
+
+@dataclass(frozen=True)
+class ClientToken:
+    """A caller's token, the operation that it is for, and the request that it came with."""
+
+    operation: str
+    """The operation's name; tokens of different operations have nothing to do with each other."""
+
+    token: str
+    """The caller's token."""
+
+    request_hash: str
+    """Equal for equal requests."""
+
+    @classmethod
+    def of(cls, operation: str, request: Shape) -> "ClientToken | None":
+        """The token in a request's `clientRequestToken`; `None` if it has none."""
+        members = request.model_dump(mode="json", exclude_none=True)
+        token = members.pop("clientRequestToken", None)
+        if token is None:
+            return None
+        canonical = json.dumps(members, sort_keys=True, separators=(",", ":"))
+        return cls(operation, token, hashlib.sha256(canonical.encode()).hexdigest())
+
+    @classmethod
+    def of_batch_job(cls, batch_id: str, index: int) -> "ClientToken":
+        """The token of a batch's request number `index`: it becomes one job, also when another worker goes on."""
+        return cls("StartSimulationJobBatch", f"{batch_id}-{index}", request_hash="")
+
+
+def find_resource(connection: Connection, token: ClientToken, account: str) -> Resource | None:
+    """Finds the resource that an earlier call of an account with the same token added.
+
+    Raises:
+        IdempotentParameterMismatchException: that call was another request.
+    """
+    query = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
+        client_tokens.c.operation == token.operation,
+        client_tokens.c.account == account,
+        client_tokens.c.token == token.token,
+    )
+    earlier = connection.execute(query).mappings().one_or_none()
+    if earlier is None:
+        return None
+    if earlier["request_hash"] != token.request_hash:
+        raise IdempotentParameterMismatchException(
+            f"clientRequestToken {token.token!r} was used for {earlier['arn']} with another request; use a new token"
+        )
+    return resource_of(one_row(connection, earlier["arn"]))
+
+
+def store_token(connection: Connection, token: ClientToken, account: str, arn: str) -> None:
+    """Stores the token of the call that added the resource `arn`."""
+    connection.execute(
+        insert(client_tokens).values(
+            operation=token.operation, account=account, token=token.token, request_hash=token.request_hash, arn=arn
+        )
+    )
