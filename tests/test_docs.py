@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 
 import boto3
@@ -23,6 +24,11 @@ PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
 GUIDE = REPOSITORY / "docs" / "coming-from-robomaker.md"
 SHOWN_ENDPOINT = "http://127.0.0.1:8057"
 FOR_SDKS = "boto3.client("
+FOLDERS = ("schemas", "tasks", "flows", "deployments", "tests", "tools", "docs", "prefect_robomaker")
+NAMED_FILE = re.compile(
+    rf"`([\w./*-]+\.(?:py|j2|css|js))`|(?<![\w./-])((?:{'|'.join(FOLDERS)})/[\w./*-]+[\w/*])(?![\w<])"
+)
+"""Modules of this project in code spans, by the end of their path; and whole paths anywhere."""
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -115,6 +121,20 @@ def test_links_to_files_lead_somewhere(page: Path) -> None:
 
     missing = [target for target in targets if "://" not in target and not (page.parent / target).exists()]
     assert missing == []
+
+
+@pytest.mark.parametrize(
+    "page",
+    [*PAGES, *sorted((REPOSITORY / "docs" / "decisions").glob("*.md")), REPOSITORY / "CONTRIBUTING.md"],
+    ids=lambda page: page.name,
+)
+def test_files_named_in_the_documentation_exist(page: Path) -> None:
+    found = [path.relative_to(REPOSITORY) for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*")]
+    files = [f"/{name}" for path in found for name in {path.as_posix(), path.with_suffix("").as_posix()}]
+    named = {module or path for module, path in NAMED_FILE.findall(page.read_text())}
+
+    missing = {name for name in named if not any(fnmatch(file, f"*/{name.rstrip('/')}") for file in files)}
+    assert missing - {".py", ".launch.py"} == set()
 
 
 def test_the_readme_lists_the_commands_there_are() -> None:
