@@ -17,7 +17,7 @@ def CreateDeploymentJob(
     deploymentConfig: DeploymentConfig | None = None,
     tags: TagMap | None = None,
 ) -> dict[str, Any]:
-    """Orders an application for the robots of a fleet; the job stays Pending, since deployments do not act yet."""
+    """Deploys an application to the robots of a fleet; the job stays Pending, since deployments do not act yet."""
     return record("CreateDeploymentJob", validate("CreateDeploymentJob", locals()))
 
 
@@ -46,5 +46,5 @@ def CancelDeploymentJob(*, job: Arn) -> dict[str, Any]:
 
 @operation_flow
 def SyncDeploymentJob(*, clientRequestToken: ClientRequestToken, fleet: Arn) -> dict[str, Any]:
-    """Orders a fleet's latest deployment again; the job stays Pending, since deployments do not act yet."""
+    """Repeats a fleet's latest deployment; the job stays Pending, since deployments do not act yet."""
     return record("SyncDeploymentJob", validate("SyncDeploymentJob", locals()))

@@ -24,7 +24,7 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec, resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
-from ..tasks.inspection.preflight import check_surroundings
+from ..tasks.inspection.preflight import check_preconditions
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Progress, Service
 from .lookup import find_perform_flow
@@ -45,7 +45,7 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 _BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
-# Later steps use the worlds there are, but the run is not what was ordered.
+# Later steps use the worlds there are, but the run is not what the specification asks for.
 _STATES: dict[str, RunState] = {**_BAD_ENDS, "PartialFailed": "broken"}
 # From worst to best: what several steps or jobs make of a run.
 _SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
@@ -75,10 +75,10 @@ def run_spec(
         RunInterrupted: Ctrl-C was pressed.
     """
     run = PipelineRun(checked, Service.open(settings), listener, spec_path, command)
-    check_surroundings(checked, run.service)
+    check_preconditions(checked, run.service)
     token = _current.set(run)
     try:
-        # A heartbeat makes every flow wait a second at its end. Dead performers are noticed by their leases.
+        # A heartbeat makes every flow wait a second at its end. Dead job workers are noticed by their leases.
         with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
             RunPipeline(spec=spec_path, return_state=True)
     except KeyboardInterrupt:
@@ -137,7 +137,7 @@ class PipelineRun:
 
     @classmethod
     def of_file(cls, path: Path) -> "PipelineRun":
-        """A run of a file, which nobody watches.
+        """A run of a file, without a listener for its progress.
 
         Raises:
             ConfigurationError: there is no such file.
@@ -150,7 +150,7 @@ class PipelineRun:
         checked = load_spec(text, str(path))
         service = Service.current()
         check_world_counts(checked, service.settings.max_worlds_per_job)
-        check_surroundings(checked, service)
+        check_preconditions(checked, service)
         return cls(checked, service, _log, str(path))
 
     def run(self) -> RunRecord:

@@ -1,4 +1,4 @@
-"""Flows: simulation applications: the surroundings that robots are tried in."""
+"""Flows: simulation applications: the environments that robots are tried in."""
 
 from typing import Any
 

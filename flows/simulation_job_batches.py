@@ -29,7 +29,7 @@ def PerformSimulationJobBatch(arn: str) -> dict[str, Any]:
 
 @operation_flow
 def DescribeSimulationJobBatch(*, batch: Arn) -> dict[str, Any]:
-    """Says how far a batch is and what became of its requests."""
+    """Describes a batch: its progress, and the jobs and failures of its requests."""
     return read("DescribeSimulationJobBatch", locals())
 
 

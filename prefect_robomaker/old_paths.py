@@ -79,7 +79,7 @@ def _names_of(old: str) -> Callable[[str], Any]:
     def find(name: str) -> Any:
         package = sys.modules[old]
         missing = AttributeError(f"module {old!r} has no attribute {name!r}")
-        # Modules of the package are imported by whoever asks, and never taken for names of the old module.
+        # A module of the package is no name of the old module: the import system finds it.
         if name.startswith("__") or PathFinder.find_spec(f"{old}.{name}", getattr(package, "__path__", [])):
             raise missing
         home, _, new_name = SPLIT.get(old, {}).get(name, f"{MOVED[old]}.{name}").rpartition(".")

@@ -12,7 +12,7 @@
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
-| `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: nobody has to sign |
+| `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
 
@@ -63,7 +63,7 @@ class Settings(Model):
     )
     access_keys_file: Path | None = Field(
         default=None,
-        description="File of the access keys that clients of the endpoint have to sign with; None: nobody has to sign.",
+        description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
     )
 
     @classmethod

@@ -200,11 +200,11 @@ def check_extras() -> Finding:
 
 def check_containers(settings: Settings) -> Finding:
     """Whether runs whose job worker has died left containers."""
-    from ...tasks.jobs.job_folders import runs_of_nobody
+    from ...tasks.jobs.job_folders import abandoned_runs
     from ...tasks.service.service import Service
 
     service = Service.open(settings)
-    left = [str(run) for run, _ in runs_of_nobody(service)]
+    left = [str(run) for run, _ in abandoned_runs(service)]
     service.catalog.close()
     if left:
         remedy = "start any simulation job here, which removes them; the engine has to answer"

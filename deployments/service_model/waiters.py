@@ -30,7 +30,7 @@ class Waiter:
     """Seconds between two calls."""
 
     most_calls: int
-    """How many calls are made before it gives up."""
+    """How many calls it makes at most."""
 
     wanted: Collection[str] = ("Completed",)
     """States that are waited for."""

@@ -19,7 +19,7 @@ from prefect.exceptions import ObjectNotFound, PrefectException
 from ...schemas.wire.errors import ConfigurationError, ServiceUnavailableException
 from ...tasks.catalog import Resource
 from ...tasks.execution.claims import run_under_lease
-from ...tasks.execution.retry_limit import give_up
+from ...tasks.execution.retry_limit import fail_job
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from .pools import JobPool
@@ -158,15 +158,15 @@ class Dispatcher:
                 self._again(job, handed, "has gone silent", client)
 
     def _again(self, job: Resource, handed: _Handed, why: str, client: SyncPrefectClient) -> None:
-        """Hands a job over once more, or gives it up."""
+        """Hands a job over once more, or fails it at the retry limit."""
         if handed.number < MOST_RUNS:
             _logger.warning("%s: its flow run %s; there will be another one", job.id, why)
             self._handed[job.arn] = self._hand_over(job, handed.number + 1, client)
             return
         reason = f"each of {handed.number} flow runs ended before the job did; the last one {why}"
-        _logger.error("%s: given up: %s", job.id, reason)
+        _logger.error("%s: the job is not tried again: %s", job.id, reason)
         del self._handed[job.arn]
-        run_under_lease(job.arn, job.kind, self._service, lambda lease: give_up(lease, reason, self._service))
+        run_under_lease(job.arn, job.kind, self._service, lambda lease: fail_job(lease, reason, self._service))
 
     def _hand_over(self, job: Resource, number: int, client: SyncPrefectClient) -> _Handed:
         run: FlowRun = client.create_flow_run_from_deployment(

@@ -17,7 +17,7 @@ from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavaila
 from ...tasks.catalog import Resource
 from ...tasks.execution.claims import run_under_lease
 from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
-from ...tasks.execution.retry_limit import give_up
+from ...tasks.execution.retry_limit import fail_job
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .pools import JobPool
@@ -138,18 +138,18 @@ class Jobs:
             trouble.defects += 1
         words = f"{type(error).__name__}: {error}"
         if trouble.defects >= MOST_TRIES:
-            self._give_up(pool, job, f"running it failed {trouble.defects} times: {words}")
+            self._fail_job(pool, job, f"running it failed {trouble.defects} times: {words}")
         else:
             _logger.warning("%s: running it failed, and is tried again in %g s: %s", job.id, pause_s, words)
 
-    def _give_up(self, pool: JobPool, job: Resource, reason: str) -> None:
+    def _fail_job(self, pool: JobPool, job: Resource, reason: str) -> None:
         self._troubles.pop(job.arn, None)
-        _logger.error("%s: given up: %s", job.id, reason)
+        _logger.error("%s: the job is not tried again: %s", job.id, reason)
         try:
             self.held.cancel_reservation(job.arn, self.service.catalog)
-            run_under_lease(job.arn, pool.kind, self.service, lambda lease: give_up(lease, reason, self.service))
+            run_under_lease(job.arn, pool.kind, self.service, lambda lease: fail_job(lease, reason, self.service))
         except RobomakerError as error:
-            _logger.warning("%s: could not even be given up: %s", job.id, error)
+            _logger.warning("%s: the job could not be marked as failed: %s", job.id, error)
 
     def _end(self, arn: str) -> None:
         try:

@@ -6,7 +6,7 @@ from .base import Document, FailureChanges, Part
 
 
 class StoredWorldCount(Part):
-    """How many worlds are ordered."""
+    """How many worlds are requested."""
 
     floorplan_count: int = Field(description="Number of different floor plans.")
     interior_count_per_floorplan: int = Field(description="Number of furnished worlds for each of them.")

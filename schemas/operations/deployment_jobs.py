@@ -143,7 +143,7 @@ DeploymentApplicationConfigs = Annotated[
 
 
 class CreateDeploymentJobRequest(Shape):
-    """Orders that an application is brought to the robots of a fleet."""
+    """Request to deploy an application to the robots of a fleet."""
 
     deploymentConfig: DeploymentConfig | None = Field(default=None, description="How careful the deployment is.")
     clientRequestToken: ClientRequestToken = Field(
@@ -155,7 +155,7 @@ class CreateDeploymentJobRequest(Shape):
 
 
 class SyncDeploymentJobRequest(Shape):
-    """Orders a fleet's latest deployment again, for robots that lack it."""
+    """Request to repeat a fleet's latest deployment, for robots that lack it."""
 
     clientRequestToken: ClientRequestToken = Field(
         description="Makes the call repeatable: the same token and request give the same job."
@@ -264,7 +264,7 @@ OPERATIONS = (
         CreateDeploymentJobRequest,
         CreateDeploymentJobResponse,
         _DEPLOYMENT_ERRORS,
-        "Orders an application for the robots of a fleet; the job stays Pending, since deployments do not act yet.",
+        "Deploys an application to the robots of a fleet; the job stays Pending, since deployments do not act yet.",
         deprecated=True,
     ),
     OperationShape(
@@ -297,7 +297,7 @@ OPERATIONS = (
         SyncDeploymentJobRequest,
         SyncDeploymentJobResponse,
         _DEPLOYMENT_ERRORS,
-        "Orders a fleet's latest deployment again; the job stays Pending, since deployments do not act yet.",
+        "Repeats a fleet's latest deployment; the job stays Pending, since deployments do not act yet.",
         deprecated=True,
     ),
 )

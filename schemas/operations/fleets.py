@@ -42,7 +42,7 @@ class DescribeFleetResponse(Shape):
     createdAt: Timestamp | None = Field(default=None, description="When it was made.")
     lastDeploymentStatus: DeploymentStatus | None = Field(default=None, description="How its last deployment stands.")
     lastDeploymentJob: Arn | None = Field(default=None, description="ARN of its last deployment; absent: none yet.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When its last deployment was ordered.")
+    lastDeploymentTime: Timestamp | None = Field(default=None, description="When its last deployment was requested.")
     tags: TagMap | None = Field(default=None, description="Its tags.")
 
 
@@ -62,7 +62,7 @@ class Fleet(Shape):
     createdAt: Timestamp | None = Field(default=None, description="When it was made.")
     lastDeploymentStatus: DeploymentStatus | None = Field(default=None, description="How its last deployment stands.")
     lastDeploymentJob: Arn | None = Field(default=None, description="ARN of its last deployment; absent: none yet.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When its last deployment was ordered.")
+    lastDeploymentTime: Timestamp | None = Field(default=None, description="When its last deployment was requested.")
 
 
 Fleets = Annotated[list[Fleet], ShapeName("Fleets", 0, 200)]

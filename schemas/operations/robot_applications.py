@@ -20,7 +20,7 @@ from .applications import (
 
 
 class CreateRobotApplicationRequest(ApplicationContent):
-    """Orders a robot application."""
+    """Request for a robot application."""
 
     name: Name = Field(description="Its name, unlike that of any other robot application.")
     tags: TagMap | None = Field(default=None, description="Tags for the application.")
@@ -33,7 +33,7 @@ class CreateRobotApplicationResponse(ApplicationRevision):
 
 
 class CreateRobotApplicationVersionRequest(NewApplicationVersion):
-    """Orders a numbered version of a robot application: what it is now."""
+    """Request for a numbered version of a robot application: what it is now."""
 
 
 class CreateRobotApplicationVersionResponse(ApplicationRevision):

@@ -54,7 +54,7 @@ class DescribeRobotResponse(Shape):
     createdAt: Timestamp | None = Field(default=None, description="When it was made.")
     architecture: Architecture | None = Field(default=None, description="Its processor.")
     lastDeploymentJob: Arn | None = Field(default=None, description="ARN of the last deployment that was meant for it.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was ordered.")
+    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was requested.")
     tags: TagMap | None = Field(default=None, description="Its tags.")
 
 
@@ -79,7 +79,7 @@ class Robot(Shape):
     createdAt: Timestamp | None = Field(default=None, description="When it was made.")
     architecture: Architecture | None = Field(default=None, description="Its processor.")
     lastDeploymentJob: Arn | None = Field(default=None, description="ARN of the last deployment that was meant for it.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was ordered.")
+    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was requested.")
 
 
 Robots = Annotated[list[Robot], ShapeName("Robots", 0, 1000)]

@@ -61,7 +61,7 @@ class SimulationRevision(ApplicationRevision):
 
 
 class CreateSimulationApplicationRequest(SimulationContent):
-    """Orders a simulation application."""
+    """Request for a simulation application."""
 
     name: Name = Field(description="Its name, unlike that of any other simulation application.")
     tags: TagMap | None = Field(default=None, description="Tags for the application.")
@@ -74,7 +74,7 @@ class CreateSimulationApplicationResponse(SimulationRevision):
 
 
 class CreateSimulationApplicationVersionRequest(NewApplicationVersion):
-    """Orders a numbered version of a simulation application: what it is now."""
+    """Request for a numbered version of a simulation application: what it is now."""
 
 
 class CreateSimulationApplicationVersionResponse(SimulationRevision):

@@ -52,7 +52,7 @@ class BatchPolicy(Shape):
 
 
 class StartSimulationJobBatchRequest(Shape):
-    """Orders a batch."""
+    """Request for a batch."""
 
     clientRequestToken: ClientRequestToken | None = Field(
         default=None, description="Makes the call repeatable: the same token and request give the same batch."
@@ -166,7 +166,7 @@ OPERATIONS = (
         DescribeSimulationJobBatchRequest,
         DescribeSimulationJobBatchResponse,
         (NOT_FOUND, INVALID, INTERNAL),
-        "Says how far a batch is and what became of its requests.",
+        "Describes a batch: its progress, and the jobs and failures of its requests.",
     ),
     OperationShape(
         "ListSimulationJobBatches",

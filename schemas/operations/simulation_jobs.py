@@ -137,7 +137,7 @@ class SimulationJobRequestMembers(Shape):
 
 
 class CreateSimulationJobRequest(SimulationJobRequestMembers):
-    """Orders one job."""
+    """Request for one job."""
 
     clientRequestToken: ClientRequestToken | None = Field(
         default=None, description="Makes the call repeatable: the same token and request give the same job."
@@ -146,7 +146,7 @@ class CreateSimulationJobRequest(SimulationJobRequestMembers):
 
 
 class SimulationJobRequest(SimulationJobRequestMembers):
-    """Orders one job of a batch."""
+    """Request for one job of a batch."""
 
     iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")
     useDefaultApplications: bool | None = Field(default=None, description="Whether the usual tools run beside it.")

@@ -33,7 +33,7 @@ WorldExportJobErrorCode = Annotated[
 
 
 class CreateWorldExportJobRequest(Shape):
-    """Orders an archive of worlds."""
+    """Request for an archive of worlds."""
 
     clientRequestToken: ClientRequestToken | None = Field(
         default=None, description="Makes the call repeatable: the same token and request give the same job."

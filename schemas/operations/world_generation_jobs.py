@@ -77,7 +77,7 @@ class WorldCount(Shape):
 
 
 class CreateWorldGenerationJobRequest(Shape):
-    """Orders worlds."""
+    """Request for worlds."""
 
     clientRequestToken: ClientRequestToken | None = Field(
         default=None, description="Makes the call repeatable: the same token and request give the same job."
@@ -100,7 +100,7 @@ class CreateWorldGenerationJobResponse(Shape):
     failureCode: WorldGenerationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
     template: Arn | None = Field(default=None, description="ARN of the template.")
-    worldCount: WorldCount | None = Field(default=None, description="How many worlds were ordered.")
+    worldCount: WorldCount | None = Field(default=None, description="How many worlds were requested.")
     tags: TagMap | None = Field(default=None, description="The job's tags.")
     worldTags: TagMap | None = Field(default=None, description="Tags of the worlds it generates.")
 
@@ -141,7 +141,9 @@ class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):
     """One job."""
 
     failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    finishedWorldsSummary: FinishedWorldsSummary | None = Field(default=None, description="What became of the worlds.")
+    finishedWorldsSummary: FinishedWorldsSummary | None = Field(
+        default=None, description="How many worlds were made, and which failed."
+    )
 
 
 class ListWorldGenerationJobsRequest(Shape):
@@ -161,7 +163,7 @@ class WorldGenerationJobSummary(Shape):
     template: Arn | None = Field(default=None, description="ARN of the template.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
     status: WorldGenerationJobStatus | None = Field(default=None, description="Where the job is in its life.")
-    worldCount: WorldCount | None = Field(default=None, description="How many worlds were ordered.")
+    worldCount: WorldCount | None = Field(default=None, description="How many worlds were requested.")
     succeededWorldCount: int | None = Field(default=None, description="How many worlds it has made.")
     failedWorldCount: int | None = Field(default=None, description="How many worlds failed.")
 

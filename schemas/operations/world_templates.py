@@ -56,7 +56,7 @@ class TemplateLocation(Shape):
 
 
 class CreateWorldTemplateRequest(Shape):
-    """Orders a world template."""
+    """Request for a world template."""
 
     clientRequestToken: ClientRequestToken | None = Field(
         default=None, description="Makes the call repeatable: the same token and request give the same template."

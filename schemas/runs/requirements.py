@@ -1,6 +1,6 @@
 """Requirements of a simulation run, as data: what the robot has to do, or must not do, for the verdict PASS.
 
-A job's order has them as its member `requirements` or, for SDKs that do not know that member, as JSON in
+A job's request has them as its member `requirements` or, for SDKs that do not know that member, as JSON in
 the launch variable `ROBOMAKER_REQUIREMENTS`; an environment may have some of its own.
 """
 

@@ -1,7 +1,7 @@
 """The JSON Schema of specifications, for editors and for checking without this program.
 
 `python -m prefect_robomaker.schemas.specs.json_schema` writes `pipeline.schema.json` beside this module.
-It says less than `spec_check`: it knows nothing of what references give.
+It says less than `check.py`: it knows nothing of what references give.
 """
 
 import json

@@ -43,7 +43,7 @@ class Catalog(CatalogLeases):
     not do its part: locked for half a minute, full, gone.
 
     Methods that change a resource raise `StateConflictError` when an `owner` is given that does not
-    hold the resource's lease: a performer that lost its lease to another cannot change anything any
+    hold the resource's lease: a job worker that lost its lease to another cannot change anything any
     more.
     """
 
@@ -290,7 +290,7 @@ class Catalog(CatalogLeases):
     # Cancelling
 
     def request_cancel(self, arn: str) -> Resource:
-        """Notes that a resource is to be cancelled; its performer sees it. Of no effect on one that has ended.
+        """Notes that a resource is to be cancelled, which its job worker sees. Changes nothing on one that has ended.
 
         Raises:
             ResourceNotFoundException: there is no such resource.

@@ -1,4 +1,4 @@
-"""Leases: who performs which job, what waits for a performer, and how many performers a job has lost."""
+"""Leases: which job worker runs which job, which jobs wait, and how many job workers died while they ran a job."""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta
@@ -16,16 +16,16 @@ _BATCH = "simulation-job-batch"
 
 
 class CatalogLeases(CatalogReader):
-    """What performers take their jobs with."""
+    """The leases by which job workers claim their jobs."""
 
     def claim(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Takes a resource's lease if nobody else holds it.
+        """Takes a resource's lease if no other owner holds it.
 
         A lease that has run out was its owner's until it died: `lost_workers` counts that.
 
         Args:
             arn: the resource.
-            owner: who asks; unlike anybody else, in this process or another.
+            owner: name of the caller, which no other has in this process or another.
             lease_s: after how many seconds another may take it, unless it is renewed.
 
         Returns:
@@ -47,7 +47,7 @@ class CatalogLeases(CatalogReader):
         return self._lease(arn, free, values)
 
     def renew(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Prolongs a lease, even one that ran out, as long as nobody else has taken it.
+        """Prolongs a lease, even one that ran out, as long as no other owner has taken it.
 
         Returns:
             Whether `owner` still holds the lease.
@@ -64,7 +64,7 @@ class CatalogLeases(CatalogReader):
         return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
 
     def lease_of(self, arn: str) -> tuple[str | None, bool]:
-        """Who holds a resource's lease, if anybody, and whether it has run out.
+        """The owner of a resource's lease, if it has one, and whether the lease has run out.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -79,7 +79,7 @@ class CatalogLeases(CatalogReader):
         return row[0], bool(row[1])
 
     def expire_leases(self, owners: str) -> int:
-        """Ends the leases of a process that is known to be dead, so that nobody has to wait until they run out.
+        """Ends the leases of a process that is known to be dead, so that others need not wait until they run out.
 
         Args:
             owners: what the names of the leases' owners begin with.
@@ -93,7 +93,7 @@ class CatalogLeases(CatalogReader):
             return ended.rowcount
 
     def lost_workers(self, arn: str) -> int:
-        """How many performers died while they held a resource's lease, as far as others took it over since.
+        """How many job workers died while they held a resource's lease, and had it taken over by another.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -105,7 +105,7 @@ class CatalogLeases(CatalogReader):
         return int(lost)
 
     def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
-        """The jobs that have not ended and that nobody performs, oldest first.
+        """The jobs that have not ended and that no job worker holds, oldest first.
 
         Jobs of a batch that has not ended are left out: the worker that runs the batch runs them.
 

@@ -1,6 +1,6 @@
 """Labels for worlds and their jobs in catalogs that were made before there were labels.
 
-Lists filter by them, and whoever deletes a world sees by them which others share its stored bundle.
+Lists filter by them, and deleting a world looks up by them which other worlds share its stored bundle.
 """
 
 from collections.abc import Mapping

@@ -12,7 +12,7 @@ from ...schemas.lifecycles import is_terminal
 from ..service.service import Service
 from .held_leases import HELD, HeldLeases
 from .leases import Lease
-from .retry_limit import give_up, why_not_retried
+from .retry_limit import fail_job, why_not_retried
 
 _WAIT_S = 0.5
 
@@ -39,7 +39,7 @@ def run_under_lease(
 def run_if_unclaimed(
     arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD
 ) -> bool:
-    """Runs `work` on a job if it has not ended and nobody performs it.
+    """Runs `work` on a job if it has not ended and no other job worker holds it.
 
     Args:
         arn: the job.
@@ -66,7 +66,7 @@ def run_if_unclaimed(
             if is_terminal(kind, lease.refreshed().status):
                 return True
             if reason := why_not_retried(lease, service):
-                give_up(lease, reason, service)
+                fail_job(lease, reason, service)
             else:
                 work(lease)
     return True

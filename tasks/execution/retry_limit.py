@@ -27,7 +27,7 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
     return f"{lost} job workers died, one after the other, while they ran this job; it is not begun again"
 
 
-def give_up(lease: Lease, reason: str, service: Service) -> None:
+def fail_job(lease: Lease, reason: str, service: Service) -> None:
     """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
     transitions = LIFECYCLES[lease.job.kind].transitions
     changes = FailureChanges(failure_code=_CODE, failure_reason=reason)

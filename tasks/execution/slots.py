@@ -35,7 +35,7 @@ class Slots:
     Args:
         name: name of the global concurrency limit, the batch's own.
         limit: how many slots there are.
-        wanted: how many this performer can use at once.
+        wanted: how many this job worker can use at once.
         look_s: seconds between two looks whether the limit was changed on the server.
     """
 

@@ -2,7 +2,7 @@
 
 A robot's document says which fleet it is in, a deployment job's parent is its fleet. What follows from
 these is stored besides, for lists: a robot's status, and the fleet's last deployment in its document.
-Whoever changes several of them holds the fleet's lease meanwhile; should it die, the next change brings
+A call that changes several of them holds the fleet's lease meanwhile. If its process dies, the next change brings
 the rest up to date.
 
 | status | when |

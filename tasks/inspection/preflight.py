@@ -1,4 +1,4 @@
-"""What is looked at before a pipeline's first step, so that nobody waits for worlds to learn of a slip."""
+"""Checks before a pipeline's first step: mistakes are told before worlds are generated, not after."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -15,7 +15,7 @@ from ..simulations.outputs.locations import prepare_bucket
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 
 
-def check_surroundings(checked: CheckedSpec, service: Service) -> None:
+def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     """Checks that the object store answers, that the applications named by jobs exist, and the rooms of their goals.
 
     Applications that a step of the same specification makes count as existing.

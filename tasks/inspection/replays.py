@@ -89,7 +89,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         reference: see `verify_run`.
         folder: where to; it must be absent or hold no reproduction.
         service: where the run is stored.
-        video: whether the rerun is filmed.
+        video: whether the rerun gets a video.
 
     Raises:
         ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
@@ -108,11 +108,11 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
             raise ConfigurationError(str(error)) from error
     reproduction = Reproduction(folder)
     rerun = reproduction.rerun(reproduction.folder / "rerun", video, launcher())
-    film = rerun.folder / "video.mp4"
+    video_file = rerun.folder / "video.mp4"
     return ReproductionFolder(
         folder=reproduction.folder,
         test=test.resolve(),
-        video=film if film.exists() else None,
+        video=video_file if video_file.exists() else None,
         ending=in_words(rerun.ending),
         same_ending=rerun.ending == rerun_ending(reproduction.first, failure_code),
         other_inputs=reproduction.other_inputs(rerun),

@@ -49,7 +49,7 @@ def jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
 
 
 class BatchRun:
-    """One performer's work on one batch.
+    """One job worker's work on one batch.
 
     Args:
         lease: the right to change the batch.
@@ -75,21 +75,21 @@ class BatchRun:
             self._lease.transition("start")
         if unfinished := self._unfinished():
             self._run_requests(unfinished)
-        while self._why_stop() and not self._lease.lost and not self._stop_leftovers():
+        while self._why_stop() and not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)  # somebody else performs one of its jobs, and has been told to end it
         self._settle()
 
     def end(self) -> None:
-        """Ends a batch that has to stop, with the jobs that nobody performs.
+        """Ends a batch that has to stop, with its jobs that no job worker holds.
 
         Jobs that others perform are cancelled; the batch is then left to the next job worker.
         """
         self._note_stop()
-        if self._stop_leftovers():
+        if self._stop_remaining_jobs():
             self._settle()
 
-    def _stop_leftovers(self) -> bool:
-        """Ends the jobs that nobody performs, and has the others cancelled.
+    def _stop_remaining_jobs(self) -> bool:
+        """Ends the jobs that no job worker holds, and requests the cancellation of the others.
 
         Returns:
             Whether all jobs have ended.
@@ -137,7 +137,7 @@ class BatchRun:
                     look=self._look,
                 )
             finally:
-                if not self._lease.lost:  # else the slots are another performer's
+                if not self._lease.lost:  # else the slots are another job worker's
                     slots.remove()
 
     def _simulate(self, index: int, slots: "Slots") -> None:
@@ -196,7 +196,7 @@ class BatchRun:
         """Records, several times a second, what the requests' tasks have brought about.
 
         Returns:
-            Whether requests that nobody has begun with are not to be begun any more.
+            Whether no further requests are to become jobs.
         """
         self._save_failures()
         self._note_stop()

@@ -58,7 +58,7 @@ def _stored_archive(lease: Lease, service: Service) -> bool:
 
 
 def _remove_archive(job: Resource, service: Service) -> None:
-    """Removes what a cancelled job has stored, also where its performer died just after that."""
+    """Removes what a cancelled job has stored, also where its job worker died just after that."""
     if not WorldExportJobDocument.of(job).started:
         return
     try:

@@ -1,4 +1,4 @@
-"""One performer's work on a world generation job: which worlds are missing, who makes them, how the job ends."""
+"""One job worker's work on a world generation job: which worlds are missing, who makes them, how the job ends."""
 
 import os
 import threading
@@ -56,7 +56,7 @@ def run_generation(lease: Lease, service: Service) -> None:
 
 
 class GenerationRun:
-    """One performer's work on one generation job.
+    """One job worker's work on one generation job.
 
     Args:
         lease: the right to change the job.
@@ -80,7 +80,7 @@ class GenerationRun:
         arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
         missing = [(index, arn) for index, arn in enumerate(arns) if arn not in self._made]
         if missing and not self._stopped():
-            self._record_failures()  # those of a performer that died are tried again
+            self._record_failures()  # those of a job worker that died are tried again
             self._generate(missing)
         self._settle()
 
@@ -135,7 +135,7 @@ class GenerationRun:
         """Lets descriptions of the running job tell its failures."""
         summary = _failure_summary(self._failures)
         if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
-            with suppress(StateConflictError):  # another performer has taken over
+            with suppress(StateConflictError):  # another job worker has taken over
                 self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:

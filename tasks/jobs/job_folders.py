@@ -1,7 +1,7 @@
-"""Folders of jobs on this machine: what of them stays when a job is over, and what of dead performers is cleared away.
+"""Folders of jobs on this machine: what stays of them when a job is over, and the cleanup after dead job workers.
 
-Containers do not die with whoever started them. Where performers and supervisors were killed and nobody takes their
-job over, the next performer on the machine ends the containers, whatever job it performs.
+Containers go on when the process that started them dies. When a job worker and its supervisors were killed and no
+other takes the job over, the next job worker on the machine removes the containers, whatever job it runs.
 """
 
 import logging
@@ -25,7 +25,7 @@ _logger = logging.getLogger(__name__)
 
 
 def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> None:
-    """Removes what is not needed any more of a job that nobody performs.
+    """Removes what is not needed any more of a job that no job worker runs.
 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
 
@@ -38,7 +38,7 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
     run = folder / run_id
     if document.outputs is not None:
         kept = {run_id for run_id, run in kept_runs(document).items() if run.outputs is None}
-        for each in folder.glob("*"):  # also what performers left that died
+        for each in folder.glob("*"):  # also what job workers left that died
             if each.name not in kept:
                 remove_run(each)
     elif not has_containers(run) and _has_unstored(run):
@@ -56,8 +56,8 @@ def kept_runs(document: SimulationJobDocument) -> dict[str, EarlierRun]:
     return {run.run_id: run for run in document.earlier_runs}
 
 
-def clear_containers_of_the_dead(service: Service) -> None:
-    """Ends the containers of runs that are nobody's any more: of jobs that are over, and of performers that died here.
+def remove_abandoned_containers(service: Service) -> None:
+    """Removes the containers of abandoned runs: of jobs that are over, and of job workers that died here.
 
     Of the former the folders go too, which were kept because a container could not be removed. What does not work is
     logged, and tried again by the next.
@@ -66,21 +66,21 @@ def clear_containers_of_the_dead(service: Service) -> None:
         service: where the jobs are stored.
     """
     try:
-        for run, job in runs_of_nobody(service):
-            _logger.warning("containers of %s are removed: nobody performs it any more", run)
+        for run, job in abandoned_runs(service):
+            _logger.warning("containers of %s are removed: no job worker runs it any more", run)
             if is_terminal(job.kind, job.status):
                 document = SimulationJobDocument.of(job)
                 clean_up_job(run.parent, document, document.run_id or run.name)
             else:
                 remove_containers(run)
             if has_containers(run):
-                return  # an engine that does not answer makes nobody wait for each of them
+                return  # so that an engine that does not answer costs one timeout only
     except (OSError, ServiceUnavailableException) as error:
-        _logger.warning("containers that nobody needs are not looked for: %s", error)
+        _logger.warning("abandoned containers are not looked for: %s", error)
 
 
-def runs_of_nobody(service: Service) -> Iterator[tuple[Path, Resource]]:
-    """Folders of runs on this machine that have containers and that nobody performs; each with its job.
+def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
+    """Folders of runs on this machine that have containers, but no job worker; each with its job.
 
     Jobs that the catalog does not know may be of another region or account, and are left alone.
 
@@ -94,11 +94,11 @@ def runs_of_nobody(service: Service) -> Iterator[tuple[Path, Resource]]:
         if has_containers(run):
             arn = service.arn(KIND, run.parent.name)
             job = service.catalog.get_many([arn]).get(arn)
-            if job is not None and _is_nobodys(job, service):
+            if job is not None and _is_abandoned(job, service):
                 yield run, job
 
 
-def _is_nobodys(job: Resource, service: Service) -> bool:
+def _is_abandoned(job: Resource, service: Service) -> bool:
     owner, has_run_out = service.catalog.lease_of(job.arn)
     if owner is None:
         return is_terminal(job.kind, job.status)

@@ -28,15 +28,15 @@ from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
 from ..simulations.planning.resuming import plan_to_resume
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
-from .job_folders import KIND, clean_up_job, clear_containers_of_the_dead, kept_runs
+from .job_folders import KIND, clean_up_job, kept_runs, remove_abandoned_containers
 from .outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
 
 Stop = Callable[[], StopReason | None]
 """Asked while a job runs; answers why it should stop, or `None`."""
 
 _BEFORE_IT_RAN = "the job was stopped before it ran"
-_NOBODY_LEFT = "the job was stopped after its performer had died"
-_DIED = "whoever performed the job died while this run went on; the job was run again"
+_WORKER_DIED = "the job was stopped after its job worker had died"
+_DIED = "the job worker died while this run went on; the job was run again"
 _RUNS = ("Running", "RunningFailed", "Restarting")
 """Statuses of a job that has a run, in which code may have run."""
 
@@ -46,7 +46,7 @@ _logger = logging.getLogger(__name__)
 def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step: RunStep = directly) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
-    A job that a dead performer left half-way goes on from the last checkpoint, when the run's folder is on this
+    A job that a dead job worker left half-way goes on from the last checkpoint, when the run's folder is on this
     machine and has one; else it is run again from the start, as a new run with a folder of its own, and what the dead
     run left here is stored as that of an earlier run, without a manifest.
 
@@ -56,12 +56,12 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step:
         stop: asked several times a second; see `Stop`.
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
     """
-    clear_containers_of_the_dead(service)
+    remove_abandoned_containers(service)
     run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
-    """Ends a job that has to stop, if nobody performs it: outputs that a dead performer left here are stored.
+    """Ends a job that has to stop, if no job worker holds it; outputs that a dead one left here are stored.
 
     Args:
         arn: the job.
@@ -81,7 +81,7 @@ def launcher() -> Launcher:
 
 
 class JobRun:
-    """One performer's work on one simulation job.
+    """One job worker's work on one simulation job.
 
     Args:
         lease: the right to change the job.
@@ -102,7 +102,7 @@ class JobRun:
         while again:
             left = None
             if is_first and not self._why_stop():
-                left = self._left_by_a_dead_performer()
+                left = self._left_by_a_dead_worker()
                 if left is None:
                     self._keep_dead_run()
             reason = self._why_stop()  # perhaps by now
@@ -113,7 +113,7 @@ class JobRun:
                 again, is_first = self._run_once(left, ros_domain), False
 
     def end(self, reason: StopReason) -> None:
-        """Ends a job that does not run; what a dead performer's run left on this machine is stored first.
+        """Ends a job that does not run; what a dead job worker's run left on this machine is stored first.
 
         Args:
             reason: why it has to stop; one that is `Terminating` keeps the outcome that it has already.
@@ -122,9 +122,9 @@ class JobRun:
         if self._lease.job.status == "Terminating":
             self._settle(self._published_after_all())
         elif run_id is None or not Path(self._folder(run_id), "output").is_dir():
-            self._terminate(stopped(reason, _BEFORE_IT_RAN if run_id is None else _NOBODY_LEFT))
+            self._terminate(stopped(reason, _BEFORE_IT_RAN if run_id is None else _WORKER_DIED))
         else:
-            outcome = stopped(reason, _NOBODY_LEFT)
+            outcome = stopped(reason, _WORKER_DIED)
             self._lease.transition("terminate", outcome.announced(finished=False))
             self._settle(self._published(run_id, outcome))
         if run_id is not None:
@@ -135,7 +135,7 @@ class JobRun:
         """The job's document as it is now."""
         return SimulationJobDocument.of(self._lease.job)
 
-    def _left_by_a_dead_performer(self) -> RunPlan | None:
+    def _left_by_a_dead_worker(self) -> RunPlan | None:
         """The run that can be continued, if there is one."""
         run_id = self._document.run_id
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
@@ -150,7 +150,7 @@ class JobRun:
             variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have that of before
             return self._carry_out(left.model_copy(update={"environment": variables}))
         except LaunchError as error:
-            reason = self._why_stop()  # which is why something was given up, perhaps
+            reason = self._why_stop()  # a stop may be what made preparing fail
             outcome = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
             self._terminate(outcome, of_run=run_id)
         except Exception as error:  # the job has to end whatever breaks
@@ -166,7 +166,7 @@ class JobRun:
         # What an earlier run failed of is nothing that this one has.
         self._lease.transition("prepare", SimulationJobProgress(run_id=run_id, failure_code=None, failure_reason=None))
         self._outputs(run_id).prepare()
-        remove_containers_of_job(folder.parent)  # of performers that died together with all that they had started
+        remove_containers_of_job(folder.parent)  # of job workers that died together with all that they had started
         is_stopped = lambda: self._why_stop() is not None  # noqa: E731
         plan = run_plan(self._lease.job, run_id, folder, self._service, ros_domain, is_stopped)
         self._lease.transition(
@@ -213,7 +213,7 @@ class JobRun:
         """Says of a job that goes on after a crash that something crashed."""
         try:
             self._lease.transition("crash", SimulationJobProgress(failure_code=code, failure_reason=shorten(reason)))
-        except StateConflictError:  # it is to be restarted, or another performer has it
+        except StateConflictError:  # it is to be restarted, or another job worker has it
             _logger.debug("%s crashed while it was ended: %s", self._lease.job.arn, reason)
         except ServiceUnavailableException as error:
             _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
@@ -230,7 +230,7 @@ class JobRun:
         return reason is not None or status == "Restarting"
 
     def _asked(self) -> tuple[str, StopReason | None]:
-        """The job's status, which is `Restarting` when a restart of its run is ordered; and why it has to end."""
+        """The job's status, which is `Restarting` when a restart of its run is requested; and why it has to end."""
         if self._lease.lost:
             return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again
         try:
@@ -273,7 +273,7 @@ class JobRun:
         return outcome.model_copy(update={"outputs": place})
 
     def _published_after_all(self) -> Outcome:
-        """The outcome of a job whose performer died in the midst of publishing; its outputs may be here or stored."""
+        """The outcome of a job whose job worker died in the midst of publishing; its outputs may be here or stored."""
         document = self._document
         outcome, run_id = document.outcome, document.run_id
         if outcome is None:
@@ -297,9 +297,9 @@ class JobRun:
         self._keep_run(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
 
     def _keep_dead_run(self) -> None:
-        """Stores what a run left here that died with its performer and that none goes on with, and notes it.
+        """Stores what a run left here that died with its job worker and that none goes on with, and notes it.
 
-        Nobody can say of it any more whether it had ended, so it gets no manifest.
+        Whether it had ended cannot be known any more, so it gets no manifest.
         """
         job, document = self._lease.job, self._document
         run_id = document.run_id
@@ -308,7 +308,7 @@ class JobRun:
         output = self._folder(run_id) / "output"
         if not output.is_dir():
             return
-        settle_containers(output.parent, output)  # they do not die with a performer
+        settle_containers(output.parent, output)  # they do not die with a job worker
         if not any(output.iterdir()):
             return
         add_note(output, _DIED)
@@ -343,9 +343,7 @@ class JobRun:
             not_stored=not_stored,
         )
         self._lease.update(SimulationJobProgress(earlier_runs=[*document.earlier_runs, run]))
-        if (
-            place is not None
-        ):  # noted by now: a performer that dies here leaves a folder, and no outputs nobody knows of
+        if place is not None:  # noted by now: a job worker that dies here leaves a folder, and no unknown outputs
             remove_run(self._folder(run_id))
 
     def _clean_up(self, run_id: str) -> None:

@@ -1,6 +1,6 @@
 """Deployment jobs: an application brought to the robots of a fleet.
 
-Deployments do not act yet: nothing is brought to any robot. An order is checked like one that will be
+Deployments do not act yet: nothing is brought to any robot. A request is checked like one that will be
 carried out and stored as `Pending`, where it stays until it is cancelled or its fleet is deleted; it is
 no job operation, since there is nothing to perform.
 """
@@ -52,11 +52,11 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
     job = service.find_by_client_token(token)
     if job is None:
         configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
-        order = DeploymentJobDocument(
+        document = DeploymentJobDocument(
             deployment_application_configs=configs, deployment_config=_config(request, service)
         )
         with fleet_held(request.fleet, service) as fleet:
-            job = service.find_by_client_token(token) or _stored(order, fleet, service, token, request.tags)
+            job = service.find_by_client_token(token) or _stored(document, fleet, service, token, request.tags)
     return {**_summary(job), "tags": dict(job.tags)}
 
 
@@ -103,7 +103,7 @@ def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service)
 
 
 def _stored(
-    order: DeploymentJobDocument,
+    document: DeploymentJobDocument,
     fleet: Resource,
     service: Service,
     token: ClientToken | None,
@@ -115,9 +115,9 @@ def _stored(
         raise ConcurrentDeploymentException(
             f"fleet: {fleet.arn} has the deployment {last.arn}, which is {last.status}; cancel it, or wait for its end"
         )
-    _check_robots(order, fleet, service)
+    _check_robots(document, fleet, service)
     labels = {"fleetName": [fleet.name]}
-    job = service.store_job(DEPLOYMENT, "deployment", order, tags=tags, token=token, parent=fleet.arn, labels=labels)
+    job = service.store_job(DEPLOYMENT, "deployment", document, tags=tags, token=token, parent=fleet.arn, labels=labels)
     settle(fleet, service)
     return job
 
@@ -129,16 +129,16 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
             f"fleet: {fleet.arn} has had no deployment that could be repeated; call CreateDeploymentJob first"
         )
     document = DeploymentJobDocument.of(last)
-    order = DeploymentJobDocument(
+    document = DeploymentJobDocument(
         deployment_application_configs=document.deployment_application_configs,
         deployment_config=document.deployment_config,
     )
-    return _stored(order, fleet, service, token)
+    return _stored(document, fleet, service, token)
 
 
-def _check_robots(order: DeploymentJobDocument, fleet: Resource, service: Service) -> None:
+def _check_robots(document: DeploymentJobDocument, fleet: Resource, service: Service) -> None:
     """Refuses a deployment that cannot reach a single robot."""
-    (config,) = order.deployment_application_configs
+    (config,) = document.deployment_application_configs
     ResourceArn.parse(config["application"], "robot-application")
     application = find_application(config["application"], "robot", config["applicationVersion"], service)
     architectures = {RobotDocument.of(robot).architecture for robot in robots_of(fleet.arn, service)}

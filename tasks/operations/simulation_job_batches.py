@@ -100,15 +100,15 @@ def cancel_simulation_job_batch(
 
 def _check_rooms(request: StartSimulationJobBatchRequest, service: Service) -> None:
     """Refuses goals in rooms that do not exist; a world that does not fails its request later, as without goals."""
-    orders = {
-        index: (order, world)
-        for index, order in enumerate(request.createSimulationJobRequests)
-        if rooms_asked(order) and (world := world_arn(order.to_wire())) is not None
+    requests = {
+        index: (job_request, world)
+        for index, job_request in enumerate(request.createSimulationJobRequests)
+        if rooms_asked(job_request) and (world := world_arn(job_request.to_wire())) is not None
     }
-    worlds = service.catalog.get_many({world for _, world in orders.values()})
-    for index, (order, arn) in orders.items():
+    worlds = service.catalog.get_many({world for _, world in requests.values()})
+    for index, (job_request, arn) in requests.items():
         if arn in worlds:
-            check_rooms(order, worlds[arn], service, f"createSimulationJobRequests[{index}].")
+            check_rooms(job_request, worlds[arn], service, f"createSimulationJobRequests[{index}].")
 
 
 def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:

@@ -36,7 +36,7 @@ class Progress:
 
 
 def _ignore(progress: Progress) -> None:
-    """Takes progress that nobody watches."""
+    """Ignores progress, when there is no listener."""
 
 
 def _utc_now() -> datetime:
@@ -52,7 +52,7 @@ class Service:
     store: ObjectStore
     clock: Callable[[], datetime] = _utc_now
     chance: random.Random = field(default_factory=random.SystemRandom)
-    """Source of ids, and of seeds that nobody gave."""
+    """Source of ids, and of seeds that requests do not give."""
 
     timing: Timing = field(default_factory=Timing)
     """How long it waits for what."""
@@ -118,7 +118,7 @@ class Service:
         Args:
             kind: its kind of resource, as in its ARN.
             prefix: what its id begins with.
-            document: the request, and what its performer needs besides.
+            document: the request, and what its job worker needs besides.
             tags: its tags.
             token: makes the call repeatable.
             parent: ARN of the batch it belongs to.

@@ -32,7 +32,7 @@ def store_job(
     """Stores one job as Pending.
 
     Args:
-        request: the order, alone or out of a batch.
+        request: a job by itself, or one of a batch.
         service: where it is stored.
         token: makes the call repeatable.
         batch: ARN of the batch it belongs to, and the place of its request there.

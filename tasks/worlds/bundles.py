@@ -1,6 +1,6 @@
 """Bundles of worlds in the object store: equal worlds share one, and it goes with the last of them.
 
-Whoever adds a world to the catalog, or takes one away, holds its bundle meanwhile. So a bundle is never
+A call that adds a world to the catalog, or removes one, holds its bundle meanwhile. So a bundle is never
 removed just when another world of the same content is added, by this process or another.
 """
 

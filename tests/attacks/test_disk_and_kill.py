@@ -148,7 +148,7 @@ def test_a_killed_run_leaves_no_manifest_and_no_process_and_the_next_run_works(
     while any(Path(f"/proc/{pid}").exists() for pid in processes):
         assert time.monotonic() < deadline, "the simulation outlived its run"
         time.sleep(0.05)
-    # Whoever opens the catalog now sees the job as it stood, and can run another.
+    # A process that opens the catalog now sees the job as it stood, and can run another.
     assert Service.open(service.settings, {}).catalog.get(job).status == status
     command[-1] = str(spec(hostile()))
     again = subprocess.run(command, env=variables, capture_output=True, text=True, check=False, timeout=100)

@@ -20,15 +20,15 @@ ROBOT, SIMULATION = "RobotApplicationCrash", "SimulationApplicationCrash"
 
 @pytest.fixture
 def bystander(service: Service, order: Order) -> Iterator[str]:
-    """Another job of the same performer; it has to be as alive afterwards as before."""
+    """Another job of the same job worker; it has to be as alive afterwards as before."""
     arn = call("CreateSimulationJob", order({"DURATION_S": "100"}), service)["arn"]
-    performer = threading.Thread(target=perform_job, args=(arn, service))
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=(arn, service))
+    worker.start()
     wait_for(lambda: call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Running", "it to run")
     yield arn
     assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Running"
     call("CancelSimulationJob", {"job": arn}, service)
-    performer.join(20)
+    worker.join(20)
     assert result_of(service, arn).ended_by == "canceled"
     assert working_below(service.settings.home) == set()
 
@@ -66,7 +66,7 @@ BOMB = "import os, time\nfor _ in range(11): os.fork()\ntime.sleep(100)"
         ("import os; os._exit(0)", {}, "ended itself with exit code 0 before the run was over"),
         ("import os; os.kill(os.getpid(), 11)", {}, "killed by SIGSEGV"),
         (HOG, {"compute": {"simulationUnitLimit": 1}}, "2048 MiB of memory are allowed"),
-        # Processes, or their memory, which nobody can weigh exactly while they fork: whichever is found first.
+        # Processes, or their memory, which cannot be measured exactly while they fork: the first one found.
         pytest.param(BOMB, {}, "used too much", marks=pytest.mark.deep),
     ],
     ids=["leaves at import", "segmentation fault", "memory hog", "fork bomb"],

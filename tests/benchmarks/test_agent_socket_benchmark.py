@@ -97,7 +97,7 @@ class Idle(dm_env.Environment):
 
 
 class Going:
-    reason = ""  # nobody stops these runs
+    reason = ""  # these runs are not stopped
 
 
 class Stopwatch:

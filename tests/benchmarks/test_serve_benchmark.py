@@ -88,7 +88,7 @@ def test_calls_while_a_batch_runs(
     (tmp_path / "drive.json").write_text(json.dumps(drive))
     quick = order({"DURATION_S": "0.1"})
     results = {}
-    # Jobs that the calls make wait: nobody performs single jobs while the batch has the machine.
+    # Jobs that the calls make wait: single jobs do not run while the batch has the machine.
     with serve("--max-jobs", "1", PREFECT_API_URL=prefect_server) as served:
         served.wait_until_ready()
         waited = _submit_to_running(served, quick)

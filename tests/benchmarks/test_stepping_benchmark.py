@@ -73,7 +73,7 @@ def template(kind: str) -> WorldTemplateBody:
 class Stopwatch:
     """Marks phases as a job does, and takes the CPU time of laps from the first step to the end of the last one."""
 
-    reason = ""  # nobody stops these runs
+    reason = ""  # these runs are not stopped
 
     def __init__(self) -> None:
         self._progress = Progress()

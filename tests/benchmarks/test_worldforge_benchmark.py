@@ -204,5 +204,5 @@ def test_what_a_job_of_fifty_worlds_costs(
     with capsys.disabled():
         print(
             f"\n50 worlds with previews, stored: {wall:.1f} s on {os.cpu_count()} cores at a load of {load:.1f}; CPU "
-            f"{builders:.1f} s in builders, {own:.1f} s in the performer (calibration {calibration:.1f} ms)"
+            f"{builders:.1f} s in builders, {own:.1f} s in the job worker (calibration {calibration:.1f} ms)"
         )

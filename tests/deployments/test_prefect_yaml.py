@@ -62,8 +62,8 @@ def test_every_operation_has_a_deployment_that_leads_to_its_flow() -> None:
     declared = YAML(typ="safe").load(FILE)["deployments"]
 
     names = {entry["entrypoint"].rpartition(":")[2] for entry in declared}
-    performers = {entry.perform_name for entry in registry().values() if entry.run_job}
-    assert names == {*registry(), *performers, "RunPipeline"}
+    workers = {entry.perform_name for entry in registry().values() if entry.run_job}
+    assert names == {*registry(), *workers, "RunPipeline"}
     for entry in declared:
         module, _, name = entry["entrypoint"].partition(":")
         assert getattr(__import__(module, fromlist=[name]), name).name == name

@@ -40,15 +40,15 @@ class Served:
         with urllib.request.urlopen(message, timeout=30) as answer:
             return json.load(answer)
 
-    def performer(self) -> dict[str, Any]:
-        """What the health page says of the performer."""
+    def worker(self) -> dict[str, Any]:
+        """What the health page says of the job worker."""
         with urllib.request.urlopen(f"{self.url}/health", timeout=30) as answer:
             return json.load(answer)["performer"]
 
     def wait_until_ready(self) -> int:
-        """Waits until jobs are performed; returns the performer's process id."""
-        wait_for(lambda: self.performer()["state"] == "ready", f"a ready performer; {self.log.read_text()}")
-        return self.performer()["pid"]
+        """Waits until jobs are performed; returns the job worker's process id."""
+        wait_for(lambda: self.worker()["state"] == "ready", f"a ready job worker; {self.log.read_text()}")
+        return self.worker()["pid"]
 
 
 Serve = Callable[..., AbstractContextManager[Served]]

@@ -25,7 +25,7 @@ class ImageRegistry:
         """Somebody wants a layer."""
 
         self.answers = threading.Event()
-        """Cleared, nobody gets one."""
+        """Cleared, it answers no request for one."""
 
         self.answers.set()
 

@@ -1,4 +1,4 @@
-"""A performer of one simulation job in a process of its own, which can be killed."""
+"""A job worker of one simulation job in a process of its own, which can be killed."""
 
 import subprocess
 import sys

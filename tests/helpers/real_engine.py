@@ -27,7 +27,7 @@ class RealEngine:
 
     Args:
         program: its path.
-        environ: the environment variables by which it is found, for whoever performs jobs.
+        environ: the environment variables by which it is found, for job workers.
         roots: where root file systems of images are kept.
     """
 

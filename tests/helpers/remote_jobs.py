@@ -1,4 +1,4 @@
-"""Runs whose robot is whoever connects, for tests that speak the agent protocol."""
+"""Runs whose robot is a program that connects, for tests that speak the agent protocol."""
 
 import json
 import socket
@@ -17,7 +17,7 @@ ARENA = "trouble.unusual_arena.{}"
 
 
 class Job:
-    """A run whose robot is whoever connects."""
+    """A run whose robot is a program that connects."""
 
     def __init__(self, launcher: Launcher, plan: RunPlan) -> None:
         self.plan = plan

@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def never() -> None:
-    """Nobody wants the run stopped."""
+    """Never asks for the run to stop."""
 
 
 def running() -> Iterator[Path]:

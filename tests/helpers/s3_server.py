@@ -125,7 +125,7 @@ def _stop(process: subprocess.Popen[bytes], ports: dict[str, int]) -> None:
 
 
 def _free_ports() -> dict[str, int]:
-    """Ports that nobody has, all different: all are held until all are known."""
+    """Free ports, all different: all are held until all are known."""
     with ExitStack() as held:
         sockets = [held.enter_context(socket.socket()) for _ in _PORTS]
         for one in sockets:

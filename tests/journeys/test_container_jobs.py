@@ -94,12 +94,12 @@ def performing(service: Service, request: Request) -> Iterator[str]:
 @contextmanager
 def performed_meanwhile(service: Service, arn: str) -> Iterator[None]:
     """A job is performed meanwhile, and waited for."""
-    performer = threading.Thread(target=perform_job, args=(arn, service))
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=(arn, service))
+    worker.start()
     try:
         yield
     finally:
-        performer.join()
+        worker.join()
 
 
 def outputs(service: Service, job: Job) -> dict[str, str]:
@@ -349,7 +349,7 @@ def test_a_container_is_asked_to_end_at_the_duration_limit(
     assert_nothing_is_left(engine, service, job["arn"])
 
 
-def test_nothing_is_left_of_a_performer_that_was_killed(
+def test_nothing_is_left_of_a_worker_that_was_killed(
     service: Service,
     engine: RealEngine,
     application: Config,
@@ -358,10 +358,10 @@ def test_nothing_is_left_of_a_performer_that_was_killed(
 ) -> None:
     arn = call("CreateSimulationJob", order(application(STUBBORN)), service)["arn"]
     name = call("DescribeSimulationJob", {"job": arn}, service)["name"]
-    with perform_elsewhere(arn) as performer:
+    with perform_elsewhere(arn) as worker:
         await_status(arn, "Running")
         wait_for(lambda: log_says(service, "ready"), "the container")
-        performer.kill()
+        worker.kill()
         wait_for(lambda: not engine.containers(f"robomaker-{name}"), "its end", 15)
 
     call("CancelSimulationJob", {"job": arn}, service)
@@ -369,7 +369,7 @@ def test_nothing_is_left_of_a_performer_that_was_killed(
     assert_nothing_is_left(engine, service, arn)
 
 
-def test_whoever_takes_over_ends_a_container_that_nobody_was_left_to_end(
+def test_the_next_job_worker_removes_an_abandoned_container(
     service: Service,
     engine: RealEngine,
     application: Config,
@@ -378,10 +378,10 @@ def test_whoever_takes_over_ends_a_container_that_nobody_was_left_to_end(
 ) -> None:
     arn = call("CreateSimulationJob", order(application(STUBBORN), maxJobDurationInSeconds=2), service)["arn"]
     name = f"robomaker-{call('DescribeSimulationJob', {'job': arn}, service)['name']}"
-    with perform_elsewhere(arn) as performer:
+    with perform_elsewhere(arn) as worker:
         await_status(arn, "Running")
         wait_for(lambda: log_says(service, "ready"), "the container")
-        for pid in (performer.pid, *descendants(performer.pid)):
+        for pid in (worker.pid, *descendants(worker.pid)):
             with suppress(ProcessLookupError):  # some live for a moment only
                 os.kill(pid, signal.SIGKILL)
     [left] = engine.containers(name)

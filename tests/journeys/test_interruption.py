@@ -188,14 +188,14 @@ def limits(batch: Resource) -> list[str]:
     return [limit.name for limit in found if batch.id in limit.name]
 
 
-def test_a_killed_performers_batch_is_carried_on(service: Service, order: Order, environ: dict[str, str]) -> None:
+def test_a_killed_worker_batch_is_carried_on(service: Service, order: Order, environ: dict[str, str]) -> None:
     requests = [order({"DURATION_S": duration}) for duration in ("0.1", "2.5", "0.1")]
     batch = call("StartSimulationJobBatch", batch_of(*requests, at_once=1), service)
 
-    with started([sys.executable, "-c", PERFORM, batch["arn"]], environ, stderr=subprocess.PIPE) as performer:
+    with started([sys.executable, "-c", PERFORM, batch["arn"]], environ, stderr=subprocess.PIPE) as worker:
         wait_for(lambda: [job.status for job in jobs(service)] == ["Completed", "Running"], "the second job")
         simulations = running(service, 1)
-        performer.kill()
+        worker.kill()
         wait_for(lambda: not simulations & working_below(service.settings.home), "the simulation's death", timeout_s=5)
     before = jobs(service)
     assert [job.status for job in before] == ["Completed", "Running"]

@@ -90,7 +90,7 @@ def test_what_is_our_fault_is_called_so(
 
 
 @pytest.mark.parametrize("interrupted", [False, True])
-def test_a_cancelled_job_ends_also_when_its_performer_died_over_it(
+def test_a_cancelled_job_ends_also_when_its_worker_died_over_it(
     service: Service, ghost: str, prefect_server: str, interrupted: bool
 ) -> None:
     job = call("CreateWorldExportJob", order(ghost), service)
@@ -149,7 +149,7 @@ def test_jobs_are_listed_by_what_their_worlds_came_from(
         listed(service, worlds="world-1")
 
 
-def test_a_job_that_nobody_performs_is_cancelled_at_once(service: Service, ghost: str) -> None:
+def test_a_job_without_a_job_worker_is_cancelled_at_once(service: Service, ghost: str) -> None:
     job = call("CreateWorldExportJob", order(ghost), service)
 
     for _ in range(2):
@@ -192,22 +192,22 @@ def test_a_running_job_that_is_cancelled_leaves_no_archive(
     monkeypatch.setattr(world_export, "world_bundle", pack)
     perform = registry()["CreateWorldExportJob"].perform
     # Prefect finds its server by the context.
-    performer = threading.Thread(target=contextvars.copy_context().run, args=(perform, job, service))
-    performer.start()
+    worker = threading.Thread(target=contextvars.copy_context().run, args=(perform, job, service))
+    worker.start()
     assert reached.wait(60)
 
     call("CancelWorldExportJob", {"job": job}, service)
     at_once = described(job, service)["status"]
     goes_on.set()
     wait_for(lambda: described(job, service)["status"] == "Canceled", "the end", timeout_s=30)
-    performer.join(30)
+    worker.join(30)
 
     assert at_once == "Canceling"
     assert [info.key for info in service.store.list("exports")] == []
     assert list(service.folder("scratch").iterdir()) == []
 
 
-def test_the_archive_of_a_performer_that_died_over_a_cancelled_job_is_removed(
+def test_the_archive_of_a_worker_that_died_over_a_cancelled_job_is_removed(
     service: Service, ghost: str, prefect_server: str
 ) -> None:
     job = call("CreateWorldExportJob", order(ghost), service)["arn"]

@@ -27,7 +27,7 @@ Generate = Callable[..., dict[str, Any]]
 
 @pytest.fixture
 def submit(service: Service, template: str) -> Callable[..., str]:
-    """Stores a generation job that nobody performs."""
+    """Stores a generation job that does not run."""
 
     def run(floorplans: int = 1, **members: Any) -> str:
         count = {"floorplanCount": floorplans, "interiorCountPerFloorplan": 1}
@@ -181,7 +181,7 @@ def test_failures_are_told_while_the_job_runs(
     assert [each["failedWorldCount"] for each in summaries(service)] == [2]
 
 
-def test_a_job_that_nobody_performs_is_cancelled_at_once(service: Service, submit: Callable[..., str]) -> None:
+def test_a_job_without_a_job_worker_is_cancelled_at_once(service: Service, submit: Callable[..., str]) -> None:
     arn = submit()
 
     for _ in range(2):
@@ -197,8 +197,8 @@ def test_cancelling_a_running_job_keeps_the_worlds_it_has_made(
     arn = submit(40)
     perform = registry()["CreateWorldGenerationJob"].perform
     # Prefect finds its server by the context.
-    performer = threading.Thread(target=contextvars.copy_context().run, args=(perform, arn, service))
-    performer.start()
+    worker = threading.Thread(target=contextvars.copy_context().run, args=(perform, arn, service))
+    worker.start()
 
     def describe() -> dict[str, Any]:
         return call("DescribeWorldGenerationJob", {"job": arn}, service)
@@ -206,9 +206,9 @@ def test_cancelling_a_running_job_keeps_the_worlds_it_has_made(
     wait_for(lambda: describe()["finishedWorldsSummary"]["succeededWorlds"], "a world")
     call("CancelWorldGenerationJob", {"job": arn}, service)
     at_once = describe()["status"]
-    performer.join(20)
+    worker.join(20)
 
-    assert not performer.is_alive()
+    assert not worker.is_alive()
     assert at_once in ("Canceling", "Canceled")
     job = describe()
     assert job["status"] == "Canceled"

@@ -27,7 +27,7 @@ EVERYWHERE = (
     decided(
         "What was refused at the end",
         "",
-        known="Bundles, worlds in jobs and usual tools were given up, while samples went on using them.",
+        known="The service refused bundles, worlds in jobs and usual tools, while samples went on using them.",
         here="All of it is accepted, unless `ROBOMAKER_REFUSE_DEPRECATED` is 1.",
     ),
     decided(

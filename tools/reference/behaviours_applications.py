@@ -117,7 +117,7 @@ FLEETS = (
         "Deployments",
         f"{_DEPLOY} DescribeDeploymentJob",
         known="An application was brought to the robots of a fleet, until 2022.",
-        here="An order is checked and stored, and stays `Pending` until it is cancelled or its fleet is deleted.",
+        here="A request is checked and stored, and stays `Pending` until it is cancelled or its fleet is deleted.",
     ),
     differs(
         "Operations that had ended",
@@ -190,7 +190,7 @@ FLEETS = (
         "What is synchronised",
         "SyncDeploymentJob",
         known="The latest deployment is repeated for robots that lack it.",
-        here="The latest is ordered once more, however it ended, for all robots there are now; without one: refused.",
+        here="The latest is requested once more, however it ended, for all robots there are now; without one: refused.",
     ),
     decided(
         "Cancelling a deployment that has ended",

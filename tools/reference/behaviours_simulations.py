@@ -9,7 +9,7 @@ SIMULATIONS = (
         "Roles",
         f"{_JOB_REQUESTS} CreateWorldExportJob",
         known="Jobs had the rights of `iamRole`.",
-        here="It is recorded, not assumed: jobs run as whoever performs them, without any of their variables that "
+        here="It is recorded, not assumed: jobs run as the user of their job worker, without any of its variables that "
         "hold credentials. Batches do without it.",
     ),
     differs(
@@ -170,7 +170,7 @@ SIMULATIONS = (
         "Data that changes",
         _JOB_REQUESTS,
         known="ETags are told; what a change means was not documented.",
-        here="A job whose data has changed between order and start fails with `MismatchedEtag`.",
+        here="A job whose data has changed between request and start fails with `MismatchedEtag`.",
     ),
     decided(
         "When a job ends by itself",

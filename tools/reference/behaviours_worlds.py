@@ -103,10 +103,10 @@ WORLDS = (
         here="It changes nothing and succeeds.",
     ),
     decided(
-        "Cancelling what nobody performs",
+        "Cancelling a job that does not run",
         "CancelWorldGenerationJob CancelWorldExportJob CancelSimulationJob CancelSimulationJobBatch",
         known="Every job was performed by the service.",
-        here="A job that waits ends at once; one that runs soon, by whoever performs it.",
+        here="A job that waits ends at once; the job worker ends one that runs, soon.",
     ),
     decided(
         "Filters of worlds",

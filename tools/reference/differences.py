@@ -32,7 +32,7 @@ class Difference:
 
 
 SEED = "Extension: worlds and runs that can be made again from the same seed; the tag `robomaker:seed` says the same."
-VIDEO = "Extension: whether a run is filmed; the tag `robomaker:video` says the same."
+VIDEO = "Extension: whether a run gets a video; the tag `robomaker:video` says the same."
 REQUIREMENTS = (
     "Extension: what a run is judged by; the launch variable `ROBOMAKER_REQUIREMENTS` says the same as JSON. "
     "See [Verdicts](verdicts.md)."

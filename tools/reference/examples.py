@@ -1,6 +1,6 @@
 """One request for each operation, in an order in which they can be made one after the other.
 
-ARNs in requests are those of `MADE_BY`: whoever runs the examples puts the ARNs there that the answers
+ARNs in requests are those of `MADE_BY`: a program that runs the examples puts the ARNs there that the answers
 of the operations named gave.
 """
 

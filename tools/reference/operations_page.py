@@ -118,7 +118,7 @@ def _operation(operation: OperationShape, tables: Tables) -> str:
         flow += f"; `prefect_robomaker.flows.{entry.resource}:{entry.perform_name}` carries a stored job to its end"
     parts = [
         f"### {operation.name}\n",
-        operation.description + (" *The service had given it up.*" if operation.deprecated else "") + "\n",
+        operation.description + (" *The service had ended it earlier.*" if operation.deprecated else "") + "\n",
         f"- HTTP: `{operation.method} {operation.path}`",
         f"- Flow: {flow}",
         f"- Errors: {', '.join(f'`{error.__name__}`' for error in operation.errors)}\n",

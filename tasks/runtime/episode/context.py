@@ -26,7 +26,7 @@ class ObservationError(ValueError):
 
 @dataclass(frozen=True)
 class SimulationContext:
-    """One run's surroundings."""
+    """What a factory gets to know of the run: its run environment."""
 
     plan: RunPlan
     """The run as requested: ids, seed, folders, limits."""

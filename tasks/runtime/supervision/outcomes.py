@@ -20,7 +20,7 @@ _MAX_TAIL_LINES = 12
 _OFTEN = 3
 """A failure's reason names a tool that ended so often."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
-"""What ends a run that nobody stopped, in the words of `RunResult.ended_by`."""
+"""What ends a run that was not stopped from outside, in the words of `RunResult.ended_by`."""
 _CRASH_CODES: dict[ApplicationRole | None, str] = {
     "robot": "RobotApplicationCrash",
     "simulation": "SimulationApplicationCrash",

@@ -225,7 +225,7 @@ def copy_out(
 
     What is mounted over a folder of an image hides what the image has there, such as a workspace below
     `/home/robomaker`. Root keeps whose files they are; for others, and where podman does not tell it, all files become
-    the caller's, and whoever is the image's `USER` may write to them too.
+    the caller's, and the image's `USER` may write to them too.
 
     Args:
         engine: where the image is.

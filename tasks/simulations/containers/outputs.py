@@ -74,7 +74,7 @@ def _mover(role: ApplicationRole, output_dir: Path, notes: list[str]) -> Callabl
 
 
 def _free(path: Path, file: os.stat_result) -> Path | None:
-    """The path, or the first of `….1`, `….2` that nothing has; none if the file is there: whoever put it there died."""
+    """The path, or the first free one of `….1`, `….2`; `None` if a dead job worker has put the file there."""
     free, number = path, 0
     while os.path.lexists(free):
         if os.path.samestat(free.lstat(), file):

@@ -16,7 +16,7 @@ from ...runtime.agents.agent_client import SOCKET_VARIABLE
 from ...runtime.agents.agent_socket import agent_socket_path
 from ..environment.compute import gpu_of
 from ..environment.folders import AGENT, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
-from ..environment.run_environment import Surroundings, container_sandbox, tool_plan
+from ..environment.run_environment import RunEnvironment, container_sandbox, tool_plan
 from ..environment.shared_memory import SHARED_MEMORY, make_shared_memory
 from ..ros.domains import DOMAIN_VARIABLE
 from .cleanup import ContainerNote, noted_container
@@ -39,7 +39,7 @@ def plan_container(
     application: Resource,
     uri: str,
     config: Mapping[str, Any],
-    surroundings: Surroundings,
+    run_environment: RunEnvironment,
     *,
     drives: bool,
 ) -> list[ProgramPlan]:
@@ -50,33 +50,33 @@ def plan_container(
         application: it, or the version of it.
         uri: its image.
         config: its entry in the job's request.
-        surroundings: what it finds.
+        run_environment: what it finds.
         drives: whether it is a robot application that drives a simulation over a socket.
 
     Raises:
         LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
     launch = config["launchConfig"]
-    engine = find_engine(surroundings.environ, surroundings.which)
+    engine = find_engine(run_environment.environ, run_environment.which)
     digest = ApplicationDocument.of(application).image_digest
-    image = get_image(engine, uri, role, digest=digest, stopped=surroundings.stopped)
-    note = ContainerNote(engine.program, _container_name(role, surroundings), uri, role)
-    sandbox = _seeded_sandbox(engine, note, surroundings)
+    image = get_image(engine, uri, role, digest=digest, stopped=run_environment.stopped)
+    note = ContainerNote(engine.program, _container_name(role, run_environment), uri, role)
+    sandbox = _seeded_sandbox(engine, note, run_environment)
     container = Container(
         engine=engine,
         name=note.name,
         image=uri,
         command=launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)],
         environment={
-            DOMAIN_VARIABLE: surroundings.plan.environment[DOMAIN_VARIABLE],
+            DOMAIN_VARIABLE: run_environment.plan.environment[DOMAIN_VARIABLE],
             **(launch.get("environmentVariables") or {}),
-            **_container_variables(surroundings, drives),
+            **_container_variables(run_environment, drives),
         },
-        mounts=_mounts(sandbox, surroundings, drives),
-        limits=surroundings.plan.compute,
-        gpu=gpu_of(surroundings.environ),
+        mounts=_mounts(sandbox, run_environment, drives),
+        limits=run_environment.plan.compute,
+        gpu=gpu_of(run_environment.environ),
     )
-    _make(container, note, surroundings.folder)
+    _make(container, note, run_environment.folder)
     environment = dict(engine.environment)  # its sockets and credentials are those of the user who calls it
     program = ProgramPlan(
         name=role,
@@ -119,10 +119,10 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
             ) from error
 
 
-def _container_name(role: ApplicationRole, surroundings: Surroundings) -> str:
+def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
     """A name that no other container has: who runs a stored run again does so under its id, in another folder."""
-    digest = hashlib.sha256(os.fsencode(surroundings.folder.absolute())).hexdigest()[:10]
-    return f"robomaker-{surroundings.plan.job_id}-{surroundings.plan.run_id.lower()}-{digest}-{role}"
+    digest = hashlib.sha256(os.fsencode(run_environment.folder.absolute())).hexdigest()[:10]
+    return f"robomaker-{run_environment.plan.job_id}-{run_environment.plan.run_id.lower()}-{digest}-{role}"
 
 
 def check_gpu(container: Container, name: str) -> None:
@@ -144,13 +144,13 @@ def check_gpu(container: Container, name: str) -> None:
             ) from error
 
 
-def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundings) -> Sandbox:
+def _seeded_sandbox(engine: Engine, note: ContainerNote, run_environment: RunEnvironment) -> Sandbox:
     """Folders for a container, with what its image has there; any `USER` may write to them."""
-    sandbox = container_sandbox(surroundings.folder, note.role).create()
+    sandbox = container_sandbox(run_environment.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
-    with noted_container(surroundings.folder, note, "-image") as name:
-        copy_out(engine, note.image, name, folders, stopped=surroundings.stopped)
+    with noted_container(run_environment.folder, note, "-image") as name:
+        copy_out(engine, note.image, name, folders, stopped=run_environment.stopped)
     output = sandbox.place(OUTPUT)
     output.mkdir(parents=True, exist_ok=True)
     for folder in (*folders.values(), output):
@@ -158,21 +158,21 @@ def _seeded_sandbox(engine: Engine, note: ContainerNote, surroundings: Surroundi
     return sandbox
 
 
-def _mounts(sandbox: Sandbox, surroundings: Surroundings, drives: bool) -> list[Mount]:
-    for path in surroundings.destinations:
+def _mounts(sandbox: Sandbox, run_environment: RunEnvironment, drives: bool) -> list[Mount]:
+    for path in run_environment.destinations:
         if path.startswith((f"{HOME}/", f"{LOGS}/")):
             _make_mount_point(sandbox, path)
     mounts = [Mount(sandbox.place(path), path) for path in (HOME, LOGS, OUTPUT)]
     mounts += [
-        Mount(surroundings.sandbox.place(path), path, read_only=True)
-        for path in (DATA_SOURCES, *surroundings.destinations)
+        Mount(run_environment.sandbox.place(path), path, read_only=True)
+        for path in (DATA_SOURCES, *run_environment.destinations)
     ]
-    mounts.append(Mount(make_shared_memory(surroundings.folder), SHARED_MEMORY))
-    if surroundings.plan.world_dir is not None:
-        mounts.append(Mount(surroundings.plan.world_dir, WORLD, read_only=True))
+    mounts.append(Mount(make_shared_memory(run_environment.folder), SHARED_MEMORY))
+    if run_environment.plan.world_dir is not None:
+        mounts.append(Mount(run_environment.plan.world_dir, WORLD, read_only=True))
     if drives:
         # Read-only: it may still connect to the socket.
-        mounts.append(Mount(_agent_folder(surroundings), AGENT, read_only=True))
+        mounts.append(Mount(_agent_folder(run_environment), AGENT, read_only=True))
     return mounts
 
 
@@ -194,30 +194,30 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
         place.mkdir(exist_ok=True)
 
 
-def _agent_folder(surroundings: Surroundings) -> Path:
+def _agent_folder(run_environment: RunEnvironment) -> Path:
     """The folder of the socket that a robot drives the simulation by, made before an engine makes it as root."""
-    folder = agent_socket_path(surroundings.plan).parent
+    folder = agent_socket_path(run_environment.plan).parent
     folder.parent.mkdir(0o700, exist_ok=True)
     folder.mkdir(0o755, exist_ok=True)
     return folder
 
 
-def _container_variables(surroundings: Surroundings, drives: bool) -> dict[str, str]:
+def _container_variables(run_environment: RunEnvironment, drives: bool) -> dict[str, str]:
     """What a container has in its environment: nothing that is about folders of this machine."""
     variables = {
-        "AWS_ROBOMAKER_SIMULATION_JOB_ID": surroundings.plan.job_id,
-        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": surroundings.plan.job_arn,
-        "AWS_ROBOMAKER_SIMULATION_RUN_ID": surroundings.plan.run_id,
+        "AWS_ROBOMAKER_SIMULATION_JOB_ID": run_environment.plan.job_id,
+        "AWS_ROBOMAKER_SIMULATION_JOB_ARN": run_environment.plan.job_arn,
+        "AWS_ROBOMAKER_SIMULATION_RUN_ID": run_environment.plan.run_id,
         "ROBOMAKER_JOB_ROOT": "/",
         "ROBOMAKER_DATA_DIR": DATA_SOURCES,
         "ROBOMAKER_OUTPUT_DIR": OUTPUT,
-        "ROBOMAKER_SEED": str(surroundings.plan.seed),
+        "ROBOMAKER_SEED": str(run_environment.plan.seed),
     }
-    if not surroundings.plan.compute.gpu:  # also where an image or the engine would give it all there are
+    if not run_environment.plan.compute.gpu:  # also where an image or the engine would give it all there are
         variables |= {"CUDA_VISIBLE_DEVICES": "", "NVIDIA_VISIBLE_DEVICES": ""}
     if drives:
-        variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(surroundings.plan).name}"
-    if surroundings.plan.world_dir is not None:
+        variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(run_environment.plan).name}"
+    if run_environment.plan.world_dir is not None:
         variables["ROBOMAKER_WORLD_DIR"] = WORLD
-    service = {name: value for name, value in surroundings.plan.environment.items() if name.startswith("AWS_")}
+    service = {name: value for name, value in run_environment.plan.environment.items() if name.startswith("AWS_")}
     return variables | {name: value for name, value in service.items() if name != "AWS_DATA_PATH"}

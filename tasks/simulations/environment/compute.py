@@ -46,7 +46,7 @@ def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | 
     if wants_gpu and not has_gpu(gpu):
         raise LaunchError(
             f"compute.computeType is {compute['computeType']} with gpuUnitLimit {compute['gpuUnitLimit']}, but this "
-            f"machine has no GPU ({gpu} is not there); order CPU, or perform the job where there is one",
+            f"machine has no GPU ({gpu} is not there); request CPU, or run the job where there is one",
             "InvalidInput",
         )
     units = compute["simulationUnitLimit"]

@@ -30,7 +30,7 @@ def process_variables(sandbox: Sandbox, settings: Settings, environ: Mapping[str
 def service_variables(settings: Settings, environ: Mapping[str, str]) -> dict[str, str]:
     """What a job needs to call the service, about itself for example: no secret is among it.
 
-    SDKs get the endpoint where this process knows one, and keys that mean nobody where nobody checks them. The
+    SDKs get the endpoint where this process knows one, and placeholder keys where signatures are not checked. The
     command gets the home, unless the catalog is a database elsewhere, whose URL may hold a password.
 
     Args:

@@ -15,7 +15,7 @@ from .process_variables import search_path
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class RunEnvironment:
     """What the applications of a run find on this machine."""
 
     plan: RunPlan

@@ -1,4 +1,4 @@
-"""The rooms of stored worlds, and orders for jobs that ask for others."""
+"""The rooms of stored worlds; requests whose goals are in other rooms are refused."""
 
 from functools import lru_cache
 
@@ -32,19 +32,19 @@ def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
         return None
 
 
-def check_rooms(order: SimulationJobRequestMembers, world: Resource, service: Service, where: str = "") -> None:
-    """Refuses an order whose goals ask for rooms that its world does not have.
+def check_rooms(request: SimulationJobRequestMembers, world: Resource, service: Service, where: str = "") -> None:
+    """Refuses a request whose goals ask for rooms that its world does not have.
 
     Args:
-        order: the order.
+        request: for the job.
         world: the world it names.
         service: where that is stored.
-        where: the path of the order in the request, with a dot at its end.
+        where: the path of `request` in a batch's request, with a dot at its end.
 
     Raises:
         InvalidParameterException: names the member, the room asked for and those that there are.
     """
-    asked = rooms_asked(order)
+    asked = rooms_asked(request)
     rooms = room_names(world, service) if asked else None
     if rooms is not None and (problem := unknown_room(asked, rooms)) is not None:
         raise InvalidParameterException(f"{where}{problem}")

@@ -1,7 +1,8 @@
 """Uploads while a job runs: every few seconds files are taken, stored, and gone; and what is left of it at the end.
 
 Files that were taken wait in a folder of the run, `rolling/<number of the sweep>/<configuration>/<path>`, so that
-whoever goes on after a crash knows what each of them is. What was stored is noted in `rolled.jsonl`, for the manifest.
+the job worker that goes on after a crash knows what each of them is. `rolled.jsonl` notes what was stored, for the
+manifest.
 """
 
 import hashlib
@@ -150,7 +151,7 @@ def rolled_files(folder: Path, later: Iterable[str]) -> list[ManifestFile]:
         return []
     last: dict[str, ManifestFile] = {}
     for line in ledger.read_text().splitlines():
-        with suppress(ValueError):  # half a line, of a performer that died
+        with suppress(ValueError):  # half a line, of a job worker that died
             entry = ManifestFile.model_validate_json(line)
             last[entry.path] = entry
     return [entry for path, entry in sorted(last.items()) if path not in set(later)]

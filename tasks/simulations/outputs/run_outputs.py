@@ -138,7 +138,7 @@ class RunOutputs:
         )
 
     def _patiently(self, ask: Callable[[], object], stopped: Callable[[], bool] = lambda: False) -> None:
-        """Asks the store again, with growing pauses, while it does not answer and nobody says stop."""
+        """Asks the store again, with growing pauses, until it answers or `stopped` says so."""
         began, pause_s = time.monotonic(), self._service.timing.store_pause_s
         while True:
             try:
@@ -188,7 +188,7 @@ class RunOutputs:
     def _stage(self) -> list[FolderFile]:
         """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
 
-        They are linked into folders of their own, one for each configuration, so that a performer that goes on after a
+        They are linked into folders of their own, one for each configuration, so that a job worker that goes on after a
         crash finds them too, and finds the same.
         """
         staged, uploads = self._folder / "uploads", self._uploads()

@@ -92,7 +92,7 @@ def _opened(name: str, folder: int | None) -> Iterator[int | None]:
 
 
 def link_or_copy(folder: int, name: str, target: Path) -> None:
-    """Makes a file that nobody writes to any more appear under a second path, in place of what is there.
+    """Makes a file that no process writes to any more appear under a second path, in place of what is there.
 
     Args:
         folder: descriptor of its folder.
@@ -121,7 +121,7 @@ def take(folder: int, name: str, target: Path) -> bool:
         target: where to, on the same file system; its folder is made.
 
     Returns:
-        Whether it was taken: nobody can write to it any more.
+        Whether it was taken: no process can write to it any more.
 
     Raises:
         OSError: it is not there, is no regular file, or may not be read or moved.
@@ -140,10 +140,10 @@ def take(folder: int, name: str, target: Path) -> bool:
 
 
 def is_written_to(descriptor: int) -> bool:
-    """Whether somebody has a file open for writing.
+    """Whether a process has a file open for writing.
 
-    The kernel grants a read lease to one whom nobody has open for writing; where it cannot tell (files of others,
-    file systems without leases), a file that did not change for ten seconds counts as finished.
+    The kernel grants a read lease on a file that no process has open for writing; where it cannot tell (files of
+    others, file systems without leases), a file that did not change for ten seconds counts as finished.
     """
     try:
         # A writer that comes while the lease is held has a signal sent; the usual one would end this process.

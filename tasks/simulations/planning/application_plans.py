@@ -15,7 +15,7 @@ from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...catalog import Resource
 from ..containers.plans import plan_container
 from ..environment.folders import HOME
-from ..environment.run_environment import Surroundings, tool_plan
+from ..environment.run_environment import RunEnvironment, tool_plan
 from ..inputs.bundles import application_bundle
 from ..ros.launching import node_variables, own_master
 from .applications import LATEST, find_application, python_package
@@ -35,12 +35,12 @@ class Applications:
     ports: list[PortPlan] = field(default_factory=list)
 
 
-def plan_applications(request: Mapping[str, Any], surroundings: Surroundings) -> Applications:
+def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
     """Fetches a job's applications and resolves how they are started.
 
     Args:
         request: the job's request.
-        surroundings: what they find.
+        run_environment: what they find.
 
     Raises:
         LaunchError: something cannot be had or started; carries the job's failure code.
@@ -51,7 +51,7 @@ def plan_applications(request: Mapping[str, Any], surroundings: Surroundings) ->
     for role in _ROLES:
         if configs := request.get(f"{role}Applications"):
             has_master = any(_is_ros_1(launch) for _, launch in launches.values())
-            launches[role] = _plan(role, configs[0], surroundings, planned, has_master)
+            launches[role] = _plan(role, configs[0], run_environment, planned, has_master)
     check_pair(launches.get("simulation"), launches.get("robot"))
     if any(_is_ros_1(launch) for _, launch in launches.values()):
         master = own_master()
@@ -69,7 +69,7 @@ def _is_ros_1(launch: Factory | Program) -> bool:
 def _plan(
     role: ApplicationRole,
     config: Mapping[str, Any],
-    surroundings: Surroundings,
+    run_environment: RunEnvironment,
     planned: Applications,
     has_master: bool,
 ) -> tuple[str, Factory | Program]:
@@ -79,21 +79,21 @@ def _plan(
     """
     launch_config = config["launchConfig"]
     try:
-        found = find_application(config["application"], role, config.get("applicationVersion"), surroundings.service)
+        found = find_application(config["application"], role, config.get("applicationVersion"), run_environment.service)
     except ResourceNotFoundException as error:
         raise LaunchError(str(error), "ResourceNotFound") from error
     planned.ports += _ports(launch_config)
     if (uri := image_of(found)) is not None:
         simulation = planned.plans.get("simulation")
         drives = role == "robot" and simulation is not None and simulation.attribute is not None
-        programs = plan_container(role, found, uri, config, surroundings, drives=drives)
+        programs = plan_container(role, found, uri, config, run_environment, drives=drives)
         planned.plans[role] = ApplicationPlan(
             role=role, name=found.name, environment_variables=_settings_in(launch_config)
         )
         planned.programs += programs
         return found.name, Program(tuple(programs[0].argv))
-    code = _code(role, found, surroundings)
-    launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
+    code = _code(role, found, run_environment)
+    launch = resolve_launch(code, launch_config, run_environment.which, sys.executable, has_master=has_master)
     planned.plans[role] = ApplicationPlan(
         role=role,
         name=found.name,
@@ -104,9 +104,9 @@ def _plan(
     )
     if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
         # A factory is imported from the bundle that all jobs share: two roles may have the same one.
-        code = replace(code, folder=_own_copy(code.folder, surroundings.folder / f"{role}-application"))
-        launch = resolve_launch(code, launch_config, surroundings.which, sys.executable, has_master=has_master)
-    planned.programs += _programs(code, launch, config, surroundings)
+        code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{role}-application"))
+        launch = resolve_launch(code, launch_config, run_environment.which, sys.executable, has_master=has_master)
+    planned.programs += _programs(code, launch, config, run_environment)
     return found.name, launch
 
 
@@ -125,12 +125,12 @@ def image_of(application: Resource) -> str | None:
     return None if environment is None or python_package(environment.uri) is not None else environment.uri
 
 
-def _code(role: ApplicationRole, application: Resource, surroundings: Surroundings) -> Code:
+def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvironment) -> Code:
     document = ApplicationDocument.of(application)
     if sources := document.sources:
         is_pinned = document.version != LATEST
         source = _for_this_machine(sources)
-        folder = application_bundle(source.to_json(), role.capitalize(), surroundings.service, is_pinned=is_pinned)
+        folder = application_bundle(source.to_json(), role.capitalize(), run_environment.service, is_pinned=is_pinned)
         return Code(role, application.name, folder=folder)
     return Code(role, application.name, module=document.environment and python_package(document.environment.uri))
 
@@ -156,17 +156,17 @@ def _own_copy(bundle: Path, folder: Path) -> Path:
 
 
 def _programs(
-    code: Code, launch: Factory | Program, config: Mapping[str, Any], surroundings: Surroundings
+    code: Code, launch: Factory | Program, config: Mapping[str, Any], run_environment: RunEnvironment
 ) -> list[ProgramPlan]:
     """The application itself where it is a program, and its tools."""
     variables = config["launchConfig"].get("environmentVariables") or {}
     import_path = [str(code.folder)] if code.folder else []
-    if inherited := variables.get("PYTHONPATH") or surroundings.environ.get("PYTHONPATH"):
+    if inherited := variables.get("PYTHONPATH") or run_environment.environ.get("PYTHONPATH"):
         import_path.append(inherited)
     environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
     if isinstance(launch, Program) and launch.launcher is not None:
-        environment |= node_variables(code.folder, launch.launcher, sys.executable, variables, surroundings.environ)
-    folder = code.folder or surroundings.sandbox.place(HOME)
+        environment |= node_variables(code.folder, launch.launcher, sys.executable, variables, run_environment.environ)
+    folder = code.folder or run_environment.sandbox.place(HOME)
     programs = []
     if isinstance(launch, Program):
         _make_executable(Path(launch.argv[0]), code.folder)

@@ -93,14 +93,14 @@ def resolve_launch(
 
 
 def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[str, Factory | Program] | None) -> None:
-    """Checks that somebody makes the environment that a robot application's factory asks for.
+    """Checks that the simulation application makes the environment that a robot application's factory asks for.
 
     Args:
         simulation: name and launch of the simulation application; `None`: the built-in one.
         robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
 
     Raises:
-        LaunchError: nobody does.
+        LaunchError: it does not.
     """
     if simulation is None or robot is None:
         return

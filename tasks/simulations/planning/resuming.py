@@ -1,4 +1,4 @@
-"""Whether and how often a job's run is kept, and whether one that a dead performer left can be continued."""
+"""Whether and how often a job's run is kept, and whether one that a dead job worker left can be continued."""
 
 import logging
 import math
@@ -45,7 +45,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
 
 
 def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
-    """The plan of the run that a job was in when its performer died, if it can be continued here; else says why not.
+    """The plan of the run that a job was in when its job worker died, if it can be continued here; else says why not.
 
     Args:
         job: the job.

@@ -15,7 +15,7 @@ from ...catalog import Resource
 from ...service.service import Service
 from ..environment.compute import compute_limits, disk_limit
 from ..environment.process_variables import process_variables
-from ..environment.run_environment import Surroundings, run_sandbox
+from ..environment.run_environment import RunEnvironment, run_sandbox
 from ..inputs.bundles import world_bundle
 from ..inputs.data_sources import fetch_data_sources
 from ..inputs.world_rooms import WORLD_FILE
@@ -75,7 +75,7 @@ def run_plan(
         requirements=_requirements(document, world_dir),
     )
     destinations = tuple(each.destination for each in sources if each.destination)
-    applications = plan_applications(request, Surroundings(plan, folder, sandbox, destinations, service, stopped))
+    applications = plan_applications(request, RunEnvironment(plan, folder, sandbox, destinations, service, stopped))
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
     return plan.model_copy(
         update={

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 DOMAINS = range(1, 102)
-"""Those whose ports Linux gives to nobody else (ROS 2's documentation, "The ROS_DOMAIN_ID"), but for 0, the default."""
+"""All domains whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0."""
 
 _logger = logging.getLogger(__name__)
 
@@ -17,8 +17,8 @@ _logger = logging.getLogger(__name__)
 def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
     """Holds a domain that no other running job of this machine has; yields its number.
 
-    What holds it is the name of a socket. It belongs to the machine, whoever performs jobs there, or to the container
-    that they are performed in, as the ports of a domain do; and it is free again when its holder dies.
+    What holds it is the name of a socket. It belongs to the machine, whatever user runs jobs there, or to the container
+    that they run in, as the ports of a domain do; and it is free again when its holder dies.
 
     Args:
         job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,

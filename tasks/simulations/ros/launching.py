@@ -123,7 +123,7 @@ def _kinds_in(content: bytes) -> set[Ros]:
 
     parser.buffer_text = True
     parser.StartElementHandler, parser.CharacterDataHandler, parser.EntityDeclHandler = start, text_between, refuse
-    with suppress(expat.ExpatError, LookupError, ValueError):  # such as an encoding that nobody knows
+    with suppress(expat.ExpatError, LookupError, ValueError):  # such as an unknown encoding
         parser.Parse(content, False)
     return found
 

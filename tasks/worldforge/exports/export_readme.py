@@ -21,7 +21,7 @@ The files of a world:
 | `model.config`, `model.sdf`, `meshes/`, `materials/` | its building: walls, floors, ceilings, as `model://<world>` |
 | `<world>.glb` | glTF 2.0 for browsers and other viewers |
 | `world.xml` (and `textures/`) | MJCF for MuJoCo 3 |
-| `world.json` | rooms, walls, passages and furniture with their poses and sizes, seeds, and what became of the wishes |
+| `world.json` | rooms, walls, passages and furniture with their poses and sizes, seeds, and the result of each wish |
 | `world_description.json` | rooms, doors and proofs, for other programs |
 | `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
 | `floorplan.svg`, `preview.png` | the plan with names, and the furnished world from above |

@@ -1,4 +1,4 @@
-"""Web pages are kept out of a service that asks nobody for a signature."""
+"""Web pages are kept out of a service that checks no signatures."""
 
 import pytest
 from helpers.asgi import Client

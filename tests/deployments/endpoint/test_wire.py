@@ -177,11 +177,11 @@ def test_jobs_that_were_stored_are_told(client: Client, submitted: list[str], te
     assert submitted == [job]
 
 
-def test_a_job_is_answered_when_nobody_could_be_told(
+def test_a_job_is_answered_when_the_worker_cannot_be_told(
     service: Service, template: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     def broken(arn: str) -> None:
-        raise RuntimeError("nobody listens")
+        raise RuntimeError("there is no listener")
 
     client = Client(make_application(service, on_submitted=broken))
     count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
@@ -189,7 +189,7 @@ def test_a_job_is_answered_when_nobody_could_be_told(
     client.close()
 
     assert service.catalog.get(answer.json["arn"]).status == "Pending"
-    assert "nobody listens" in caplog.text
+    assert "there is no listener" in caplog.text
 
 
 def test_unknown_operations_and_methods(client: Client) -> None:
@@ -383,7 +383,7 @@ class Crowd:
         (LARGE_BODIES, {"transfer_encoding": "chunked"}, (200, b"")),
     ],
 )
-def test_slow_senders_of_large_bodies_keep_nobody_out(
+def test_slow_senders_of_large_bodies_do_not_block_others(
     client: Client, number: int, headers: dict[str, str], others: tuple[int, bytes]
 ) -> None:
     async def meet() -> tuple[tuple[int, bytes], tuple[int, bytes], tuple[int, bytes]]:

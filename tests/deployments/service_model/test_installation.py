@@ -40,7 +40,7 @@ print(client.can_paginate("list_worlds"), *(name for name in client.waiter_names
 """
 
 
-def test_installed_models_are_found_by_sessions_that_nobody_told(folder: Path) -> None:
+def test_installed_models_are_found_by_sessions_without_settings(folder: Path) -> None:
     assert install() == Installation(folder, written=FILES)
 
     assert contents(folder) == SHIPPED

@@ -90,7 +90,9 @@ def test_a_client_has_every_operation_and_all_documentation_is_there(make_client
     assert undocumented == []
 
 
-def test_requests_carry_the_extensions_and_a_token_that_nobody_gave(make_client: Callable[..., BaseClient]) -> None:
+def test_requests_carry_the_extensions_and_a_generated_token(
+    make_client: Callable[..., BaseClient],
+) -> None:
     config = {"application": "wanderer", "launchConfig": {"command": ["run"]}}
 
     request = request_of(

@@ -1,4 +1,4 @@
-"""The performers behind the endpoint: what is handed to Prefect, tried again, given up."""
+"""The job worker behind the endpoint: jobs are handed to Prefect, tried again, and failed at the retry limit."""
 
 import threading
 import time
@@ -86,7 +86,7 @@ def test_missing_deployments_are_named(service: Service, prefect_server: str) ->
         dispatcher.prepare()
 
 
-def test_a_job_is_handed_over_once_whoever_tries(
+def test_several_dispatchers_hand_a_job_over_once(
     service: Service, order: Order, deployments: Any, hand_over: Callable[[], Dispatcher]
 ) -> None:
     job = call("CreateSimulationJob", order(), service)["arn"]

@@ -84,7 +84,7 @@ def test_a_batch_from_before_its_requests_were_counted_is_listed_too(service: Se
     assert entry["pendingRequestCount"] == 2
 
 
-def test_a_batch_that_nobody_performs_ends_at_once_with_its_jobs(service: Service) -> None:
+def test_a_batch_without_a_job_worker_ends_at_once_with_its_jobs(service: Service) -> None:
     arn = start(service, plain(), plain(), plain())
     make_job(service, arn, 0)
     [job] = describe(service, arn)["createdRequests"]
@@ -144,14 +144,14 @@ def test_a_job_that_somebody_else_performs_is_cancelled_with_its_batch(
     arn = start(service, order(LONG), order())
     make_job(service, arn, 0)
     [created] = describe(service, arn)["createdRequests"]
-    with perform_elsewhere(created["arn"]) as performer:
+    with perform_elsewhere(created["arn"]) as worker:
         await_status(created["arn"], "Running")
         call("CancelSimulationJobBatch", {"batch": arn}, service)
         assert describe(service, arn)["status"] == "Canceling"
         await_status(created["arn"], "Canceled")
-        performer.wait(10)
+        worker.wait(10)
 
-    call("CancelSimulationJobBatch", {"batch": arn}, service)  # nobody performs the batch: this call ends it
+    call("CancelSimulationJobBatch", {"batch": arn}, service)  # no job worker holds the batch: this call ends it
 
     assert describe(service, arn)["status"] == "Canceled"
 
@@ -184,7 +184,7 @@ def test_a_batch_that_does_not_exist_is_not_found(service: Service, operation: s
 @pytest.mark.parametrize(
     ("event", "code", "status"), [("cancel", "BatchCanceled", "Canceled"), ("time_out", "BatchTimedOut", "TimedOut")]
 )
-def test_a_batch_that_was_being_stopped_when_its_performer_died_is_ended(
+def test_a_batch_that_was_being_stopped_when_its_worker_died_is_ended(
     service: Service, prefect_server: str, event: str, code: str, status: str
 ) -> None:
     arn = start(service, plain(), plain())

@@ -115,10 +115,10 @@ def test_a_fresh_batch_lists_its_requests_as_pending(service: Service, order: Or
     assert batch["batchPolicy"] == {"timeoutInSeconds": 1_209_600, "maxConcurrency": 2}
 
 
-def test_a_performer_that_takes_over_makes_no_job_twice(service: Service, order: Order, prefect_server: str) -> None:
+def test_a_worker_that_takes_over_makes_no_job_twice(service: Service, order: Order, prefect_server: str) -> None:
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(), order()]}, service)
     perform = registry()["StartSimulationJobBatch"].perform
-    # A performer that died after it had made the first job, and before anything else.
+    # A job worker that died after it had made the first job, and before anything else.
     run_under_lease(batch["arn"], "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
 
     ended = perform(batch["arn"], service)

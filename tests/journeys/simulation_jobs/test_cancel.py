@@ -26,13 +26,13 @@ def test_a_job_that_another_process_performs_ends_and_keeps_its_outputs(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
 ) -> None:
     arn = call("CreateSimulationJob", order({**LONG, "SPAWN": "1"}), service)["arn"]
-    with perform_elsewhere(arn) as performer:
+    with perform_elsewhere(arn) as worker:
         await_status(arn, "Running")
         wait_for(lambda: len(working_below(service.settings.home)) >= 2, "the run and the program it starts")
 
         assert call("CancelSimulationJob", {"job": arn}, service) == {}
         job = await_status(arn, "Canceled")
-        assert performer.wait(10) == 0
+        assert worker.wait(10) == 0
 
     assert not working_below(service.settings.home)
     assert "failureCode" not in job
@@ -41,7 +41,7 @@ def test_a_job_that_another_process_performs_ends_and_keeps_its_outputs(
     assert {"result.json", "logs/stdout.log"} <= paths
 
 
-def test_a_job_that_nobody_performs_ends_at_once(service: Service, order: Order) -> None:
+def test_a_job_without_a_job_worker_ends_at_once(service: Service, order: Order) -> None:
     arn = call("CreateSimulationJob", order(), service)["arn"]
 
     call("CancelSimulationJob", {"job": arn}, service)
@@ -64,16 +64,16 @@ def test_cancelling_a_job_that_has_ended_changes_nothing(service: Service, order
     assert call("DescribeSimulationJob", {"job": arn}, service) == ended
 
 
-def test_what_a_dead_performers_run_left_is_stored_without_a_manifest(
+def test_what_a_dead_worker_run_left_is_stored_without_a_manifest(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
 ) -> None:
     arn = call("CreateSimulationJob", order(LONG), service)["arn"]
-    with perform_elsewhere(arn) as performer:
+    with perform_elsewhere(arn) as worker:
         await_status(arn, "Running")
         wait_for(lambda: working_below(service.settings.home), "the run")
-        performer.kill()
+        worker.kill()
         wait_for(lambda: not working_below(service.settings.home), "the end of the run")
-    time.sleep(2.1)  # the performer's lease
+    time.sleep(2.1)  # the job worker's lease
 
     call("CancelSimulationJob", {"job": arn}, service)
 

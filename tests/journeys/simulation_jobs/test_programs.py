@@ -66,13 +66,13 @@ def run(service: Service) -> Callable[[dict[str, Any]], Ending]:
 def performing(service: Service, request: dict[str, Any]) -> Iterator[str]:
     """A job that is performed meanwhile, and waited for; its ARN."""
     arn = call("CreateSimulationJob", request, service)["arn"]
-    performer = threading.Thread(target=perform_job, args=(arn, service))
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=(arn, service))
+    worker.start()
     try:
         yield arn
     finally:
         call("CancelSimulationJob", {"job": arn}, service)
-        performer.join()
+        worker.join()
 
 
 def until(service: Service, arn: str, status: str) -> Ending:
@@ -130,9 +130,7 @@ def test_a_command_finds_its_folders_and_who_it_is(service: Service, order_comma
     assert [source.get("destination") for source in job["dataSources"]] == [None, "/home/robomaker/there"]
 
 
-def test_destinations_are_below_the_jobs_root_and_nobody_may_write_there(
-    service: Service, order_command: Order, run: Any
-) -> None:
+def test_destinations_are_below_the_jobs_root_and_read_only(service: Service, order_command: Order, run: Any) -> None:
     service.store.put_bytes("applications", "maps/one.txt", b"one\n")
     source = {"s3Bucket": "applications", "s3Keys": ["maps/one.txt"]}
     places = ("/etc/maps", "/tmp/x")
@@ -148,7 +146,7 @@ def test_destinations_are_below_the_jobs_root_and_nobody_may_write_there(
     assert log(service, job) == "one\none\n"
 
 
-def test_a_job_knows_no_secret_of_whoever_performs_it(
+def test_a_job_knows_no_secret_of_its_job_worker(
     service: Service, order_command: Order, run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "PREFECT_API_KEY", "ROBOMAKER_CATALOG_URL", "MY_TOKEN"):
@@ -328,7 +326,7 @@ def test_a_container_has_its_folders_tools_and_command(
     read = lambda name: service.store.get_bytes("results", f"{place['prefix']}/{name}").decode()  # noqa: E731
     assert read("said/said.txt") == f"2 {job['name']}\nin the imageone"
     assert (read("said/tool.txt"), read("out.txt")) == ("2\n", "out\n")
-    assert read("modes.txt") == "777\n777\n", "whoever the image's USER is may write there"
+    assert read("modes.txt") == "777\n777\n", "the image's USER may write there"
     [argv] = [arguments for arguments in fake.calls() if arguments[0] == "create" and "--cpus" in arguments]
     assert argv[argv.index("--cpus") + 1] == "1"
     assert argv[argv.index("--memory") + 1] == str(2 << 30)

@@ -11,7 +11,7 @@ from helpers.small_flat import ROLE
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError, StorageUnavailableError
-from prefect_robomaker.tasks.inspection.preflight import check_surroundings
+from prefect_robomaker.tasks.inspection.preflight import check_preconditions
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
@@ -110,7 +110,7 @@ def test_a_room_that_the_world_has_not_is_refused_with_the_rooms_it_has(
     spec = load_spec(json.dumps({"version": 1, "name": "check", "steps": {"drive": drive}}), "check.yaml")
     place = r"steps\.drive\.input\.createSimulationJobRequests\[2\]\.requirements"
     with pytest.raises(SpecError, match=place + THERE_IS_NONE):
-        check_surroundings(spec, service)
+        check_preconditions(spec, service)
 
 
 def test_what_could_not_be_looked_up_then_fails_the_job_when_it_starts(

@@ -48,7 +48,7 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus, tmp_path: Path
 ) -> None:
     arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=6), service)["arn"]
-    with perform_elsewhere(arn) as performer:
+    with perform_elsewhere(arn) as worker:
         first = await_status(arn, "Running")
         old = wait_for(lambda: working_below(service.settings.home), "the first run")
         change_applications(service, tmp_path / "changed", "agent watches", "agent guards")
@@ -62,7 +62,7 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
         assert not old & working_below(service.settings.home)
         job = await_status(arn, "Completed", "Failed")
         assert job["status"] == "Completed", job["failureReason"]
-        performer.wait(10)
+        worker.wait(10)
 
     assert job["simulationTimeMillis"] >= 6000, "the limit of 6 s counts from the restart"
     assert second["lastStartedAt"] > first["lastStartedAt"]
@@ -83,14 +83,14 @@ def test_a_restarted_job_can_be_cancelled(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
 ) -> None:
     arn = call("CreateSimulationJob", order(LONG), service)["arn"]
-    with perform_elsewhere(arn) as performer:
+    with perform_elsewhere(arn) as worker:
         await_status(arn, "Running")
         restart(service, arn)
         call("CancelSimulationJob", {"job": arn}, service)
         with pytest.raises(InvalidParameterException, match="is being cancelled"):
             restart(service, arn)
         await_status(arn, "Canceled")
-        performer.wait(10)
+        worker.wait(10)
     assert not working_below(service.settings.home)
 
 
@@ -105,7 +105,7 @@ def test_only_a_running_job_is_restarted(service: Service, order: Order) -> None
         restart(service, arn)
 
 
-def test_a_job_whose_performer_died_is_restarted_by_the_next(service: Service, order: Order) -> None:
+def test_a_job_whose_worker_died_is_restarted_by_the_next(service: Service, order: Order) -> None:
     arn = call("CreateSimulationJob", order(), service)["arn"]
     service.catalog.transition(arn, "prepare", document_changes={"runId": "2026-01-02T03-04-05-000000Z"})
     service.catalog.transition(arn, "start", document_changes={"lastStartedAt": "2026-01-02T03:04:05+00:00"})

@@ -43,15 +43,15 @@ def statuses(service: Service, seen: list[Resource]) -> Callable[..., list[str]]
 
     def run(request: dict[str, Any], *operations: tuple[str, str]) -> list[str]:
         job = call("CreateSimulationJob", request, service)
-        performer = threading.Thread(target=perform_job, args=(job["arn"], service))
-        performer.start()
+        worker = threading.Thread(target=perform_job, args=(job["arn"], service))
+        worker.start()
         begin = 0
         for status, operation in operations:
             wait_for(partial(has_come, status, begin), status)
             begin = len(seen)
             call(operation, {"job": job["arn"]}, service)
-        performer.join(30)
-        assert not performer.is_alive()
+        worker.join(30)
+        assert not worker.is_alive()
         return [job["status"], *(state.status for state in seen)]
 
     return run

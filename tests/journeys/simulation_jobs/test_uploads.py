@@ -197,13 +197,13 @@ def test_names_that_no_store_can_hold_are_left_out_and_noted(
 def performing(service: Service, request: dict[str, Any]) -> Iterator[str]:
     """A job that is performed meanwhile, and cancelled afterwards; its ARN."""
     job = call("CreateSimulationJob", request, service)
-    performer = threading.Thread(target=perform_job, args=(job["arn"], service))
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=(job["arn"], service))
+    worker.start()
     try:
         yield job["arn"]
     finally:
         call("CancelSimulationJob", {"job": job["arn"]}, service)
-        performer.join()
+        worker.join()
 
 
 def wait_for(what: Callable[[], Any], timeout_s: float = 20) -> Any:

@@ -279,7 +279,7 @@ def test_a_failing_change_changes_nothing(catalog: Catalog, make_resource: MakeR
 
 def test_a_change_meanwhile_is_not_overwritten(database: str, catalog: Catalog, make_resource: MakeResource) -> None:
     if database == "sqlite":
-        pytest.skip("SQLite lets nobody write in between")
+        pytest.skip("SQLite lets no other connection write in between")
     arn = catalog.create(make_resource(1, document={"n": 0}), token=None).arn
     seen = []
 
@@ -297,7 +297,7 @@ def test_who_loses_the_lease_meanwhile_changes_nothing(
     database: str, catalog: Catalog, make_resource: MakeResource, clock: Any
 ) -> None:
     if database == "sqlite":
-        pytest.skip("SQLite lets nobody write in between")
+        pytest.skip("SQLite lets no other connection write in between")
     arn = catalog.create(make_resource(1), token=None).arn
     catalog.claim(arn, "slow", 10)
 
@@ -367,7 +367,7 @@ def test_a_renewed_lease_lasts_longer(catalog: Catalog, make_resource: MakeResou
     assert not catalog.claim(arn, "b", 30)
 
 
-def test_a_performer_that_lost_its_lease_changes_nothing(
+def test_a_worker_that_lost_its_lease_changes_nothing(
     catalog: Catalog, make_resource: MakeResource, clock: Any
 ) -> None:
     arn = catalog.create(make_resource(1), token=None).arn

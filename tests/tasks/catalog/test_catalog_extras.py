@@ -201,7 +201,7 @@ def test_children_go_with_their_parent_if_asked(catalog: Catalog, make_resource:
 # What is left to do
 
 
-def test_unfinished_jobs_are_those_that_nobody_performs(
+def test_unfinished_jobs_are_those_that_no_worker_holds(
     catalog: Catalog, make_resource: MakeResource, clock: Any
 ) -> None:
     arns = [catalog.create(make_resource(number), token=None).arn for number in range(4)]

@@ -1,4 +1,4 @@
-"""What performers take their jobs with, beyond what the catalog's other tests show."""
+"""What job workers take their jobs with, beyond what the catalog's other tests show."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from prefect_robomaker.tasks.catalog import Catalog
 BATCH = "simulation-job-batch"
 
 
-def test_a_lease_that_ran_out_counts_as_a_lost_performer(catalog: Catalog, make_resource: Any, clock: Any) -> None:
+def test_a_lease_that_ran_out_counts_as_a_lost_worker(catalog: Catalog, make_resource: Any, clock: Any) -> None:
     arn = catalog.create(make_resource(1), token=None).arn
     for number in range(3):
         assert catalog.claim(arn, f"host:{number}", 10)
@@ -39,7 +39,7 @@ def test_the_leases_of_a_dead_process_end_at_once(catalog: Catalog, make_resourc
     assert catalog.lost_workers(arns[0]) == 1
 
 
-def test_jobs_of_a_live_batch_wait_for_its_performer(catalog: Catalog, make_resource: Any) -> None:
+def test_jobs_of_a_live_batch_wait_for_its_worker(catalog: Catalog, make_resource: Any) -> None:
     batch = catalog.create(make_resource(0, kind=BATCH), token=None).arn
     job = catalog.create(make_resource(1, parent=batch), token=None).arn
 

@@ -37,7 +37,7 @@ def test_a_server_that_is_gone_fails_nothing(
     prefect_server: str, service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def refuse(**arguments: object) -> None:
-        raise httpx.ConnectError("nobody listens")
+        raise httpx.ConnectError("there is no listener")
 
     for name in ("create_table_artifact", "create_markdown_artifact", "create_progress_artifact"):
         monkeypatch.setattr(artifacts, name, refuse)
@@ -53,7 +53,7 @@ def test_a_server_that_is_gone_fails_nothing(
     shows_nothing()
 
     assert seen == [Progress({"completed": 1}, 1)]
-    assert caplog.text.count("cannot be shown in Prefect: nobody listens") >= 3
+    assert caplog.text.count("cannot be shown in Prefect: there is no listener") >= 3
 
 
 def test_nothing_is_shown_outside_a_flow_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ def job(service: Service, template: str) -> str:
     return call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"]
 
 
-def test_a_performer_that_was_held_up_learns_that_another_took_over(
+def test_a_worker_that_was_held_up_learns_that_another_took_over(
     service: Service, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = replace(service, timing=Timing(lease_s=0.3, renew_lease_every_s=0.05))

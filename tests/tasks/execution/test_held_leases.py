@@ -1,4 +1,4 @@
-"""A performer that ends gives its jobs back; one that keeps dying loses them."""
+"""A job worker that ends gives its jobs back; one that keeps dying loses them."""
 
 import os
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def test_a_reserved_job_is_performed_under_its_reservation(service: Service, job
     assert service.catalog.lost_workers(job) == 0
 
 
-def test_a_job_that_takes_its_performers_along_fails(service: Service, job: str, held: HeldLeases) -> None:
+def test_a_job_that_takes_its_worker_along_fails(service: Service, job: str, held: HeldLeases) -> None:
     for number in range(MAX_LOST_WORKERS):
         assert service.catalog.claim(job, f"{owners_of(os.getpid())}{number}", -1)
     begun: list[str] = []
@@ -78,7 +78,7 @@ def test_a_job_that_takes_its_performers_along_fails(service: Service, job: str,
     assert "3 job workers died" in described["failureReason"]
 
 
-def test_a_batch_outlives_more_performers_and_takes_its_jobs_along_when_it_is_given_up(
+def test_a_batch_outlives_more_worker_and_takes_its_jobs_along_when_it_is_given_up(
     service: Service, held: HeldLeases, order: Callable[..., dict[str, Any]]
 ) -> None:
     kind = "simulation-job-batch"

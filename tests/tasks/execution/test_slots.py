@@ -37,7 +37,7 @@ def test_the_limit_shows_on_the_server_while_it_is_used(client: SyncPrefectClien
     assert "shows" not in {limit.name for limit in client.read_global_concurrency_limits()}
 
 
-def test_a_performer_that_takes_over_does_not_wait_for_the_slots_of_a_dead_one() -> None:
+def test_a_worker_that_takes_over_does_not_wait_for_the_slots_of_a_dead_one() -> None:
     with Slots("taken-over", 2, 2), Slots("taken-over", 2, 2) as successor:
         with successor.hold(never) as first, successor.hold(never) as second:
             assert (first, second) == (True, True)

@@ -7,7 +7,7 @@ import pytest
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ResourceAlreadyExistsException, SpecError, StorageError
-from prefect_robomaker.tasks.inspection.preflight import check_surroundings
+from prefect_robomaker.tasks.inspection.preflight import check_preconditions
 from prefect_robomaker.tasks.operations.applications import update_application
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -27,9 +27,9 @@ def spec(robot: str, **steps: Any) -> Any:
 
 def test_a_misspelt_application_is_found_before_anything_runs(service: Service) -> None:
     with pytest.raises(SpecError, match=r"robotApplications\[0\]\.application.*'scot'.*'scout'"):
-        check_surroundings(spec("scot"), service)
+        check_preconditions(spec("scot"), service)
 
-    check_surroundings(spec("scout"), service)
+    check_preconditions(spec("scout"), service)
 
 
 def test_an_application_that_a_step_makes_counts_as_existing(service: Service) -> None:
@@ -39,7 +39,7 @@ def test_an_application_that_a_step_makes_counts_as_existing(service: Service) -
         "input": {"name": "mine", "environment": uri, "robotSoftwareSuite": SUITE},
     }
 
-    check_surroundings(spec("mine", make=make), service)
+    check_preconditions(spec("mine", make=make), service)
 
 
 def test_an_object_store_that_cannot_be_used_is_found_before_anything_runs(settings: Settings, tmp_path: Path) -> None:
@@ -47,7 +47,7 @@ def test_an_object_store_that_cannot_be_used_is_found_before_anything_runs(setti
     values = {"ROBOMAKER_HOME": str(settings.home), "ROBOMAKER_OBJECT_STORE": str(tmp_path / "store")}
 
     with pytest.raises(StorageError):
-        check_surroundings(spec("scout"), Service.open(Settings.from_environment(values), {}))
+        check_preconditions(spec("scout"), Service.open(Settings.from_environment(values), {}))
 
 
 def test_an_application_is_updated_to_its_archive_as_it_is_now(service: Service) -> None:

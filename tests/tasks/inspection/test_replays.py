@@ -1,4 +1,4 @@
-"""Runs that are run again: the same to the bit, or it is said from when on and where not, or why nobody can tell."""
+"""Runs that are run again: the same to the bit, or from when on and where not, or why that cannot be told."""
 
 import json
 import os
@@ -129,15 +129,15 @@ def test_what_is_no_run_is_said(service: Service, tmp_path: Path) -> None:
 def going_on(service: Service, swing: Simulate) -> Iterator[tuple[dict[str, Any], Path]]:
     """A job that somebody performs, and the folder of its outputs."""
     job = swing(perform=False, TIME_LIMIT_S="3600", SLEEP_S="0.005")
-    performer = threading.Thread(target=perform_job, args=[job["arn"], service])
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=[job["arn"], service])
+    worker.start()
     deadline = time.monotonic() + 30
     while not (found := list((service.settings.home / "jobs").glob("*/*/output/provenance.json"))):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     yield job, found[0].parent
     call("CancelSimulationJob", {"job": job["arn"]}, service)
-    performer.join()
+    worker.join()
 
 
 def test_a_run_that_has_not_ended_is_left_alone(

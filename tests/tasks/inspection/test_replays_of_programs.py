@@ -54,7 +54,7 @@ def test_what_a_program_did_by_chance_is_repeated_to_the_bit_without_it(
     service: Service, push: Simulate, robot: dict[str, str]
 ) -> None:
     job, other = push(robot), push(robot)
-    service.store.delete("applications", "robot.tar.gz")  # nobody needs it any more
+    service.store.delete("applications", "robot.tar.gz")  # it is not needed any more
 
     answer = verify_run(job["arn"], service)
 
@@ -174,7 +174,7 @@ def test_a_program_that_decides_the_same_can_be_run_again(service: Service, push
 
 
 def test_a_program_that_was_changed_is_another_one(service: Service, push: Simulate, tmp_path: Path) -> None:
-    """It would diverge, and nobody could tell whether it decides the same again."""
+    """It would diverge, and whether it decides the same again could not be told."""
     job = push({"PUSH": "0.3"})
     program = (ROBOT / "push.py").read_text().replace("float(push)", "-float(push)")
     (tmp_path / "robot" / "push.py").write_text(program)

@@ -1,4 +1,4 @@
-"""Runs that died with their performer: what they left is stored when the next one takes the job, and told apart."""
+"""Runs that died with their job worker: what they left is stored when the next one takes the job, and told apart."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -23,24 +23,24 @@ from prefect_robomaker.tasks.storage import read_manifest
 Swing = Callable[..., dict[str, Any]]
 Killed = Callable[..., str]
 ENDLESS = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "1000", "ROBOMAKER_CHECKPOINT_EVERY_S": "0"}
-DIED = "whoever performed the job died while this run went on"
+DIED = "the job worker died while this run went on"
 
 
 @pytest.fixture
 def killed(service: Service, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus) -> Killed:
-    """Has a job performed until its recording has a chunk, and kills the performer with -9; returns the run's id."""
+    """Has a job performed until its recording has a chunk, and kills the job worker with -9; returns the run's id."""
 
     def kill(job: dict[str, Any], *, restart: bool = False) -> str:
-        with perform_elsewhere(job["arn"]) as performer:
+        with perform_elsewhere(job["arn"]) as worker:
             await_status(job["arn"], "Running")
             jobs = service.settings.home / "jobs" / job["name"]
             wait_for(lambda: any(messages(path) for path in jobs.glob("*/output/recording.mcap")), "a chunk")
-            performer.send_signal(signal.SIGSTOP)  # so that it learns of no restart
+            worker.send_signal(signal.SIGSTOP)  # so that it learns of no restart
             if restart:
                 call("RestartSimulationJob", {"job": job["arn"]}, service)
-            performer.send_signal(signal.SIGKILL)
-            performer.wait(10)
-            wait_for(lambda: not working_below(service.settings.home), "the run to die with its performer")
+            worker.send_signal(signal.SIGKILL)
+            worker.wait(10)
+            wait_for(lambda: not working_below(service.settings.home), "the run to die with its job worker")
         return service.catalog.get(job["arn"]).document["runId"]
 
     return kill
@@ -72,7 +72,7 @@ def cancel_once_running(service: Service, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize(
     "restart", [True, pytest.param(False, marks=pytest.mark.deep)], ids=["about to be restarted", "in its midst"]
 )
-def test_what_a_killed_performers_run_left_is_stored_without_a_manifest(
+def test_what_a_killed_worker_run_left_is_stored_without_a_manifest(
     service: Service, swing: Swing, killed: Killed, monkeypatch: pytest.MonkeyPatch, restart: bool
 ) -> None:
     job = swing(perform=False, **ENDLESS)
@@ -122,7 +122,7 @@ def test_what_containers_of_a_dead_run_wrote_is_stored_too(service: Service, ord
 
 
 @pytest.mark.deep
-def test_a_performer_that_dies_once_a_dead_run_is_stored_leaves_it_to_the_next(
+def test_a_worker_that_dies_once_a_dead_run_is_stored_leaves_it_to_the_next(
     service: Service, swing: Swing, killed: Killed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = swing(perform=False, **ENDLESS)

@@ -1,4 +1,4 @@
-"""Containers that nobody was left to end: the next performer on the machine ends them, and no others."""
+"""Abandoned containers: the next job worker on the machine removes them, and no others."""
 
 import os
 import socket
@@ -11,7 +11,7 @@ import pytest
 from helpers.fake_engine import FakeEngine
 
 from prefect_robomaker.deployments.cli import health
-from prefect_robomaker.tasks.jobs.job_folders import clear_containers_of_the_dead
+from prefect_robomaker.tasks.jobs.job_folders import remove_abandoned_containers
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.containers.cleanup import ContainerNote, note_container
@@ -39,16 +39,16 @@ def dead_process() -> str:
     return f"{socket.gethostname()}:{ended.pid}:1"
 
 
-def test_containers_of_a_performer_that_died_here_are_ended(
+def test_containers_of_a_worker_that_died_here_are_ended(
     service: Service, fake: FakeEngine, job: dict[str, Any]
 ) -> None:
     service.catalog.claim(job["arn"], dead_process(), -1.0)
     assert health.check_containers(service.settings).health == "warning"
 
-    clear_containers_of_the_dead(service)
+    remove_abandoned_containers(service)
 
     assert fake.containers() == []
-    assert (job["folder"] / "output").is_dir(), "whoever takes the job over stores it"
+    assert (job["folder"] / "output").is_dir(), "the job worker that takes the job over stores it"
     assert health.check_containers(service.settings).health == "ok"
 
 
@@ -68,7 +68,7 @@ def test_other_containers_of_jobs_that_go_on_are_left_alone(
     if owner is not None:
         service.catalog.claim(job["arn"], dead_process() if owner == "dead" else owner, lease_s)
 
-    clear_containers_of_the_dead(service)
+    remove_abandoned_containers(service)
 
     assert fake.containers() == ["left"]
     assert health.check_containers(service.settings).health == "ok"
@@ -82,10 +82,10 @@ def test_what_an_engine_did_not_remove_in_time_is_removed_later(
     service.catalog.transition(job["arn"], "fail")
 
     fake.lose_daemon()
-    clear_containers_of_the_dead(service)
+    remove_abandoned_containers(service)
     assert job["folder"].is_dir()
 
     fake.find_daemon()
-    clear_containers_of_the_dead(service)
+    remove_abandoned_containers(service)
     assert fake.containers() == []
     assert not job["folder"].parent.exists()

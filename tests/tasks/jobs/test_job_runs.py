@@ -1,4 +1,4 @@
-"""Outputs of simulation jobs: kept when they cannot be stored, found when a performer died, cleaned up after."""
+"""Outputs of simulation jobs: kept when they cannot be stored, found when a job worker died, cleaned up after."""
 
 import hashlib
 import json
@@ -37,7 +37,7 @@ def refuse(service: Service, monkeypatch: pytest.MonkeyPatch, error: Exception) 
 
 @pytest.fixture
 def died_publishing(service: Service, order: Order, prefect_server: str) -> dict[str, Any]:
-    """A job that ran on this machine to its end, and whose performer died before the outputs were stored."""
+    """A job that ran on this machine to its end, and whose job worker died before the outputs were stored."""
     job = call("CreateSimulationJob", order(seed=3), service)
     service.catalog.transition(job["arn"], "prepare", document_changes={"runId": RUN})
     service.catalog.transition(job["arn"], "start")
@@ -61,8 +61,8 @@ def test_nothing_is_left_on_the_machine_of_a_job_whose_outputs_are_stored(
 ) -> None:
     job = call("CreateSimulationJob", order(), service)
     name = job["arn"].rsplit("/", 1)[1]
-    dead_performers = service.folder("jobs", name, RUN, "output")
-    (dead_performers / "half.mcap").touch()
+    dead_workers = service.folder("jobs", name, RUN, "output")
+    (dead_workers / "half.mcap").touch()
 
     assert perform(service, job)["status"] == "Completed"
     assert list((service.settings.home / "jobs").iterdir()) == []
@@ -119,7 +119,7 @@ def test_a_crash_whose_outputs_cannot_be_stored_keeps_its_code_and_its_log(
     assert "the simulated floor gave way" in job["failureReason"]
 
 
-def test_outputs_of_a_performer_that_died_are_published_by_the_next(
+def test_outputs_of_a_worker_that_died_are_published_by_the_next(
     service: Service, died_publishing: dict[str, Any]
 ) -> None:
     job = perform(service, died_publishing)
@@ -131,7 +131,7 @@ def test_outputs_of_a_performer_that_died_are_published_by_the_next(
     assert not runs_of(service, job).exists()
 
 
-def test_uploads_that_a_dead_performer_had_taken_are_published_too(
+def test_uploads_that_a_dead_worker_had_taken_are_published_too(
     service: Service, died_publishing: dict[str, Any]
 ) -> None:
     folder = runs_of(service, died_publishing) / RUN

@@ -52,7 +52,7 @@ def cancelled(arn: str, service: Service, away: Away, status: str) -> dict[str, 
 
 
 @pytest.fixture
-def left_by_a_dead_performer(service: Service, order: Order) -> str:
+def left_by_a_dead_worker(service: Service, order: Order) -> str:
     arn = call("CreateSimulationJob", order(), service)["arn"]
     service.catalog.transition(arn, "prepare", document_changes={"runId": RUN})
     service.catalog.transition(arn, "start", document_changes={"lastStartedAt": "2026-01-02T03:04:05+00:00"})
@@ -62,16 +62,16 @@ def left_by_a_dead_performer(service: Service, order: Order) -> str:
 
 
 def test_a_job_whose_dead_run_cannot_be_stored_hears_that_it_is_cancelled(
-    service: Service, left_by_a_dead_performer: str, monkeypatch: pytest.MonkeyPatch
+    service: Service, left_by_a_dead_worker: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arn = left_by_a_dead_performer
+    arn = left_by_a_dead_worker
     away = Away(service, monkeypatch)
-    performer = threading.Thread(target=perform_job, args=(arn, service), daemon=True)
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=(arn, service), daemon=True)
+    worker.start()
 
     document = cancelled(arn, service, away, "Running")
 
-    performer.join(10)
+    worker.join(10)
     assert "earlierRuns" not in document  # it is the job's last run after all
     place = document["outputs"]
     assert service.store.get_bytes(place["bucket"], f"{place['prefix']}/map.pgm") == b"a map"
@@ -82,15 +82,15 @@ def test_a_job_that_is_restarted_hears_that_it_is_cancelled(
     service: Service, order: Order, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arn = call("CreateSimulationJob", order({"DURATION_S": "200"}), service)["arn"]
-    performer = threading.Thread(target=perform_job, args=(arn, service), daemon=True)
-    performer.start()
+    worker = threading.Thread(target=perform_job, args=(arn, service), daemon=True)
+    worker.start()
     wait_for(lambda: service.catalog.get(arn).status == "Running", "the run to begin")
     away = Away(service, monkeypatch)
     call("RestartSimulationJob", {"job": arn}, service)
 
     document = cancelled(arn, service, away, "Restarting")
 
-    performer.join(10)
+    worker.join(10)
     assert "earlierRuns" not in document
     place = document["outputs"]
     assert place["prefix"].endswith(document["runId"])
@@ -98,10 +98,10 @@ def test_a_job_that_is_restarted_hears_that_it_is_cancelled(
 
 
 def test_a_pause_ends_when_it_is_to_stop(
-    service: Service, left_by_a_dead_performer: str, monkeypatch: pytest.MonkeyPatch
+    service: Service, left_by_a_dead_worker: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Away(service, monkeypatch)
-    job = service.catalog.get(left_by_a_dead_performer)
+    job = service.catalog.get(left_by_a_dead_worker)
     folder = Path(service.settings.home / "jobs" / job.id / RUN)
     pauses: list[float] = []
     outputs = RunOutputs(job, RUN, folder, service, sleep=pauses.append)

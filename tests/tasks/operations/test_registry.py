@@ -89,6 +89,6 @@ def test_importing_the_registry_does_not_import_prefect_or_mujoco() -> None:
     assert run.stdout.strip() == "[]"
 
 
-def test_decorating_a_quick_operation_with_a_performer_is_a_mistake() -> None:
+def test_decorating_a_quick_operation_with_a_worker_is_a_mistake() -> None:
     with pytest.raises(ValueError, match="DescribeWorld"):
         operation.operation("DescribeWorld", perform=lambda arn, service: None)(lambda request, service: request)

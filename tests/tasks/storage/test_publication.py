@@ -292,7 +292,7 @@ def test_a_killed_publisher_leaves_no_manifest_or_a_whole_publication(tmp_path: 
 
 
 def test_who_may_not_know_that_nothing_is_published_yet_publishes(disk: DirectoryStore, outputs: Path):
-    """AWS denies access to objects that do not exist to whoever may not list the bucket."""
+    """AWS denies access to objects that do not exist to users who may not list the bucket."""
 
     def get_bytes(bucket: str, key: str) -> bytes:
         try:

@@ -35,9 +35,9 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         waiting = served.call("CreateSimulationJob", order())["arn"]
         batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
         wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
-        wait_for(lambda: served.performer()["simulation-job"] == "1 of at most 1 running", "the health page")
+        wait_for(lambda: served.worker()["simulation-job"] == "1 of at most 1 running", "the health page")
         wait_for(lambda: status(service, batch) == "Completing", "the batch's last request")
-        # The performer, its warm parent of simulations, two supervisors and simulations.
+        # The job worker, its warm parent of simulations, two supervisors and simulations.
         wait_for(lambda: len(descendants(served.process.pid)) >= 6, "the processes of both jobs")
         processes = descendants(served.process.pid)
         served.process.send_signal(signal.SIGINT)
@@ -69,22 +69,22 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     assert len(service.catalog.children(batch, kind="simulation-job")) == 1
 
 
-def test_a_job_that_takes_performers_along_is_given_up_and_the_others_go_on(
+def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:
     deadly = call("CreateSimulationJob", order(LONG), service)["arn"]
-    for number in range(2):  # two performers have begun it before, and are dead
+    for number in range(2):  # two job workers have begun it before, and are dead
         assert service.catalog.claim(deadly, str(number), -1)
 
     with serve(PREFECT_API_URL=prefect_server) as served:
         wait_for(lambda: status(service, deadly) == "Running", "the job")
         other = served.call("CreateSimulationJob", order({"DURATION_S": "1"}))["arn"]
         wait_for(lambda: status(service, other) == "Running", "the other job")
-        os.kill(served.performer()["pid"], signal.SIGKILL)
+        os.kill(served.worker()["pid"], signal.SIGKILL)
         wait_for(lambda: status(service, deadly) == "Failed", "the end of the job")
         wait_for(lambda: status(service, other) == "Completed", "the end of the other job")
 
-        assert served.performer()["restarts"] == 1
+        assert served.worker()["restarts"] == 1
         assert "the job worker was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
         described = served.call("DescribeSimulationJob", {"job": deadly})
         served.process.terminate()
@@ -100,7 +100,7 @@ def test_without_prefect_jobs_wait_and_the_endpoint_answers(
     with Forwarder(prefect_server) as forwarder, serve(PREFECT_API_URL=forwarder.url) as served:
         served.wait_until_ready()
         forwarder.stop()
-        wait_for(lambda: served.performer()["state"] == "waiting for Prefect", "the news that Prefect is gone")
+        wait_for(lambda: served.worker()["state"] == "waiting for Prefect", "the news that Prefect is gone")
         arn = served.call("CreateSimulationJob", order())["arn"]
         assert served.call("DescribeSimulationJob", {"job": arn})["status"] == "Pending"
         assert "Prefect does not answer" in served.log.read_text()
@@ -113,7 +113,7 @@ def test_without_prefect_jobs_wait_and_the_endpoint_answers(
 def test_the_endpoint_alone_stores_jobs_for_others(serve: Serve, service: Service, order: Order) -> None:
     with serve("--execute", "none", "--log-requests") as served:
         arn = served.call("CreateSimulationJob", order())["arn"]
-        assert served.performer() == {"state": "elsewhere"}
+        assert served.worker() == {"state": "elsewhere"}
         assert served.facts["environment"]["AWS_ENDPOINT_URL_ROBOMAKER"] == served.url
         served.process.send_signal(signal.SIGHUP)
         assert served.process.wait(20) == 0
@@ -153,9 +153,9 @@ def test_what_cannot_be_served_is_told_in_one_line(robomaker: Any, monkeypatch: 
 
 
 def a_second_ctrl_c_does_not_wait(served: Served) -> None:
-    """Stops `serve` although its performer does not react."""
+    """Stops `serve` although its job worker does not react."""
     processes = descendants(served.process.pid)
-    os.kill(served.performer()["pid"], signal.SIGSTOP)
+    os.kill(served.worker()["pid"], signal.SIGSTOP)
     served.process.send_signal(signal.SIGINT)
     wait_for(lambda: not answers(served), "the end of the endpoint")
     served.process.send_signal(signal.SIGINT)
@@ -165,7 +165,7 @@ def a_second_ctrl_c_does_not_wait(served: Served) -> None:
 
 def answers(served: Served) -> bool:
     try:
-        served.performer()
+        served.worker()
     except OSError:
         return False
     return True

@@ -116,7 +116,7 @@ def test_the_viewer_is_for_desktops() -> None:
 def test_a_viewer_that_does_not_start_gives_way_to_the_page(robomaker, bundle: Path, monkeypatch) -> None:
     monkeypatch.delenv("CI")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setenv("DISPLAY", ":4077")  # nobody is there
+    monkeypatch.setenv("DISPLAY", ":4077")  # there is no such display
     shown = robomaker("world", "view", bundle)
     assert shown.code == 0
     assert "MuJoCo's viewer does not work here" in shown.err

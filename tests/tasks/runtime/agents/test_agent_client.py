@@ -100,7 +100,7 @@ def test_actions_of_another_form_are_refused_before_they_are_sent(value: Any) ->
         array.write(value, bytearray(12))
 
 
-def test_nobody_listens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_simulation_listens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(agent_client.SOCKET_VARIABLE, raising=False)
     with pytest.raises(SimulationError, match="ROBOMAKER_AGENT_SOCKET is not set"):
         connect()

@@ -55,7 +55,7 @@ def bits(array: Any) -> tuple[str, tuple[int, ...], bytes]:
 
 
 def without_empty(tree: Any) -> Any:
-    """A dictionary with nothing in it holds no array, so nobody hears of it."""
+    """A dictionary with nothing in it holds no array, so nothing is said of it."""
     if not isinstance(tree, dict):
         return tree
     kept = {key: without_empty(item) for key, item in tree.items()}

@@ -42,7 +42,7 @@ def test_can_be_connected_to_and_is_gone_afterwards(make_plan: MakePlan, tmp_pat
     assert not listening.path.parent.parent.exists()
 
 
-def test_what_a_killed_run_left_is_in_nobodys_way(make_plan: MakePlan, tmp_path: Path) -> None:
+def test_files_of_a_killed_run_do_not_block_the_next(make_plan: MakePlan, tmp_path: Path) -> None:
     plan = make_plan(work_dir=tmp_path)
     AgentSocket(plan)._socket.close()
     AgentSocket(plan)._socket.close()

@@ -27,7 +27,7 @@ DRIVER = ApplicationPlan(role="robot", name="driver")
 
 @pytest.fixture
 def repeat(launcher: Launcher) -> Repeat:
-    """Runs a plan again with recorded actions and nobody who connects."""
+    """Runs a plan again with recorded actions and no program that connects."""
 
     def repeat(plan: RunPlan, **recorded: Any) -> tuple[RunOutcome, RunPlan]:
         folder = plan.work_dir.parent.parent / "again"
@@ -81,7 +81,7 @@ def test_of_a_robot_that_runs_free_every_step_is_known(start: Start, repeat: Rep
 
     second = result_of(again).extra
     assert second["actions"] == first["actions"]
-    assert second["times"][-1] - second["times"][0] < first["times"][-1] - first["times"][0], "nobody is waited for"
+    assert second["times"][-1] - second["times"][0] < first["times"][-1] - first["times"][0], "it waits for no program"
     assert ActionLog(job.plan.output_dir / "actions.bin").header.mode == "free"
 
 

@@ -211,7 +211,7 @@ class TestEnds:
 
 
 class TestTimeLimits:
-    def test_nobody_connects(self, start: Callable[..., Job]) -> None:
+    def test_no_robot_connects(self, start: Callable[..., Job]) -> None:
         job = start(robot={CONNECT_TIMEOUT_VARIABLE: "0.3"})
         job.assert_failed(
             "RobotApplicationHealthCheckFailure",

@@ -111,7 +111,7 @@ class TestMeter:
         assert count > 3
         assert longest < 0.005
 
-    @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="there is no disk that nobody else writes to")
+    @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="there is no disk to which only this test writes")
     def test_it_is_looked_at_once_when_the_disk_loses_space_quickly(self) -> None:
         with TemporaryDirectory(dir="/dev/shm") as folder:
             now = [0.0]
@@ -186,7 +186,7 @@ class TestRuns:
         assert reason.startswith("Simulation application arena used too much: 20 MB of disk are allowed")
         assert "output/data-0.bin" in reason
 
-    def test_a_file_that_nobody_can_find_cannot_grow_without_end(
+    def test_a_file_without_a_path_cannot_grow_without_end(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:
         """Deleted while it is open, it is in no folder any more."""

@@ -127,7 +127,7 @@ class TestCores:
                     continue
                 assert chosen is not None
                 assert len(set(chosen)) == count
-                # Nobody is given a core while one with fewer runs is left over.
+                # No run is given a core while there is one with fewer runs.
                 assert max(use[core] for core in chosen) <= min(use[core] for core in use if core not in chosen)
                 for core in chosen:
                     use[core] += 1

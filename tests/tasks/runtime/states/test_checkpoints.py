@@ -59,7 +59,7 @@ def messages_of(plan: RunPlan) -> list[tuple[str, int, bytes]]:
 
 
 def broken_and_resumed(launcher: Launcher, plan: RunPlan) -> RunPlan:
-    """Runs a plan that is killed on the way, and goes on as whoever finds it does."""
+    """Runs a plan that is killed on the way, and goes on as a job worker does that finds it."""
     outcome = launcher.run(plan, lambda: None)
     assert outcome.status == "Failed"
     assert not outcome.finished

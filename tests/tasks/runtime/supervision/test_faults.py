@@ -183,8 +183,8 @@ class TestOutput:
         outcome = launcher.run(plan_programs(program("import os; os.closerange(0, 1000); os._exit(0)")), never)
         assert outcome.status == "Completed"
 
-    def test_whoever_performs_jobs_without_any_output(self, make_plan: Plan, tmp_path: Path) -> None:
-        """A performer whose standard streams are closed."""
+    def test_a_job_worker_without_any_output(self, make_plan: Plan, tmp_path: Path) -> None:
+        """A job worker whose standard streams are closed."""
         plan = make_plan()
         (tmp_path / "plan.json").write_text(plan.model_dump_json())
         script = (

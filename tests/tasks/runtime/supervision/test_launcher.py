@@ -72,7 +72,7 @@ class TestNormalEnds:
         # Without a world there is nothing to drive in: their own clear refusal, not an import error.
         assert_failed(outcome, "InvalidInput", "indoor-navigation", "world")
 
-    def test_surroundings(self, launcher: Launcher, make_plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_run_environment(self, launcher: Launcher, make_plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hush")
         monkeypatch.setenv("PREFECT_API_KEY", "hush")
         plan = make_plan("Judging", variables={"MAP": "flat"})

@@ -75,7 +75,7 @@ def test_a_success_that_was_not_finished_is_a_failure(make_plan: Plan) -> None:
     assert "ended itself with exit code 0 before the run was over" in (outcome.failure_reason or "")
 
 
-def test_a_vanished_supervisor_is_nobodys_application(make_plan: Plan) -> None:
+def test_a_vanished_supervisor_is_no_fault_of_an_application(make_plan: Plan) -> None:
     assert decide_outcome(None, None, make_plan()).failure_code == "InternalServiceError"
 
 

@@ -68,7 +68,7 @@ def test_forwarding(
         shout(job_port, b"anybody there?")
 
 
-def test_nobody_listens_yet(
+def test_no_program_listens_yet(
     launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, free_ports: tuple[int, int]
 ) -> None:
     job_port, application_port = free_ports

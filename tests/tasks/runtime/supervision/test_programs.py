@@ -150,7 +150,7 @@ class TestEnds:
         assert f"its working directory {tmp_path / 'gone'} does not exist" in reason
 
 
-class TestSurroundings:
+class TestRunEnvironment:
     def test_what_a_program_finds(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,

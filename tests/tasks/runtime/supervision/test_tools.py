@@ -154,7 +154,7 @@ def test_the_pause_grows_and_is_forgotten(tmp_path: Path, tool: MakeProgram) -> 
 def test_killed_from_outside(
     launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
 ) -> None:
-    """Whoever kills a tool that is started again does nothing to the job."""
+    """Killing a tool that is started again does nothing to the job."""
     pid = "import os, signal, time; time.sleep(.2); os.kill(int(open('pid').read()), signal.SIGKILL); time.sleep(.8)"
     plan = plan_programs(program(pid), tool("echo $$ > pid; sleep 1000", exit_behavior="RESTART"))
     assert launcher.run(plan, never).status == "Completed"

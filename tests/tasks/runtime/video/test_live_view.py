@@ -132,7 +132,7 @@ def test_who_looks_sees_how_the_run_goes_on(stepping: Stepping) -> None:
     assert columns[1] > columns[0] + 20, "the box went to the right"
 
 
-def test_nothing_is_drawn_while_nobody_looks_and_at_most_five_pictures_a_second(stepping: Stepping) -> None:
+def test_nothing_is_drawn_without_a_viewer_and_at_most_five_pictures_a_second(stepping: Stepping) -> None:
     with stepping.running():
         time.sleep(0.3)
         assert "live view" not in {thread.name for thread in threading.enumerate()}

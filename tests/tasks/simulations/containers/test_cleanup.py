@@ -1,4 +1,4 @@
-"""Containers of runs that are over: all of them go, and nobody else's; what cannot be removed is not forgotten."""
+"""Containers of runs that are over: all of them go, and no others; what cannot be removed is not forgotten."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.containers.cleanup import has_containers, remove_containers, remove_run
 from prefect_robomaker.tasks.simulations.containers.plans import plan_container
-from prefect_robomaker.tasks.simulations.environment.run_environment import Surroundings, run_sandbox
+from prefect_robomaker.tasks.simulations.environment.run_environment import RunEnvironment, run_sandbox
 
 PlanIn = Callable[[Path], ProgramPlan]
 
@@ -40,9 +40,9 @@ def plan_in(fake: FakeEngine, service: Service, environ: dict[str, str]) -> Plan
             max_duration_s=60,
             environment={"ROS_DOMAIN_ID": "7"},
         )
-        surroundings = Surroundings(run, folder, run_sandbox(folder).create(), (), service, environ=environ)
+        run_environment = RunEnvironment(run, folder, run_sandbox(folder).create(), (), service, environ=environ)
         launch = {"launchConfig": {"environmentVariables": variables}}
-        return plan_container("robot", application, "sleeper", launch, surroundings, drives=True)[0]
+        return plan_container("robot", application, "sleeper", launch, run_environment, drives=True)[0]
 
     return plan
 

@@ -119,7 +119,7 @@ def test_folders_are_copied_out_with_their_owners(real_engine: RealEngine, engin
         assert (home / "workspace").stat().st_uid == USER_ID
         assert (home / "secret.txt").stat().st_mode & 0o777 == 0o600
     else:
-        assert (home / "secret.txt").stat().st_mode & 0o777 == 0o666, "whoever is USER may write to it"
+        assert (home / "secret.txt").stat().st_mode & 0o777 == 0o666, "USER may write to it"
     assert real_engine.containers(f"{real_engine.prefix}-folders") == []
 
 

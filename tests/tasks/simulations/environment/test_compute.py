@@ -26,7 +26,7 @@ def test_a_gpu_is_there_or_the_job_fails_with_a_reason(tmp_path: Path) -> None:
     request = {"compute": {"computeType": "GPU_AND_CPU", "gpuUnitLimit": 1}}
     device = tmp_path / "nvidia0"
 
-    with pytest.raises(LaunchError, match=r"no GPU .*order CPU") as caught:
+    with pytest.raises(LaunchError, match=r"no GPU .*request CPU") as caught:
         compute_limits(request, gpu=device)
     assert caught.value.failure_code == "InvalidInput"
     device.touch()

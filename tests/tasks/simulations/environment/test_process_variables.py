@@ -15,7 +15,7 @@ def settings(**variables: str) -> Settings:
     return Settings.from_environment({"ROBOMAKER_HOME": "/srv/robo maker", **variables})
 
 
-def test_the_endpoint_is_passed_on_with_keys_that_mean_nobody() -> None:
+def test_the_endpoint_is_passed_on_with_placeholder_keys() -> None:
     variables = service_variables(settings(), {**ENDPOINT, "AWS_DATA_PATH": "/models", "AWS_SECRET_ACCESS_KEY": "s"})
 
     assert variables["AWS_ENDPOINT_URL_ROBOMAKER"] == ENDPOINT["AWS_ENDPOINT_URL_ROBOMAKER"]

@@ -1,4 +1,4 @@
-"""Files that globs mean: found without following links, taken when nobody writes to them any more."""
+"""Files that globs mean: found without following links, taken when no process writes to them any more."""
 
 import os
 import socket

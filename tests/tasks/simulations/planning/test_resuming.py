@@ -1,4 +1,4 @@
-"""Jobs whose performer is killed go on where they were, or begin anew and say why."""
+"""Jobs whose job worker is killed go on where they were, or begin anew and say why."""
 
 import logging
 import os
@@ -41,7 +41,7 @@ perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
 
 
 @pytest.fixture
-def performer(service: Service) -> Iterator[Callable[[str], "subprocess.Popen[bytes]"]]:
+def worker(service: Service) -> Iterator[Callable[[str], "subprocess.Popen[bytes]"]]:
     """Starts processes that perform jobs."""
     started = []
 
@@ -71,15 +71,15 @@ def wait_for(what: Callable[[], Any]) -> Any:
     return found
 
 
-def killed(service: Service, job: dict[str, Any], performer: Callable[..., "subprocess.Popen[bytes]"]) -> Path:
-    """Has a job performed and kills the performer in the middle; returns the run's folder, of which nobody is left."""
-    process = performer(job["arn"])
+def killed(service: Service, job: dict[str, Any], worker: Callable[..., "subprocess.Popen[bytes]"]) -> Path:
+    """Has a job performed and kills the job worker in the middle; returns the folder of the run that died with it."""
+    process = worker(job["arn"])
     folder = service.settings.home / "jobs" / job["name"]
     [checkpoint, *_] = wait_for(lambda: list(folder.glob("*/checkpoints/checkpoint-*.bin")))
     process.send_signal(signal.SIGKILL)
     process.wait()
     run = checkpoint.parent.parent
-    # The run dies with its performer; its lock says that it has.
+    # The run dies with its job worker; its lock says that it has.
     wait_for(lambda: not _is_locked(run / "checkpoints" / "lock"))
     return run
 
@@ -92,11 +92,11 @@ def result_of(service: Service, job: dict[str, Any]) -> RunResult:
     return RunResult.model_validate_json((outputs_of(service, job) / "result.json").read_bytes())
 
 
-def test_the_next_performer_goes_on_and_ends_in_the_same_state(
-    service: Service, swing: Swing, performer: Callable[..., Any]
+def test_the_next_worker_goes_on_and_ends_in_the_same_state(
+    service: Service, swing: Swing, worker: Callable[..., Any]
 ) -> None:
     whole, job = swing(**SLOW), swing(perform=False, **SLOW)
-    run = killed(service, job, performer)
+    run = killed(service, job, worker)
     assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] == "Running"
 
     with own_domain(job["arn"]) as domain_before:  # another job has it by now
@@ -116,14 +116,14 @@ def test_the_next_performer_goes_on_and_ends_in_the_same_state(
 
 @pytest.mark.deep
 def test_what_was_done_is_stored_when_the_rest_cannot_be_started(
-    service: Service, swing: Swing, performer: Callable[..., Any]
+    service: Service, swing: Swing, worker: Callable[..., Any]
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     ports = {"portMappings": [{"jobPort": port, "applicationPort": 4000}]}
     push = {"packageName": "swinger", "launchFile": "make_agent", "portForwardingConfig": ports}
     job = swing(perform=False, robot={"launchConfig": push}, **SLOW)
-    killed(service, job, performer)
+    killed(service, job, worker)
 
     with socket.create_server(("127.0.0.1", port)):
         perform_job(job["arn"], later(service))
@@ -140,9 +140,9 @@ def test_what_was_done_is_stored_when_the_rest_cannot_be_started(
 
 @pytest.mark.deep
 def test_a_robot_that_is_a_program_begins_anew_with_its_run(
-    service: Service, swing: Swing, performer: Callable[..., Any], caplog: pytest.LogCaptureFixture
+    service: Service, swing: Swing, worker: Callable[..., Any], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Nobody can put a program back to where it was."""
+    """A program cannot be put back to where it was."""
     code = (
         "from prefect_robomaker.tasks.runtime.agents.agent_client import connect\n"
         "with connect() as simulation:\n"
@@ -150,7 +150,7 @@ def test_a_robot_that_is_a_program_begins_anew_with_its_run(
     )
     push = {"launchConfig": {"command": ["python3", "-c", code]}}
     job = swing(perform=False, robot=push, **(SLOW | {"TIME_LIMIT_S": "2"}))
-    process = performer(job["arn"])
+    process = worker(job["arn"])
     folder = service.settings.home / "jobs" / job["name"]
     wait_for(lambda: any(path.stat().st_size > 2000 for path in folder.glob("*/output/actions.bin")))
     [left] = folder.iterdir()
@@ -175,10 +175,10 @@ def test_a_robot_that_is_a_program_begins_anew_with_its_run(
 
 @pytest.mark.deep
 def test_one_that_has_not_opted_in_begins_anew_and_the_reason_is_logged(
-    service: Service, swing: Swing, performer: Callable[..., Any], caplog: pytest.LogCaptureFixture
+    service: Service, swing: Swing, worker: Callable[..., Any], caplog: pytest.LogCaptureFixture
 ) -> None:
     job = swing(perform=False, CLOSED="1", SLEEP_S="0.01")
-    process = performer(job["arn"])
+    process = worker(job["arn"])
     folder = service.settings.home / "jobs" / job["name"]
     wait_for(lambda: list(folder.glob("*/checkpoints/not-resumable.txt")))
     process.kill()
@@ -194,9 +194,9 @@ def test_one_that_has_not_opted_in_begins_anew_and_the_reason_is_logged(
 
 
 @pytest.mark.deep
-def test_a_restart_begins_anew(service: Service, swing: Swing, performer: Callable[..., Any]) -> None:
+def test_a_restart_begins_anew(service: Service, swing: Swing, worker: Callable[..., Any]) -> None:
     job = swing(perform=False, **SLOW)
-    run = killed(service, job, performer)
+    run = killed(service, job, worker)
     call("RestartSimulationJob", {"job": job["arn"]}, service)
 
     perform_job(job["arn"], later(service))

@@ -76,7 +76,7 @@ HALF_A_MEGABYTE = 500_000
     ],
     ids=["tags", "elements", "attributes", "value", "comments", "nodes", "text", "nothing"],
 )
-def test_no_file_keeps_the_performer_busy(tmp_path: Path, text: str) -> None:
+def test_no_file_keeps_the_worker_busy(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.launch").write_text(text)
     (tmp_path / "a.py").write_text(text)
     began = time.process_time()

@@ -343,7 +343,7 @@ def test_an_opening_takes_the_wall_away_from_corner_to_corner() -> None:
     assert not any(not wall.exterior for wall in plan.walls)
 
 
-def test_baths_and_closets_are_not_passed_through_when_nobody_asks_for_it() -> None:
+def test_baths_and_closets_are_not_passed_through_unless_asked_for() -> None:
     body = template(
         [
             room("Hallway", "Hallway", 14, (3, 1)),

@@ -98,7 +98,7 @@ def test_bedrooms_and_baths_are_reached_from_the_hallway_or_the_living_room(plan
     assert np.mean(reached) > 0.8
 
 
-def test_nobody_walks_through_a_bedroom_to_the_kitchen(plans: list[Floorplan]) -> None:
+def test_no_way_to_the_kitchen_leads_through_a_bedroom(plans: list[Floorplan]) -> None:
     apart = 0
     for plan in plans:
         public = {room.name for room in plan.rooms if room.type in ("Living", "Dining", "Kitchen", "Hallway")}

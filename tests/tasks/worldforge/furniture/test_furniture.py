@@ -81,7 +81,7 @@ def test_no_two_faces_of_different_colour_lie_in_one_plane(kind: str, style: Sty
         for end in (0, 1)
         if flat(a, axis) and flat(b, axis) and in_one_plane(bounds(a), bounds(b), axis, end)
     ]
-    # Faces that look down are seen by nobody.
+    # Faces that look down cannot be seen.
     assert [entry for entry in flickering if entry[2:] != (2, 0)] == []
 
 

@@ -21,7 +21,7 @@ def test_every_room_has_a_picture_with_light_and_shade(flat: World) -> None:
         brightness = picture.mean(axis=2)
         assert 70 < brightness.mean() < 215, room.name
         assert brightness.std() > 18, room.name
-        # Whoever stands with his nose to a cupboard sees one colour.
+        # A camera right in front of a cupboard sees one colour.
         assert len(np.unique((picture // 16).reshape(-1, 3), axis=0)) > 60, room.name
 
 
