@@ -9,7 +9,7 @@ from prefect_robomaker.schemas.settings import Settings
 
 pytest_plugins = [
     "helpers.endpoint_process",
-    "helpers.performer_process",
+    "helpers.job_worker_process",
     "helpers.prefect_server",
     "helpers.real_engine",
     "helpers.s3_server",

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from helpers.application_calls import Applications
 from helpers.image_registry import image_registry
+from helpers.job_worker_process import AwaitStatus, PerformElsewhere
 from helpers.paths import REPOSITORY
-from helpers.performer_process import AwaitStatus, PerformElsewhere
 from helpers.processes import descendants, wait_for
 from helpers.real_engine import RealEngine
 from helpers.small_flat import ROLE

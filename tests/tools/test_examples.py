@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.job_worker_process import AwaitStatus, PerformElsewhere
 from helpers.paths import REPOSITORY
-from helpers.performer_process import AwaitStatus, PerformElsewhere
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.tasks.operations.registry import call, registry

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.job_worker_process import AwaitStatus, PerformElsewhere
 from helpers.processes import wait_for, working_below
 from helpers.small_flat import ROLE
 

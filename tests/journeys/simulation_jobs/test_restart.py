@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.job_worker_process import AwaitStatus, PerformElsewhere
 from helpers.paths import BUNDLES
-from helpers.performer_process import AwaitStatus, PerformElsewhere
 from helpers.processes import wait_for, working_below
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageFullError

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.performer_process import AwaitStatus, PerformElsewhere
+from helpers.job_worker_process import AwaitStatus, PerformElsewhere
 from helpers.processes import wait_for, working_below
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
