@@ -16,7 +16,7 @@ from .grammar import CommandParser
 Completer: TypeAlias = Callable[..., object]
 
 _PLENTY = 50
-"""Runs that are offered, the latest first: nobody reads more."""
+"""Runs that are offered, the latest first: more than one reads through."""
 
 
 def complete(parser: argparse.ArgumentParser) -> None:

@@ -19,7 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the shell's code."""
-    import argcomplete
+    from argcomplete.shell_integration import shellcode
 
-    sys.stdout.write(argcomplete.shellcode(["robomaker"], shell=arguments.shell))
+    sys.stdout.write(shellcode(["robomaker"], shell=arguments.shell))
     return 0
