@@ -95,7 +95,7 @@ class Catalog(CatalogLeases):
 
     def _insert(self, connection: Connection, resource: NewResource, unique_name: bool = False) -> Resource:
         now = self._now()
-        row = {
+        row: dict[str, Any] = {
             "arn": resource.arn,
             "kind": resource.kind,
             "id": resource.id,
@@ -277,7 +277,7 @@ class Catalog(CatalogLeases):
                 row = one_row(connection, arn)
                 if owner is not None and row["lease_owner"] != owner:
                     raise StateConflictError(f"{arn}: {owner!r} does not hold the lease; {row['lease_owner']!r} does")
-                values = {"updated_at": self._now(), **compute(row), "revision": row["revision"] + 1}
+                values: dict[str, Any] = {"updated_at": self._now(), **compute(row), "revision": row["revision"] + 1}
                 unchanged = and_(resources.c.arn == arn, resources.c.revision == row["revision"])
                 if owner is not None:  # who may have lost the lease since the row was read
                     unchanged = and_(unchanged, resources.c.lease_owner == owner)

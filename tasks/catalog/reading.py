@@ -1,6 +1,6 @@
 """Reading the catalog: one resource, several, those of a parent, pages of lists, what is left to do."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
@@ -160,7 +160,7 @@ class CatalogReader:
         return counts
 
     @contextmanager
-    def _transaction(self, engine: Engine) -> Iterator[Connection]:
+    def _transaction(self, engine: Engine) -> Generator[Connection]:
         try:
             with engine.begin() as connection:
                 yield connection

@@ -26,12 +26,12 @@ class NewResource:
     parent: str | None = None
     """ARN of the generation job or batch it came from."""
 
-    tags: Mapping[str, str] = field(default_factory=dict)
+    tags: Mapping[str, str] = field(default_factory=dict[str, str])
 
-    labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    labels: Mapping[str, Sequence[str]] = field(default_factory=dict[str, Sequence[str]])
     """Further values that lists filter by, such as the names of a job's applications."""
 
-    document: Mapping[str, Any] = field(default_factory=dict)
+    document: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Plain JSON: the request, and what is recorded later. It is read by its kind's type in `schemas.documents`."""
 
 

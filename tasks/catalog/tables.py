@@ -80,7 +80,7 @@ resource_labels = Table(
     # In this order one look-up finds the resources of a label, in the order of their creation.
     Column("key", String(64), primary_key=True),
     Column("value", String(255), primary_key=True),
-    Column("sequence", ForeignKey("resources.sequence", ondelete="CASCADE"), primary_key=True, index=True),
+    Column[int]("sequence", ForeignKey("resources.sequence", ondelete="CASCADE"), primary_key=True, index=True),
 )
 
 client_tokens = Table(
@@ -90,7 +90,7 @@ client_tokens = Table(
     Column("account", String(12), primary_key=True),
     Column("token", String(64), primary_key=True),
     Column("request_hash", String(64), nullable=False),
-    Column("arn", ForeignKey("resources.arn", ondelete="CASCADE"), nullable=False, index=True),
+    Column[str]("arn", ForeignKey("resources.arn", ondelete="CASCADE"), nullable=False, index=True),
 )
 
 schema_version = Table(

@@ -31,7 +31,7 @@ def label_worlds(connection: Connection) -> None:
 
 def _of_origin(parent: str | None, document: Mapping[str, Any]) -> dict[str, list[str]]:
     """The labels of a world or a generation job."""
-    labels = {}
+    labels: dict[str, list[str]] = {}
     if parent is not None:
         labels["generationJobId"] = [_id(parent)]
     if template := document.get("template") or document.get("request", {}).get("template"):
