@@ -18,7 +18,7 @@ _WAIT_S = 0.5
 
 
 def run_under_lease(
-    arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD
+    arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
 ) -> None:
     """Runs `work` on a job unless it has ended, holding its lease meanwhile.
 
@@ -37,7 +37,7 @@ def run_under_lease(
 
 
 def run_if_unclaimed(
-    arn: str, kind: str, service: Service, work: Callable[[Lease], None], held: HeldLeases = HELD
+    arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
 ) -> bool:
     """Runs `work` on a job if it has not ended and no other job worker holds it.
 

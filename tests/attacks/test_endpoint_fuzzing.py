@@ -23,6 +23,7 @@ from prefect_robomaker.schemas.wire.operation_shape import OperationShape
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
+HEALTH_CHECKS: list[Any] = list(HealthCheck)  # its metaclass hides from type checkers what it lists
 ARN = "arn:aws:robomaker:us-east-1:000000000000"
 
 
@@ -142,7 +143,7 @@ def check(answer: Answer, target: Target, errors: set[str], before: list[str]) -
 
 
 @pytest.mark.parametrize("name", sorted(registry()))
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, deadline=None, suppress_health_check=HEALTH_CHECKS)
 @given(data=st.data())
 def test_requests_of_every_operation(name: str, target: Target, data: st.DataObject) -> None:
     shape = registry()[name].shape
@@ -157,7 +158,7 @@ def test_requests_of_every_operation(name: str, target: Target, data: st.DataObj
 
 
 @pytest.mark.parametrize("name", sorted(registry()))
-@settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=6, deadline=None, suppress_health_check=HEALTH_CHECKS)
 @given(document=WILD, data=st.data())
 def test_any_json_for_every_operation(name: str, target: Target, document: Any, data: st.DataObject) -> None:
     shape = registry()[name].shape
@@ -221,7 +222,7 @@ PATHS = st.one_of(
 
 
 @pytest.mark.parametrize("which", ["client", "guarded"])
-@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=200, deadline=None, suppress_health_check=HEALTH_CHECKS)
 @given(
     method=st.one_of(
         st.sampled_from(["GET", "POST", "DELETE", "HEAD", "PUT", "OPTIONS"]),
@@ -261,7 +262,7 @@ def succeeds(name: str, target: Target) -> bool:
     shape = registry()[name].shape
     statuses = set()
 
-    @settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=HEALTH_CHECKS)
     @given(data=st.data())
     def some(data: st.DataObject) -> None:
         path, body = data.draw(messages(shape, data.draw(target.requests_of(name))))

@@ -205,13 +205,14 @@ def test_scout_in_a_flat(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     folder = tmp_path / "world"
     world = generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(7, 0, 0))
     write_bundle(world, folder, preview=False)
-    within, apart = [], []
+    within, apart, one = [], [], None
     for _ in range(ROUNDS):
         one, laps = scout_within(make_context(tmp_path, folder))
         within.append(laps)
         two, laps = scout_apart(make_context(tmp_path, folder))
         apart.append(laps)
         assert (one.report, one.steps, one.ended_by) == (two.report, two.steps, two.ended_by)
+    assert one is not None
     together_us, separate_us = best(within), best(apart)
     with capsys.disabled():
         print(

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 import pytest
 from helpers.paths import REPOSITORY
+from helpers.stop_flags import StopFlag
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -117,7 +118,7 @@ def run_job(folder: Path, world: Path, *, checkpoints: bool) -> tuple[float, flo
         lambda: environment,
         lambda environment: agent,
         mark=lambda phase: None,
-        stop=SimpleNamespace(reason=""),
+        stop=StopFlag(),
         recorder=recorder,
         watchers=make_observers(plan, None),
         checkpoints=checkpointer,

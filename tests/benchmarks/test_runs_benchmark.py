@@ -19,6 +19,7 @@ from helpers.run_processes import processes_with
 from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
@@ -178,8 +179,8 @@ def test_job_start_to_first_step(
         time.sleep(pause_s)
         began = time.monotonic()
 
-        def stop(began: float = began) -> str | None:
-            return "canceled" if time.monotonic() > began + RUN_S else None
+        def stop(began: float = began) -> RunStop | None:
+            return RunStop.CANCELED if time.monotonic() > began + RUN_S else None
 
         assert launcher.run(plan, stop).status in ("Canceled", "Completed")
         times_ms.append(1000.0 * (float((plan.work_dir / "first").read_text()) - began))
@@ -210,11 +211,11 @@ def test_cancel_to_all_gone(
         plan = plan_run(folder, f"cancel-{environment}-{number}", environment, "still")
         asked: list[float] = []
 
-        def stop(plan: RunPlan = plan, asked: list[float] = asked) -> str | None:
+        def stop(plan: RunPlan = plan, asked: list[float] = asked) -> RunStop | None:
             if not (plan.work_dir / "first").exists():
                 return None
             asked.append(time.monotonic())
-            return "canceled"
+            return RunStop.CANCELED
 
         assert launcher.run(plan, stop).status in ("Canceled", "Completed")
         times_s.append(time.monotonic() - asked[0])

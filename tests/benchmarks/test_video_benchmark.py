@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, VideoPolicy
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
 from prefect_robomaker.tasks.runtime.episode.progress import Progress
@@ -63,7 +63,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def plan_of(world: Path, folder: Path, video: str, variables: dict[str, str]) -> RunPlan:
+def plan_of(world: Path, folder: Path, video: VideoPolicy, variables: dict[str, str]) -> RunPlan:
     arena = ApplicationPlan(
         role="simulation", name="indoor-navigation",
         attribute="prefect_robomaker.tasks.runtime.applications.indoor_navigation.make_environment",

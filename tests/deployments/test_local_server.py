@@ -142,7 +142,7 @@ def test_a_server_that_asks_for_a_login_counts_as_one(settings: Settings, code: 
             self.send_header("Content-Length", "0")
             self.end_headers()
 
-        def log_message(self, *arguments: object) -> None:
+        def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002 - its name there
             """Says nothing."""
 
     with http.server.HTTPServer(("127.0.0.1", 0), Answer) as server:

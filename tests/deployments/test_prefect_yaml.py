@@ -121,12 +121,14 @@ def prefect(environ: Mapping[str, str], *words: str) -> None:
 def the_nightly_run_is_scheduled() -> None:
     """Checks the schedule, and takes the deployment away, so that no test runs it at two o'clock."""
     from prefect.client.orchestration import get_client
+    from prefect.client.schemas.schedules import CronSchedule
 
     with get_client(sync_client=True) as client:
         nightly = client.read_deployment_by_name("RunPipeline/nightly")
         client.delete_deployment(nightly.id)
     (schedule,) = nightly.schedules
     assert schedule.active
+    assert isinstance(schedule.schedule, CronSchedule)
     assert (schedule.schedule.cron, schedule.schedule.timezone) == ("0 2 * * *", "UTC")
     assert nightly.parameters == {"spec": "deployments/specs/nightly.yaml"}
     assert nightly.work_pool_name == "robomaker"
@@ -178,7 +180,9 @@ def the_pipeline_shows_artifacts(run: UUID) -> None:
         )
         ids = [run, *(child.id for child in children)]
         found = client.read_artifacts(artifact_filter=ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=ids)))
-    shown = {artifact.type: artifact.data for artifact in found if artifact.flow_run_id == run and artifact.key}
+    shown: dict[str | None, Any] = {
+        artifact.type: artifact.data for artifact in found if artifact.flow_run_id == run and artifact.key
+    }
     assert "# tiny: succeeded" in shown["markdown"]
     (row,) = json.loads(shown["table"])
     assert (row["status"], row["verdict"]) == ("Completed", "PASS")

@@ -20,7 +20,7 @@ def shown_tasks(service: Service, prefect_server: str) -> ShownTasks:
     """Runs the flow of an operation; returns its answer, and how many runs of which task Prefect's API tells of."""
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
-    from prefect.states import State
+    from prefect.client.schemas.objects import State
 
     def run(operation: str, expected: int, **members: Any) -> tuple[dict[str, Any], dict[str, int]]:
         with service.activated():

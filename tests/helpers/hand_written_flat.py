@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from prefect_robomaker.schemas.worlds.world import RoomType
+
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -27,7 +29,9 @@ WALLS = [  # name, x0, x1, y0, y1
     ("wall-4", 2.95, 3.05, 1.05, 2.5),
     ("wall-5", 2.95, 3.05, 3.4, 5.05),
 ]
-ROOMS = [  # name, type, x0, x1, y0, y1, goal
+ROOMS: list[
+    tuple[str, RoomType, float, float, float, float, tuple[float, float]]
+] = [  # name, type, x0, x1, y0, y1, goal
     ("hall", "Hallway", -2.0, 6.0, -1.0, 1.0, (2.0, 0.0)),
     ("living", "Living", -2.0, 3.0, 1.0, 5.0, (0.0, 2.2)),
     ("kitchen", "Kitchen", 3.0, 6.0, 1.0, 5.0, (4.5, 2.9)),
@@ -64,8 +68,8 @@ def furniture_boxes() -> list[tuple[str, float, float, float, float, float, floa
 
 def mjcf(loose: list[tuple[str, float, float, float]], clutter: int) -> str:
     """Loose objects are cubes: id, x, y, half side in metres; clutter is more shelf boards."""
-    rows = [box(name, *span, 0.0, 2.5, ".85 .83 .78 1") for name, *span in WALLS]
-    rows += [box(name, *span, ".6 .45 .3 1") for name, *span in furniture_boxes()]
+    rows = [box(name, x0, x1, y0, y1, 0.0, 2.5, ".85 .83 .78 1") for name, x0, x1, y0, y1 in WALLS]
+    rows += [box(*piece, ".6 .45 .3 1") for piece in furniture_boxes()]
     for i in range(clutter):
         z = 0.3 + 0.02 * (i % 60)
         y = 1.95 + 0.06 * (i // 60)
@@ -96,8 +100,8 @@ def write_map(folder: Path) -> None:
         image[r0:r1, c0:c1] = value
 
     fill(-2.05, 6.05, -1.05, 5.05, 254)
-    for _, *span in WALLS:
-        fill(*span, 0)
+    for _, x0, x1, y0, y1 in WALLS:
+        fill(x0, x1, y0, y1, 0)
     for _, x0, x1, y0, y1, z0, _ in furniture_boxes():
         if z0 < 0.4:
             fill(x0, x1, y0, y1, 0)

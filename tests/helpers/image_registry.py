@@ -91,8 +91,8 @@ def image_registry() -> Iterator[ImageRegistry]:
 
         do_HEAD = do_GET  # noqa: N815 - the name that the base class looks for
 
-        def log_message(self, *words: object) -> None:
-            del words
+        def log_message(self, format: str, *words: object) -> None:  # noqa: A002 - its name there
+            del format, words
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     registry = ImageRegistry(server.server_address[1])

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, Simulation, connect, words
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
@@ -28,7 +29,7 @@ class Job:
         self._thread.start()
 
     def _carry_out(self, launcher: Launcher) -> None:
-        self._outcome = launcher.run(self.plan, lambda: "canceled" if self.cancel else None)
+        self._outcome = launcher.run(self.plan, lambda: RunStop.CANCELED if self.cancel else None)
 
     def connect(self, **options: Any) -> Simulation:
         return connect(str(self.path), **options)
@@ -72,7 +73,7 @@ def action(number: int, value: float) -> bytes:
 
 def last_words(connection: socket.socket) -> str:
     """What the simulation said before it closed the connection."""
-    received = b""
+    kind, content, received = 0, b"", b""
     with suppress(ConnectionResetError):
         while data := connection.recv(65536):
             received += data

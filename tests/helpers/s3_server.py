@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import boto3
 import pytest
@@ -54,9 +55,10 @@ class S3Server:
         """A session of the user who may do everything."""
         return boto3.Session(aws_access_key_id=self.access_key, aws_secret_access_key=self.secret_key)
 
-    def client(self, service: str):
+    def client(self, service: str) -> Any:
         """A plain boto3 client for `s3` or `iam`, to look at things or to arrange them without our own code."""
-        return self.session().client(
+        session: Any = self.session()
+        return session.client(
             service,
             endpoint_url=self.endpoint,
             region_name="us-east-1",
@@ -76,15 +78,17 @@ def s3_server() -> Iterator[S3Server]:
 
 
 def _start(data: Path, running: ExitStack) -> S3Server:
+    folder = data
     for attempt in range(_STARTS):
+        folder = data / str(attempt)
         ports = _free_ports()
         server = S3Server(f"http://127.0.0.1:{ports['s3.port']}")
-        process = _launch(data / str(attempt), ports, server)
+        process = _launch(folder, ports, server)
         if _ready(server, process):
             running.callback(_stop, process, ports)
             return server
         _stop(process, ports)  # most likely somebody took one of the ports
-    raise RuntimeError(f"weed does not start; its log is:\n{(data / str(attempt) / 'log').read_text()[-4000:]}")
+    raise RuntimeError(f"weed does not start; its log is:\n{(folder / 'log').read_text()[-4000:]}")
 
 
 def _launch(folder: Path, ports: dict[str, int], server: S3Server) -> subprocess.Popen[bytes]:

@@ -173,7 +173,7 @@ def test_a_robot_in_a_container_drives_the_simulation(
     service.store.put_file("applications", "cartpole.tar.gz", tmp_path / "cartpole.tar.gz")
     sources = [{"s3Bucket": "applications", "s3Key": "cartpole.tar.gz"}]
     Applications.of("Simulation", service).create("arena", sources=sources)
-    launch = {"packageName": "my_cartpole", "launchFile": "arena.make_environment"}
+    launch: dict[str, Any] = {"packageName": "my_cartpole", "launchFile": "arena.make_environment"}
     launch["environmentVariables"] = {"TIME_LIMIT_S": "1"}
     balance = (EXAMPLES / "five_ways/bundle/balancer/balance.py").read_text()
     robot = application("", "USER robo", role="robot", python=True, launch={

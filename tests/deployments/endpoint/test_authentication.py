@@ -1,10 +1,11 @@
 """Signatures, made with botocore's own signer and then spoilt in every way."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
@@ -35,7 +36,7 @@ def signed(
     region: str = "us-east-1",
     service: str = "robomaker",
     token: str | None = None,
-    **more: str,
+    more: Mapping[str, str] = MappingProxyType({}),
 ) -> Headers:
     """The headers of a request that botocore signed."""
     headers = {"host": "robots.example.com:8080", "content-type": "application/json", **more}
@@ -62,7 +63,7 @@ def test_requests_signed_by_botocore_are_served(guarded: Client) -> None:
     assert guarded.send("POST", "/listWorlds", b"{}", signed()).status == 200
     assert guarded.send("POST", "/listWorlds", b"{}", signed(key="OTHER", secret="other")).status == 200
     assert guarded.send("POST", "/listWorlds", b"{}", signed(token="a session")).status == 200
-    assert guarded.send("POST", "/listWorlds", b"{}", signed(**{"x-amz-meta": "a  b "})).status == 200
+    assert guarded.send("POST", "/listWorlds", b"{}", signed(more={"x-amz-meta": "a  b "})).status == 200
 
 
 def test_signatures_hold_for_encoded_paths_and_queries(guarded: Client, template: str) -> None:
@@ -96,7 +97,10 @@ def test_other_sdks_sign_other_headers(guarded: Client) -> None:
 
 
 def test_the_date_may_be_in_the_plain_header(guarded: Client) -> None:
-    assert guarded.send("POST", "/listWorlds", b"{}", signed(Date=format_datetime(datetime.now(UTC)))).status == 200
+    assert (
+        guarded.send("POST", "/listWorlds", b"{}", signed(more={"Date": format_datetime(datetime.now(UTC))})).status
+        == 200
+    )
 
 
 def test_without_keys_any_signature_will_do(client: Client) -> None:

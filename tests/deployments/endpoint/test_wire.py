@@ -290,7 +290,7 @@ class TestFailures:
 
         answer = Failures(settings).answer(ResourceNotFoundException(words), None, "id")
 
-        assert json.loads(answer.body)["message"] == words
+        assert json.loads(bytes(answer.body))["message"] == words
 
     @pytest.mark.parametrize(
         ("store", "place", "shown"),
@@ -307,7 +307,7 @@ class TestFailures:
 
         answer = Failures(settings).answer(ResourceNotFoundException(place), None, "id")
 
-        assert json.loads(answer.body)["message"] == shown
+        assert json.loads(bytes(answer.body))["message"] == shown
 
     def test_defects_are_told_to_the_log_only(self, service: Service, caplog: pytest.LogCaptureFixture) -> None:
         def broken() -> dict[str, object]:

@@ -1,5 +1,6 @@
 """What botocore makes of the shipped model, without a server."""
 
+import json
 from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
@@ -9,7 +10,7 @@ import pytest
 from botocore.awsrequest import AWSPreparedRequest
 from botocore.client import BaseClient
 from botocore.exceptions import EndpointResolutionError, ParamValidationError, WaiterError
-from botocore.model import ServiceModel
+from botocore.model import ServiceModel, StructureShape
 from botocore.parsers import create_parser
 from botocore.stub import Stubber
 from botocore.waiter import WaiterModel
@@ -32,7 +33,7 @@ def session(monkeypatch: pytest.MonkeyPatch) -> botocore.session.Session:
 
 
 @pytest.fixture
-def make_client(session: botocore.session.Session) -> Callable[..., BaseClient]:
+def make_client(session: botocore.session.Session) -> Callable[..., Any]:
     def make(endpoint_url: str | None = "http://127.0.0.1:1") -> BaseClient:
         return session.create_client(
             "robomaker",
@@ -63,6 +64,12 @@ def request_of(client: BaseClient, method: str, **members: Any) -> AWSPreparedRe
     return requests[0]
 
 
+def body_of(request: AWSPreparedRequest) -> Any:
+    """The JSON that a request carries."""
+    assert isinstance(request.body, str | bytes)
+    return json.loads(request.body)
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_the_committed_files_are_current(name: str) -> None:
     """Run `python -m prefect_robomaker.deployments.service_model.model` after changes of the schemas."""
@@ -74,7 +81,7 @@ def test_sessions_find_the_service_by_the_environment_variable(session: botocore
     assert session.get_service_model("robomaker").api_version == "2018-06-29"
 
 
-def test_a_client_has_every_operation_and_all_documentation_is_there(make_client: Callable[..., BaseClient]) -> None:
+def test_a_client_has_every_operation_and_all_documentation_is_there(make_client: Callable[..., Any]) -> None:
     client = make_client()
 
     assert set(client.meta.method_to_api_mapping.values()) == OPERATIONS.keys()
@@ -83,16 +90,14 @@ def test_a_client_has_every_operation_and_all_documentation_is_there(make_client
     undocumented = [
         f"{name}.{member}"
         for name in model.shape_names
-        if (shape := model.shape_for(name)).type_name == "structure" and not shape.metadata.get("exception")
+        if isinstance(shape := model.shape_for(name), StructureShape) and not shape.metadata.get("exception")
         for member, value in shape.members.items()
         if not value.documentation.startswith("<p>")
     ]
     assert undocumented == []
 
 
-def test_requests_carry_the_extensions_and_a_generated_token(
-    make_client: Callable[..., BaseClient],
-) -> None:
+def test_requests_carry_the_extensions_and_a_generated_token(make_client: Callable[..., Any]) -> None:
     config = {"application": "wanderer", "launchConfig": {"command": ["run"]}}
 
     request = request_of(
@@ -105,7 +110,7 @@ def test_requests_carry_the_extensions_and_a_generated_token(
         video="always",
     )
 
-    body = botocore.compat.json.loads(request.body)
+    body = json.loads(body_of(request))
     token = body.pop("clientRequestToken")
     assert len(token) == 36
     assert body == {
@@ -116,16 +121,17 @@ def test_requests_carry_the_extensions_and_a_generated_token(
         "video": "always",
     }
     assert (request.method, request.url) == ("POST", "http://127.0.0.1:1/createSimulationJob")
-    assert b"/us-east-1/robomaker/aws4_request" in request.headers["Authorization"]
+    authorization: Any = request.headers["Authorization"]
+    assert b"/us-east-1/robomaker/aws4_request" in authorization
 
 
-def test_no_token_is_made_up_for_templates(make_client: Callable[..., BaseClient]) -> None:
+def test_no_token_is_made_up_for_templates(make_client: Callable[..., Any]) -> None:
     request = request_of(make_client(), "create_world_template", templateBody="{}")
 
-    assert botocore.compat.json.loads(request.body) == {"templateBody": "{}"}
+    assert json.loads(body_of(request)) == {"templateBody": "{}"}
 
 
-def test_tag_requests_have_the_arn_in_the_path_and_keys_in_the_query(make_client: Callable[..., BaseClient]) -> None:
+def test_tag_requests_have_the_arn_in_the_path_and_keys_in_the_query(make_client: Callable[..., Any]) -> None:
     request = request_of(make_client(), "untag_resource", resourceArn=JOB, tagKeys=["a", "b c"])
 
     encoded = JOB.replace(":", "%3A").replace("/", "%2F")
@@ -133,7 +139,7 @@ def test_tag_requests_have_the_arn_in_the_path_and_keys_in_the_query(make_client
     assert request.url == f"http://127.0.0.1:1/tags/{encoded}?tagKeys=a&tagKeys=b%20c"
 
 
-def test_the_smallest_durations_are_checked_by_the_client(make_client: Callable[..., BaseClient]) -> None:
+def test_the_smallest_durations_are_checked_by_the_client(make_client: Callable[..., Any]) -> None:
     with pytest.raises(ParamValidationError, match="maxJobDurationInSeconds, value: 0, valid min value: 1"):
         make_client().create_simulation_job(maxJobDurationInSeconds=0, iamRole=ROLE)
 
@@ -146,6 +152,7 @@ def test_answers_are_parsed_with_times(session: botocore.session.Session) -> Non
         "body": b'{"arn": "arn:x", "lastStartedAt": 1700000000.25, "tags": {}, "compute": {"computeType": "CPU"}}',
     }
 
+    assert operation.output_shape is not None
     parsed = create_parser("rest-json").parse(answer, operation.output_shape)
 
     assert parsed["lastStartedAt"] == datetime(2023, 11, 14, 22, 13, 20, 250000, tzinfo=UTC)
@@ -153,7 +160,7 @@ def test_answers_are_parsed_with_times(session: botocore.session.Session) -> Non
     assert parsed["compute"] == {"computeType": "CPU"}
 
 
-def test_errors_have_classes(make_client: Callable[..., BaseClient]) -> None:
+def test_errors_have_classes(make_client: Callable[..., Any]) -> None:
     client = make_client()
     with Stubber(client) as stub:
         stub.add_client_error("describe_fleet", "ResourceNotFoundException", "there is none")
@@ -162,7 +169,7 @@ def test_errors_have_classes(make_client: Callable[..., BaseClient]) -> None:
             client.describe_fleet(fleet=JOB)
 
 
-def test_lists_are_walked_page_by_page(make_client: Callable[..., BaseClient]) -> None:
+def test_lists_are_walked_page_by_page(make_client: Callable[..., Any]) -> None:
     client = make_client()
     with Stubber(client) as stub:
         stub.add_response("list_worlds", {"worldSummaries": [{"arn": "a"}], "nextToken": "t"}, {"maxResults": 1})
@@ -194,7 +201,7 @@ def wait(client: BaseClient, waiter: str, *states: str) -> None:
             stub.assert_no_pending_responses()
 
 
-def test_there_are_these_waiters(make_client: Callable[..., BaseClient]) -> None:
+def test_there_are_these_waiters(make_client: Callable[..., Any]) -> None:
     assert sorted(make_client().waiter_names) == sorted(WAITERS)
 
 
@@ -209,7 +216,7 @@ def test_there_are_these_waiters(make_client: Callable[..., BaseClient]) -> None
         ("world_export_job_completed", ["Pending", "Running", "Completed"]),
     ],
 )
-def test_waiting_ends_where_it_should(waiter: str, states: list[str], make_client: Callable[..., BaseClient]) -> None:
+def test_waiting_ends_where_it_should(waiter: str, states: list[str], make_client: Callable[..., Any]) -> None:
     wait(make_client(), waiter, *states)
 
 
@@ -224,7 +231,7 @@ def test_waiting_ends_where_it_should(waiter: str, states: list[str], make_clien
         ("world_generation_job_completed", "PartialFailed"),
     ],
 )
-def test_waiting_ends_where_nothing_leads_on(waiter: str, end: str, make_client: Callable[..., BaseClient]) -> None:
+def test_waiting_ends_where_nothing_leads_on(waiter: str, end: str, make_client: Callable[..., Any]) -> None:
     with pytest.raises(WaiterError, match="terminal failure state"):
         wait(make_client(), waiter, "Pending", end)
 
@@ -238,13 +245,13 @@ def test_waiters_ask_within_ten_seconds_and_for_half_an_hour_at_least(session: b
         assert waiter.delay * waiter.max_attempts >= 30 * 60
 
 
-def test_without_an_endpoint_nothing_is_sent_anywhere(make_client: Callable[..., BaseClient]) -> None:
+def test_without_an_endpoint_nothing_is_sent_anywhere(make_client: Callable[..., Any]) -> None:
     with pytest.raises(EndpointResolutionError, match="AWS_ENDPOINT_URL_ROBOMAKER"):
         make_client(None).list_worlds()
 
 
 def test_the_endpoint_can_be_an_environment_variable(
-    make_client: Callable[..., BaseClient], monkeypatch: pytest.MonkeyPatch
+    make_client: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AWS_ENDPOINT_URL_ROBOMAKER", "http://127.0.0.1:2")
 

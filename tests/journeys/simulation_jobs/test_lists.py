@@ -187,5 +187,5 @@ def test_requests_of_all_years_are_accepted_and_echoed(
     for member in ("simulationApplications", "robotApplications", "loggingConfig"):
         assert job.get(member) == members.get(member, job.get(member)), "configurations are echoed as they were sent"
     for member, value in echoed.items():
-        found = job.get(member)
+        found: Any = job.get(member)
         assert (found if not isinstance(value, dict) else {key: found[key] for key in value}) == value

@@ -18,6 +18,7 @@ from prefect_robomaker.schemas.operations.registry import (
     seed_of,
     video_of,
 )
+from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 ROLE = "arn:aws:iam::111122223333:role/sim"
@@ -266,6 +267,12 @@ def test_every_member_is_described(name: str) -> None:
         assert [undescribed(each) for each in (schema, *schema.get("$defs", {}).values()) if undescribed(each)] == []
 
 
+def job_request(**members: Any) -> CreateSimulationJobRequest:
+    request = parse_request("CreateSimulationJob", job(**members))
+    assert isinstance(request, CreateSimulationJobRequest)
+    return request
+
+
 @pytest.mark.parametrize(
     ("members", "expected"),
     [
@@ -276,12 +283,12 @@ def test_every_member_is_described(name: str) -> None:
     ],
 )
 def test_a_seed_comes_from_its_member_or_its_tag(members: dict[str, Any], expected: int | None) -> None:
-    assert seed_of(parse_request("CreateSimulationJob", job(**members))) == expected
+    assert seed_of(job_request(**members)) == expected
 
 
 @pytest.mark.parametrize("tag", ["", "-1", "1.5", "seven", "０"])
 def test_a_seed_tag_that_is_no_number_is_refused(tag: str) -> None:
-    request = parse_request("CreateSimulationJob", job())
+    request = job_request()
     tagged = request.model_copy(update={"tags": {"robomaker:seed": tag}})
 
     with pytest.raises(InvalidParameterException, match="it has to be a whole number from 0"):
@@ -290,7 +297,7 @@ def test_a_seed_tag_that_is_no_number_is_refused(tag: str) -> None:
 
 def test_a_video_policy_comes_from_its_member_or_its_tag() -> None:
     def policy(**members: Any) -> str | None:
-        return video_of(parse_request("CreateSimulationJob", job(**members)))
+        return video_of(job_request(**members))
 
     assert policy() is None
     assert policy(video="none") == "none"

@@ -29,7 +29,7 @@ def test_a_flow_run_has_a_table_and_its_progress(prefect_server: str, service: S
     shows()
 
     found = Artifact.get(key)
-    assert found is not None
+    assert isinstance(found, Artifact)
     assert "sim-1" in str(found.data)
 
 

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 
+from prefect_robomaker.schemas.documents.base import Changes
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, StateConflictError
 from prefect_robomaker.tasks.execution.claims import run_if_unclaimed, run_under_lease
 from prefect_robomaker.tasks.execution.leases import Lease
@@ -58,7 +59,7 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(service: 
         was_lost.append(lease.lost)
         while not service.catalog.claim(job, "another", 60):
             time.sleep(0.05)
-        for change in (lambda: lease.transition("start"), lambda: lease.update(lambda document: document)):
+        for change in (lambda: lease.transition("start"), lambda: lease.update(lambda document: Changes())):
             with pytest.raises(StateConflictError, match="another"):
                 change()
             was_lost.append(lease.lost)

@@ -1,7 +1,7 @@
 """Jobs that are cancelled while what their run before left cannot be stored."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ def has_left(status: str, arn: str, service: Service) -> bool:
     return service.catalog.get(arn).status != status
 
 
-def cancelled(arn: str, service: Service, away: Away, status: str) -> dict[str, Any]:
+def cancelled(arn: str, service: Service, away: Away, status: str) -> Mapping[str, Any]:
     """Cancels a job that is performed and whose outputs cannot be stored; returns how it ended once they can be."""
     wait_for(lambda: away.asked, "the store to be asked")
     assert not has_left(status, arn, service)

@@ -78,7 +78,7 @@ def test_suites_of_all_times_are_accepted_and_echoed(
     service: Service, robot: dict[str, str], simulation: dict[str, str], engine: dict[str, str] | None
 ) -> None:
     simulations = Applications.of("Simulation", service)
-    suites = {"robotSoftwareSuite": robot, "simulationSoftwareSuite": simulation}
+    suites: dict[str, Any] = {"robotSoftwareSuite": robot, "simulationSoftwareSuite": simulation}
     suites |= {} if engine is None else {"renderingEngine": engine}
 
     simulations.create(**suites, sources=simulations.stored("ros.tar"))

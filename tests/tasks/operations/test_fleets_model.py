@@ -166,6 +166,6 @@ class FleetMachine(RuleBasedStateMachine):
         self.folder.cleanup()
 
 
-TestFleetMachine = FleetMachine.TestCase
-TestFleetMachine.pytestmark = [pytest.mark.slow]
-TestFleetMachine.settings = settings(max_examples=10, stateful_step_count=25, deadline=None)
+@pytest.mark.slow
+class TestFleetMachine(FleetMachine.TestCase):
+    settings = settings(max_examples=10, stateful_step_count=25, deadline=None)

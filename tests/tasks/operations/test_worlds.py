@@ -31,7 +31,7 @@ def add_world(service: Service, tmp_path: Path) -> Callable[..., str]:
 
     def add(number: int, **labels: str) -> str:
         service.store.ensure_bucket("robomaker")
-        publish(service.store, **BUNDLE, folder=folder, about={"kind": "world"}, created_at=service.clock())
+        publish(service.store, PLACE.bucket, PLACE.prefix, folder, about={"kind": "world"}, created_at=service.clock())
         name = f"generation-{number:012}/world-1"
         world = Resource.new(
             arn=service.arn("world", name),

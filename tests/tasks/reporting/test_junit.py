@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lxml import etree
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
 from prefect_robomaker.schemas.reports.report import Report, ReportedStep
 from prefect_robomaker.tasks.reporting import junit_xml, summarize

@@ -17,6 +17,7 @@ def test_a_rate_lies_in_its_interval(passed: int, failed: int, errors: int) -> N
         assert (share.rate, share.low, share.high) == (None, None, None)
         return
     assert share.low is not None
+    assert share.rate is not None
     assert share.high is not None
     assert share.rate == passed / (passed + failed)
     assert 0 <= share.low <= share.rate <= share.high <= 1

@@ -9,6 +9,7 @@ import tarfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -21,7 +22,9 @@ CONTENT = {"package/launch/arena.py": b"print('hi')\n", "package/run.sh": b"#!/b
 CONTAINERS = ["tar", "tar.gz", "zip"]
 
 
-def make_tar(members: dict[str, bytes], *, mode: str = "w", **attributes: object) -> bytes:
+def make_tar(
+    members: dict[str, bytes], *, mode: Literal["w", "w:gz", "w:bz2", "w:xz"] = "w", **attributes: object
+) -> bytes:
     """A tar archive; `attributes` are set on every member."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode=mode) as archive:

@@ -32,6 +32,7 @@ def store(directory_store: DirectoryStore) -> DirectoryStore:
 def test_objects_are_plain_files_where_uri_and_local_path_say(store: DirectoryStore, tmp_path: Path):
     store.put_bytes(BUCKET, "a b/c#.txt", b"content")
     path = store.local_path(BUCKET, "a b/c#.txt")
+    assert path is not None
     assert path == tmp_path / "objects" / "bucket" / "a b" / "c#.txt"
     assert path.read_bytes() == b"content"
     assert store.uri(BUCKET, "a b/c#.txt") == f"file://{tmp_path}/objects/bucket/a%20b/c%23.txt"
@@ -129,6 +130,7 @@ def test_a_file_written_to_while_it_is_stored_is_not_stored(
 def test_the_etag_follows_an_object_edited_in_place(store: DirectoryStore):
     store.put_bytes(BUCKET, "edited", b"before")
     path = store.local_path(BUCKET, "edited")
+    assert path is not None
     path.write_bytes(b"after!")
     assert store.head(BUCKET, "edited").etag == hashlib.md5(b"after!").hexdigest()
     path.unlink()
@@ -138,8 +140,10 @@ def test_the_etag_follows_an_object_edited_in_place(store: DirectoryStore):
 
 def test_asking_for_an_etag_does_not_read_the_file(store: DirectoryStore, monkeypatch: pytest.MonkeyPatch):
     info = store.put_bytes(BUCKET, "large", b"content")
+    path = store.local_path(BUCKET, "large")
+    assert path is not None
     try:
-        os.getxattr(store.local_path(BUCKET, "large"), "user.robomaker.etag")
+        os.getxattr(path, "user.robomaker.etag")
     except OSError:
         pytest.skip("this file system keeps no user attributes")
     monkeypatch.setattr(etags, "_md5", lambda descriptor: pytest.fail("the file was read"))

@@ -52,9 +52,13 @@ def disk(directory_store: DirectoryStore) -> DirectoryStore:
     return directory_store
 
 
-class Wrapped:
-    """A store with one method replaced."""
+def wrapped(store: ObjectStore, **methods: Any) -> ObjectStore:
+    """A store with methods replaced."""
+    changed: Any = _Wrapped(store, **methods)
+    return changed
 
+
+class _Wrapped:
     def __init__(self, store: ObjectStore, **methods: Any) -> None:
         self._store = store
         vars(self).update(methods)
@@ -108,7 +112,7 @@ def test_a_failure_midway_leaves_no_manifest_and_can_be_repeated(
         raise StorageError("the connection broke")
 
     with pytest.raises(StorageError, match="broke"):
-        publish(Wrapped(store, put_files=put_some), bucket, "run", outputs, about=ABOUT, created_at=NOW)
+        publish(wrapped(store, put_files=put_some), bucket, "run", outputs, about=ABOUT, created_at=NOW)
     with pytest.raises(ObjectNotFoundError):
         fetch(store, bucket, "run", tmp_path / "fetched")
     assert not (tmp_path / "fetched").exists()
@@ -121,7 +125,7 @@ def test_a_lost_answer_to_the_last_write_is_no_failure(disk: DirectoryStore, out
         disk.put_bytes(bucket, key, data, create_only=create_only)
         raise ObjectExistsError("as a repeated request finds what the first one wrote")
 
-    store = Wrapped(disk, put_bytes=put_but_lose_the_answer)
+    store = wrapped(disk, put_bytes=put_but_lose_the_answer)
     assert publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW) == read_manifest(
         disk, "outputs", "run"
     )
@@ -182,7 +186,7 @@ def test_a_file_that_changes_meanwhile_is_no_publication(disk: DirectoryStore, o
         return done
 
     with pytest.raises(StorageError, match=r"agent\.log changed"):
-        publish(Wrapped(disk, put_files=put_then_write), "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+        publish(wrapped(disk, put_files=put_then_write), "outputs", "run", outputs, about=ABOUT, created_at=NOW)
     with pytest.raises(ObjectNotFoundError):
         read_manifest(disk, "outputs", "run")
 
@@ -300,7 +304,7 @@ def test_who_may_not_know_that_nothing_is_published_yet_publishes(disk: Director
         except ObjectNotFoundError as error:
             raise StorageAccessDeniedError("access denied") from error
 
-    store: Any = Wrapped(disk, get_bytes=get_bytes)
+    store: Any = wrapped(disk, get_bytes=get_bytes)
     made = publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
 
     assert made == publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)

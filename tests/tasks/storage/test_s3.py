@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import boto3
 import pytest
@@ -98,7 +99,7 @@ def test_a_lost_answer_to_the_completion_of_an_upload_is_no_failure(
     """Some servers answer a repeated completion with NoSuchUpload; then what is stored decides."""
     (tmp_path / "large").write_bytes(LARGE)
     upload = s3._transfers.upload
-    answer = {"Error": {"Code": "NoSuchUpload", "Message": "gone"}, "ResponseMetadata": {"HTTPStatusCode": 404}}
+    answer: Any = {"Error": {"Code": "NoSuchUpload", "Message": "gone"}, "ResponseMetadata": {"HTTPStatusCode": 404}}
 
     def upload_and_lose_the_answer(*args, **kwargs):
         upload(*args, **kwargs).result()
@@ -123,14 +124,16 @@ def test_conflicting_conditional_writes_are_tried_again(s3_server: S3Server, con
     key = f"conflict-{conflicts}"
     left = [conflicts]
 
-    def answer_conflict(request, **kwargs):
+    def answer_conflict(request: Any, **kwargs: object) -> Any:
         if left[0] == 0:
             return None
         left[0] -= 1
         body = b"<Error><Code>ConditionalRequestConflict</Code><Message>try again</Message></Error>"
-        return AWSResponse(request.url, 409, {}, RawResponse(body))
+        headers: Any = {}
+        return AWSResponse(request.url, 409, headers, RawResponse(body))
 
-    store._client.meta.events.register("before-send.s3.PutObject", answer_conflict)
+    events: Any = store._client.meta.events  # its stubs know no hook that answers
+    events.register("before-send.s3.PutObject", answer_conflict)
     if stored:
         store.put_bytes(BUCKET, key, b"content", create_only=True)
         assert store.get_bytes(BUCKET, key) == b"content"
@@ -189,7 +192,8 @@ def test_listing_goes_on_past_one_page(s3: S3Store, s3_server: S3Server):
         pages.append(params)
         return {**params, "MaxKeys": 3}
 
-    store._client.meta.events.register("provide-client-params.s3.ListObjectsV2", small_pages)
+    events: Any = store._client.meta.events
+    events.register("provide-client-params.s3.ListObjectsV2", small_pages)
     assert [info.key for info in store.list(BUCKET, "pages/")] == keys
     assert len(pages) == 4
 
@@ -391,7 +395,7 @@ def test_a_download_that_never_succeeds_leaves_nothing(s3: S3Store, s3_server: S
 )
 def test_answers_of_any_server_become_our_errors(code: str, status: int, kind: type[StorageError]):
     """Codes of servers that no test has at hand, as their documentation and sources give them."""
-    answer = {"Error": {"Code": code, "Message": "why"}, "ResponseMetadata": {"HTTPStatusCode": status}}
+    answer: Any = {"Error": {"Code": code, "Message": "why"}, "ResponseMetadata": {"HTTPStatusCode": status}}
     error = from_client_error(ClientError(answer, "PutObject"), "cannot store a/b at http://s3")
     assert type(error) is kind
     assert str(error) == f"cannot store a/b at http://s3: {code}: why"

@@ -63,7 +63,7 @@ def bundles(make_body: MakeBody, tmp_path_factory: pytest.TempPathFactory) -> di
     """Bundles of worlds with doors, and of one without, by their names in archives; two share a floor plan."""
     folder = tmp_path_factory.mktemp("bundles")
     doors = {"Name": "all", "TargetSet": "Target.All", "Door": {"InitialState": {"OpenPosition": {"Percent": 50}}}}
-    wished = make_body().model_dump(mode="json", exclude_none=True) | {"Version": "2"}
+    wished: dict[str, Any] = make_body().model_dump(mode="json", exclude_none=True) | {"Version": "2"}
     wished["Buildings"][0]["Floors"][0]["Interior"]["Doorways"] = {"DoorwaySets": [doors]}
     dressed = parse_template_body(json.dumps(wished))
     made = {1: (dressed, 1, 2), 2: (dressed, 1, 3), 10: (make_body(), 4, 5)}

@@ -1,5 +1,7 @@
 """Generated worlds: the same from the same seeds, valid for every template."""
 
+from typing import Any
+
 import pytest
 from helpers.template_bodies import bodies
 from hypothesis import HealthCheck, given, settings
@@ -14,6 +16,8 @@ from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
 from .conftest import MakeBody
+
+HEALTH_CHECKS: list[Any] = list(HealthCheck)  # its metaclass hides from type checkers what it lists
 
 
 def test_the_same_seeds_give_the_same_bytes(make_body: MakeBody, flat: World) -> None:
@@ -103,7 +107,7 @@ def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplat
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, deadline=None, suppress_health_check=HEALTH_CHECKS)
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 @pytest.mark.deep
 def test_many_templates_give_worlds_that_keep_their_promises(body: WorldTemplateBody, seed: int) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from helpers.paths import REPOSITORY
-from lxml import etree
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.reports.summary import ReportSummary

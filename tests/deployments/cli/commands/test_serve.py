@@ -185,7 +185,7 @@ def flow_run_states(arn: str) -> list[str]:
 
     with get_client(sync_client=True) as client:
         wanted = FlowRunFilter(name=FlowRunFilterName(any_=[arn.rsplit("/", 1)[-1]]))
-        return [run.state.type.value for run in client.read_flow_runs(flow_run_filter=wanted)]
+        return [run.state.type.value for run in client.read_flow_runs(flow_run_filter=wanted) if run.state]
 
 
 class Forwarder:

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from helpers.remote_jobs import greeting
+from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, words
@@ -30,7 +30,7 @@ def listening(make_plan: Callable[..., RunPlan], tmp_path: Path) -> Iterator[Age
 
 @contextmanager
 def greeted(listening: AgentSocket, timeout_s: float) -> Iterator["Future[Any]"]:
-    greeter = Greeter(listening, "driver", SimpleNamespace(reason=""), lambda: HURRY * time.monotonic())
+    greeter = Greeter(listening, "driver", StopFlag(), lambda: HURRY * time.monotonic())
     with ThreadPoolExecutor(1) as pool:
         yield pool.submit(greeter.greet, words(HELLO, {}), timeout_s)
 

@@ -180,7 +180,7 @@ class TestEnds:
     @pytest.mark.parametrize("when", ["before it connects", "before it greets", "before it answers"])
     def test_a_run_is_stopped_while_the_robot_is_waited_for(self, start: Callable[..., Job], when: str) -> None:
         job = start()
-        connection = None
+        connection = simulation = None
         if when == "before it greets":
             connection = job.raw()
             connection.recv(100)
@@ -194,7 +194,8 @@ class TestEnds:
         assert job.outcome().status == "Canceled"
         result = RunResult.model_validate_json((job.plan.output_dir / "result.json").read_bytes())
         assert result.ended_by == "canceled", "a run that is killed leaves no result"
-        if when == "before it answers":
+        assert (simulation is not None) == (when == "before it answers")
+        if simulation is not None:
             assert simulation.receive() is None
             assert simulation.ended_by == "canceled"
             simulation.close()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, FoundFiles, ProgramPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.limits.disk_use import DiskMeter, in_gb
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -284,7 +285,7 @@ time.sleep(1000)
     ) -> None:
         plan = plan_programs(program(FILL + "print('on', flush=True); time.sleep(1000)"), compute=SMALL)
         log = plan.output_dir / "logs/robot.stdout.log"
-        outcome = launcher.run(plan, lambda: "canceled" if log.exists() and log.read_text() else None)
+        outcome = launcher.run(plan, lambda: RunStop.CANCELED if log.exists() and log.read_text() else None)
         assert outcome.status == "Canceled"
 
     def test_enough(self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from dm_control import mujoco
 from dm_control.rl import control
+from helpers.stop_flags import StopFlag
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -51,10 +52,10 @@ class Task(control.Task):
     def action_spec(self, physics: Any) -> Any:
         return mujoco.action_spec(physics)
 
-    def get_observation(self, physics: Any) -> dict[str, Any]:
+    def get_observation(self, physics: Any) -> Any:
         return {"qpos": physics.position()}
 
-    def get_reward(self, physics: Any) -> float:
+    def get_reward(self, physics: Any) -> Any:
         return 0.0
 
 
@@ -68,7 +69,7 @@ def run(
     agent: Callable[[Any], Any] = lambda environment: lambda timestep: np.array([2.0]),
     **options: Any,
 ) -> Episode:
-    defaults = {"mark": lambda phase: None, "stop": SimpleNamespace(reason=""), "recorder": NullRecorder()}
+    defaults = {"mark": lambda phase: None, "stop": StopFlag(), "recorder": NullRecorder()}
     return run_episode(environment, agent, **(defaults | options))
 
 
@@ -106,7 +107,7 @@ def test_stop_iteration_of_the_environment_is_an_error() -> None:
 
 
 def test_a_stop_between_steps() -> None:
-    stop = SimpleNamespace(reason="")
+    stop = StopFlag()
 
     def make_agent(environment: Any) -> Any:
         def agent(timestep: Any) -> Any:
@@ -120,7 +121,7 @@ def test_a_stop_between_steps() -> None:
 
 
 def test_a_stop_that_interrupts_the_application() -> None:
-    stop = SimpleNamespace(reason="canceled")
+    stop = StopFlag("canceled")
 
     def unfinished() -> Any:
         raise RunStopped
@@ -179,7 +180,7 @@ def test_joint_states_by_default(tmp_path: Path) -> None:
 
 def test_environments_that_record_themselves_are_left_to_it(tmp_path: Path) -> None:
     def make() -> Any:
-        environment = physical()
+        environment: Any = physical()
         environment.records_itself = True
         return environment
 

@@ -118,7 +118,8 @@ def test_odometry(header, child, pose, twist, pose_covariance, twist_covariance)
 @given(headers, st.lists(small, min_size=7, max_size=7), st.lists(small, max_size=9), st.lists(small, max_size=3))
 def test_laser_scan(header, values, ranges, intensities) -> None:
     arrays = np.array(ranges, dtype=np.float32), np.array(intensities, dtype=np.float32)
-    ours = ros.LaserScan(header, *values, *arrays)
+    angles_and_ranges: Any = [*values, *arrays]
+    ours = ros.LaserScan(header, *angles_and_ranges)
     members = {**ours._asdict(), "header": header_of(header)}
     assert encode(ours) == expected(ros.LaserScan, theirs("sensor_msgs/msg/LaserScan", **members))
 

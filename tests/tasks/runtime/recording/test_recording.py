@@ -15,6 +15,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
@@ -60,7 +61,7 @@ def test_rosbags_reads_everything(recording: Path) -> None:
         [odometry] = [item for item in reader.connections if item.topic == "/odom"]
         stamps = []
         for connection, time_ns, raw in reader.messages([odometry]):
-            message = reader.deserialize(raw, connection.msgtype)
+            message: Any = reader.deserialize(raw, connection.msgtype)
             assert message.pose.pose.position.x == pytest.approx(time_ns * 1e-9)
             stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
         assert stamps == [20_000_000 * i for i in range(100)]
@@ -95,7 +96,7 @@ def test_the_metadata_is_that_of_rosbags_writer(recording: Path, tmp_path: Path)
         AnyReader([recording]) as reader,
         Writer(copy, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
     ):
-        offered = {item.topic: item.ext.offered_qos_profiles for item in reader.connections}
+        offered = {item.topic: qos_of(item) for item in reader.connections}
         connections = {
             item.topic: writer.add_connection(
                 item.topic, item.msgtype, typestore=store, offered_qos_profiles=offered[item.topic]
@@ -167,6 +168,11 @@ def test_the_scene_shows_cameras_and_a_grid_where_there_is_no_floor() -> None:
     assert [each["3D!scene"]["layers"]["grid"]["visible"] for each in (bare, furnished)] == [True, False]
 
 
+def qos_of(connection: Connection) -> Any:
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    return connection.ext.offered_qos_profiles
+
+
 def leaves(node: Any) -> list[str]:
     return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
 
@@ -178,7 +184,7 @@ def test_a_player_keeps_static_transforms_for_those_who_come_later(tmp_path: Pat
         recorder.write("/clock", ros.Clock(ros.Time.from_seconds(0.0)), 0.0)
 
     with AnyReader([path]) as reader:
-        offered = {connection.topic: connection.ext.offered_qos_profiles[0] for connection in reader.connections}
+        offered = {connection.topic: qos_of(connection)[0] for connection in reader.connections}
 
     assert offered["/tf_static"].durability.name == "TRANSIENT_LOCAL"
     assert offered["/clock"].durability.name == "VOLATILE"

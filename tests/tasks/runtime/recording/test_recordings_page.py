@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.programs import ApplicationRole
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
@@ -53,9 +54,10 @@ def test_a_job_records_everything_or_nothing(
     launcher: Launcher, make_plan: Callable[..., RunPlan], record: bool
 ) -> None:
     bundle = PAGE_FOLDER.parent / "deployments" / "specs" / "examples" / "cartpole_bundle"
+    roles: tuple[ApplicationRole, ...] = ("simulation", "robot")
     arena, agent = (
         ApplicationPlan(role=role, name=role, attribute=f"my_cartpole.{name}", path=bundle)
-        for role, name in (("simulation", "arena.make_environment"), ("robot", "agent.make_agent"))
+        for role, name in zip(roles, ("arena.make_environment", "agent.make_agent"), strict=True)
     )
     plan = make_plan(simulation_application=arena, robot_application=agent, record=record)
     assert launcher.run(plan, lambda: None).status == "Completed"

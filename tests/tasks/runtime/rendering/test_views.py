@@ -54,6 +54,7 @@ def camera_place(view: mujoco.MjvCamera) -> np.ndarray:
 def test_the_robot_is_what_the_actuators_move() -> None:
     model, _ = room()
     body = robot_body(model)
+    assert body is not None
     assert model.body(body).name == "rover"
     assert 0.25 < radius_of(model, body) < 0.4
 
@@ -141,7 +142,9 @@ def test_follow_glides_after_a_robot_that_nods() -> None:
 
 def test_top_shows_all_that_is_fixed_and_shown_with_north_up() -> None:
     model, data = room()
-    low, high = fixed_extent(model, data)
+    extent = fixed_extent(model, data)
+    assert extent is not None
+    low, high = extent
     assert np.allclose(low, [-3.1, -2, 0])
     assert np.allclose(high, [3.1, 2, 1])
     filming = ViewRenderer(model, VideoSettings("top", (320, 240)), RAYS)

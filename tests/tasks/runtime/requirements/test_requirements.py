@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from dm_control import mujoco
 from dm_control.rl import control
+from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, Requirement, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.requirements import GoalRequirement
@@ -61,10 +62,10 @@ class Task(control.Task):
     def action_spec(self, physics: Any) -> Any:
         return mujoco.action_spec(physics)
 
-    def get_observation(self, physics: Any) -> dict[str, Any]:
+    def get_observation(self, physics: Any) -> Any:
         return {}
 
-    def get_reward(self, physics: Any) -> float:
+    def get_reward(self, physics: Any) -> Any:
         return 0.0
 
 
@@ -89,7 +90,7 @@ def judge(tmp_path: Path) -> Callable[..., RunResult]:
         observer = RequirementsObserver(plan)
         agent = (lambda timestep: np.array(action)) if not callable(action) else action
         episode = run_episode(
-            make, lambda environment: agent, mark=lambda phase: None, stop=SimpleNamespace(reason=""),
+            make, lambda environment: agent, mark=lambda phase: None, stop=StopFlag(),
             recorder=NullRecorder(), watchers=[observer], wall_clock=itertools.count(0.0, 1.0).__next__,
         )  # fmt: skip
         return make_result(episode, 1, [observer.close(episode.ended_by)])
@@ -175,7 +176,7 @@ def test_a_goal_ends_the_run_with_success(judge: Callable[..., RunResult]) -> No
 
 def test_what_the_environment_asks_beyond_the_goal_does_not_count(judge: Callable[..., RunResult]) -> None:
     def make() -> Any:
-        made = environment()
+        made: Any = environment()
         made.run_result = lambda: {
             "verdict": "FAIL", "requirements": [{"name": "all", "satisfied": False, "detail": "not all"}]
         }  # fmt: skip
@@ -255,7 +256,7 @@ def test_a_broken_predicate_is_an_error_and_no_failure(
 
 def test_the_environments_own_requirements(judge: Callable[..., RunResult]) -> None:
     def make() -> Any:
-        made = environment()
+        made: Any = environment()
         made.requirements = lambda: [
             GoalRequirement(kind="goal", name="home", x=0, y=0),
             {"kind": "time_limit", "name": "it-0", "limit_s": 0.1},
@@ -303,7 +304,7 @@ def test_what_cannot_be_judged_fails_the_job_at_once(
 
 def test_an_environment_that_asks_for_nonsense(judge: Callable[..., RunResult]) -> None:
     def make() -> Any:
-        made = environment()
+        made: Any = environment()
         made.requirements = lambda: [{"kind": "time_limit", "name": "x", "limit": 3}]
         return made
 
@@ -348,7 +349,7 @@ def test_actuators_tell_who_acts() -> None:
 
 def test_a_run_that_is_continued_is_judged_as_a_whole(tmp_path: Path) -> None:
     """Half of the run is seen by one observer, half by another in another process."""
-    requirements = [
+    requirements: Any = [
         {"kind": "goal", "name": "start", "x": 0.0, "y": 0.0, "within_m": 0.1},
         {"kind": "goal", "name": "later", "x": 1.0, "y": 0.0, "within_m": 0.3, "after": "start"},
         {"kind": "no_collision", "name": "soft", "max_force_N": 1000.0},

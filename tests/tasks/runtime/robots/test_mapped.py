@@ -63,7 +63,9 @@ def test_it_starts_as_the_keyframe_and_the_mapping_say_and_servos_hold_it_there(
 def test_observations_have_the_robots_own_joints_and_sensors(make_cart: MakeCart, make_context: Any) -> None:
     robot = make_cart()
     assert robot.joints == ("left", "right", "lift")
-    assert robot.lidar == Lidar(height_m=pytest.approx(0.15))
+    assert robot.lidar is not None
+    assert robot.lidar == Lidar(height_m=robot.lidar.height_m)
+    assert robot.lidar.height_m == pytest.approx(0.15)
     assert robot.name == "my_cart"
     assert robot.imu == ("gyro", "acc")
     assert make_cart(joints=["lift"]).joints == ("lift",)
@@ -147,7 +149,8 @@ def test_actions_of_a_robot_without_a_drive_are_its_actuators_controls(make_cart
     assert stand.base.read().linear > 0.1
     assert stand.controller.command((0.0, 0.0, 0.0)) is False
     assert stand.controller.command((0.0, 0.0, 0.0)) is True
-    for wrong in ((1.0, 2.0), (1.0, 2.0, math.nan), "abc", None):
+    wrongs: tuple[Any, ...] = ((1.0, 2.0), (1.0, 2.0, math.nan), "abc", None)
+    for wrong in wrongs:
         with pytest.raises(ActionError, match="left, right, lift"):
             stand.controller.command(wrong)
 

@@ -14,6 +14,7 @@ from helpers.paths import BUNDLES
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.programs import ApplicationRole
 from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.tasks.runtime.states import checkpoint_files, checkpoints
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
@@ -27,6 +28,7 @@ def swing(make_plan: Callable[..., RunPlan], tmp_path: Path) -> Callable[..., Ru
     """Plans a run of the pendulum with checkpoints every half second simulated."""
 
     def plan(run_id: str = "run-1", variables: dict[str, str] | None = None, **members: Any) -> RunPlan:
+        roles: tuple[ApplicationRole, ...] = ("simulation", "robot")
         applications = {
             f"{role}_application": ApplicationPlan(
                 role=role,
@@ -35,7 +37,7 @@ def swing(make_plan: Callable[..., RunPlan], tmp_path: Path) -> Callable[..., Ru
                 path=SWINGER,
                 environment_variables=variables or {},
             )
-            for role, factory in (("simulation", "make_environment"), ("robot", "make_agent"))
+            for role, factory in zip(roles, ("make_environment", "make_agent"), strict=True)
         }
         kept = {"checkpoint_dir": tmp_path / run_id / "checkpoints", "checkpoint_every_s": 0.5}
         return make_plan(run_id=run_id, **{**applications, **kept, **members})

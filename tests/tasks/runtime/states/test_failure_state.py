@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
 from helpers.paths import REPOSITORY
+from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.failure_state import FailureState
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.programs import ApplicationRole
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
@@ -63,7 +65,7 @@ def run(environment: Any, folder: Path) -> Any:
     try:
         episode = run_episode(
             lambda: environment, lambda environment: lambda timestep: None, mark=lambda phase: None,
-            stop=SimpleNamespace(reason=""), recorder=NullRecorder(), watchers=[keeper],
+            stop=StopFlag(), recorder=NullRecorder(), watchers=[keeper],
         )  # fmt: skip
     except BaseException:
         keeper.close(None)
@@ -192,9 +194,10 @@ def test_a_real_job_leaves_its_state_behind(
     bundle = tmp_path / "bundle"
     bundle.mkdir()
     (bundle / "pusher.py").write_text(f"MODEL = '''{MODEL.format(option='')}'''\n{BUNDLE}")
+    roles: tuple[ApplicationRole, ...] = ("simulation", "robot")
     applications = {
         f"{role}_application": ApplicationPlan(role=role, name="pusher", attribute=f"pusher.{factory}", path=bundle)
-        for role, factory in (("simulation", "make_environment"), ("robot", "make_agent"))
+        for role, factory in zip(roles, ("make_environment", "make_agent"), strict=True)
     }
     plan = make_plan(**applications)
     outcome = launcher.run(plan, lambda: None)

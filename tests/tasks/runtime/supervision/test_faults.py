@@ -13,6 +13,7 @@ from helpers.run_processes import never, processes_with, wait_until
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.limits.capped_logs import MAX_END_BYTES, CappedLog
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -34,7 +35,7 @@ class Bystander:
         self._thread = threading.Thread(target=self._run)
 
     def _run(self) -> None:
-        self._outcome = self._launcher.run(self.plan, lambda: "canceled" if self.is_over else None)
+        self._outcome = self._launcher.run(self.plan, lambda: RunStop.CANCELED if self.is_over else None)
 
     def start(self) -> None:
         self._thread.start()
@@ -150,9 +151,9 @@ def test_endless_loops_are_canceled_in_time(
 ) -> None:
     plan = plan_programs(program(f"print('on', flush=True)\n{code}"))
 
-    def stop() -> str | None:
+    def stop() -> RunStop | None:
         if "on" in (plan.output_dir / "logs/robot.stdout.log").read_text():
-            return "canceled"
+            return RunStop.CANCELED
         return None
 
     assert launcher.run(plan, stop).status == "Canceled"
@@ -162,10 +163,10 @@ def test_endless_loops_are_canceled_in_time(
 def test_an_environment_that_never_leaves_c(launcher: Launcher, plan_fault: Callable[..., RunPlan]) -> None:
     plan = plan_fault("faults.endless_in_c")
 
-    def stop() -> str | None:
+    def stop() -> RunStop | None:
         if not (plan.work_dir / "busy").exists():
             return None
-        return "canceled"
+        return RunStop.CANCELED
 
     assert launcher.run(plan, stop).status == "Canceled"
     assert processes_with(str(plan.work_dir)) == []

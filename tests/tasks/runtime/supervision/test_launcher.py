@@ -14,6 +14,7 @@ from helpers.run_processes import children_of, is_running, never, processes_with
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -187,7 +188,7 @@ class TestStopping:
     @pytest.mark.parametrize("environment", ["make_environment", "hanging", "ignoring_sigterm"])
     def test_cancel(self, launcher: Launcher, make_plan: Plan, environment: str) -> None:
         plan = make_plan(environment, variables={"STEPS": "100000", "WAIT_S": "0.01"})
-        outcome = launcher.run(plan, lambda: "canceled" if (plan.work_dir / "busy").exists() else None)
+        outcome = launcher.run(plan, lambda: RunStop.CANCELED if (plan.work_dir / "busy").exists() else None)
         assert (outcome.status, outcome.failure_code) == ("Canceled", None)
         assert not is_running(pid_of(plan))
         if environment == "ignoring_sigterm":
@@ -225,7 +226,7 @@ class TestStopping:
     def test_a_caller_that_fails_takes_the_run_along(self, launcher: Launcher, make_plan: Plan) -> None:
         plan = make_plan("hanging")
 
-        def stop() -> str | None:
+        def stop() -> RunStop | None:
             if (plan.work_dir / "busy").exists():
                 raise TimeoutError("the thread was interrupted")
             return None

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.episode.progress import STOP_REASONS, Phase, Progress
 from prefect_robomaker.tasks.runtime.supervision.outcomes import Exit, decide_outcome, failure_reason
 
@@ -41,16 +42,16 @@ def test_a_request_that_cannot_be_done_is_not_the_runtimes_failure(make_plan: Pl
     assert (outcome.failure_code, outcome.failure_reason) == ("InvalidInput", refused["error"])
 
 
-@pytest.mark.parametrize("stopped_for", ["duration limit", "canceled"])
-def test_an_end_just_before_the_stop_counts(make_plan: Plan, stopped_for: str) -> None:
+@pytest.mark.parametrize("stopped_for", [RunStop.DURATION_LIMIT, RunStop.CANCELED])
+def test_an_end_just_before_the_stop_counts(make_plan: Plan, stopped_for: RunStop) -> None:
     outcome = decide_outcome(FINISHED, stopped_for, make_plan())
     assert (outcome.status, outcome.timed_out) == ("Completed", False)
 
 
 def test_a_crash_while_stopping_is_a_stop(make_plan: Plan) -> None:
     crashed = Exit(1, None, Phase.STEP, {"error": "boom", "phase": Phase.STEP})
-    assert decide_outcome(crashed, "canceled", make_plan()).status == "Canceled"
-    assert decide_outcome(crashed, "duration limit", make_plan()).timed_out
+    assert decide_outcome(crashed, RunStop.CANCELED, make_plan()).status == "Canceled"
+    assert decide_outcome(crashed, RunStop.DURATION_LIMIT, make_plan()).timed_out
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from helpers.run_processes import never
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import PortPlan, ProgramPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -57,10 +58,10 @@ def test_forwarding(
 
     talking = threading.Thread(target=talk)
 
-    def stop() -> str | None:
+    def stop() -> RunStop | None:
         if "listening" in (plan.output_dir / "logs/robot.stdout.log").read_text() and talking.ident is None:
             talking.start()
-        return "canceled" if len(answers) == 2 else None
+        return RunStop.CANCELED if len(answers) == 2 else None
 
     assert launcher.run(plan, stop).status == "Canceled"
     assert answers == [b"HELLO", large.upper()]
@@ -75,9 +76,9 @@ def test_no_program_listens_yet(
     ports = [PortPlan(job_port=job_port, application_port=application_port)]
     answers: list[bytes] = []
 
-    def stop() -> str:
+    def stop() -> RunStop:
         answers.append(shout(job_port, b""))
-        return "canceled"
+        return RunStop.CANCELED
 
     launcher.run(plan_programs(program("import time; time.sleep(1000)"), ports=ports), stop)
     assert answers == [b""]

@@ -16,6 +16,7 @@ from helpers.run_processes import never, processes_with
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
@@ -208,7 +209,7 @@ class TestStopping:
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path, code: str
     ) -> None:
         plan = plan_programs(program(code))
-        outcome = launcher.run(plan, lambda: "canceled" if "ready" in log_of(plan, "robot.stdout.log") else None)
+        outcome = launcher.run(plan, lambda: RunStop.CANCELED if "ready" in log_of(plan, "robot.stdout.log") else None)
         assert (outcome.status, outcome.finished) == ("Canceled", True)
         assert processes_with(str(tmp_path)) == []
         assert read_result(plan).ended_by == "canceled"
@@ -228,11 +229,11 @@ class TestStopping:
     ) -> None:
         cleanup = ["sh", "-c", f"echo removed >> {tmp_path}/cleaned; echo gone"]
         ends = program("pass", cleanup_argv=cleanup), program("pass", cleanup_argv=["no-such-engine"])
-        for i, one in enumerate(ends):
-            plan = plan_programs(one, run_id=f"run-{i}")
+        plans = [plan_programs(one, run_id=f"run-{i}") for i, one in enumerate(ends)]
+        for plan in plans:
             assert launcher.run(plan, never).status == "Completed"
         assert (tmp_path / "cleaned").read_text() == "removed\n"
-        assert "cleaning up: program not found: no-such-engine" in log_of(plan, "robot.stderr.log")
+        assert "cleaning up: program not found: no-such-engine" in log_of(plans[-1], "robot.stderr.log")
 
 
 class TestContinue:
@@ -257,7 +258,7 @@ class TestContinue:
         crashes: list[str] = []
         plan = plan_programs(program("raise SystemExit(4)"), failure_behavior="Continue")
         outcome = launcher.run(
-            plan, lambda: "canceled" if crashes else None, on_crash=lambda code, _: crashes.append(code)
+            plan, lambda: RunStop.CANCELED if crashes else None, on_crash=lambda code, _: crashes.append(code)
         )
         assert (outcome.status, crashes) == ("Canceled", ["RobotApplicationCrash"])
 
@@ -311,7 +312,7 @@ class TestEpisodesWithPrograms:
         self, launcher: Launcher, plan_drive: Callable[..., RunPlan]
     ) -> None:
         plan, began = plan_drive("pass", environment="never_made"), time.monotonic()
-        outcome = launcher.run(plan, lambda: "canceled" if time.monotonic() > began + 1.5 else None)
+        outcome = launcher.run(plan, lambda: RunStop.CANCELED if time.monotonic() > began + 1.5 else None)
         assert outcome.status == "Canceled"
 
     def test_it_crashes_before_it_connects(self, launcher: Launcher, plan_drive: Callable[..., RunPlan]) -> None:

@@ -14,6 +14,7 @@ from helpers.paths import BUNDLES
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
+from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.failure_videos import has_failed, record_failure_videos
 
@@ -115,7 +116,7 @@ def test_a_run_that_runs_out_of_time_is_filmed(launcher: Launcher, plan_of: Plan
 def test_a_canceled_run_is_not_filmed(launcher: Launcher, plan_of: PlanOf) -> None:
     plan = plan_of(END="hang")
     states = plan.work_dir / "state-log" / "states.tail"
-    outcome = launcher.run(plan, lambda: "canceled" if states.exists() else None)
+    outcome = launcher.run(plan, lambda: RunStop.CANCELED if states.exists() else None)
     assert outcome.status == "Canceled"
     assert films_in(plan) == set()
 
@@ -188,7 +189,7 @@ def test_a_result_that_programs_have_replaced_is_not_waited_for(plan_of: PlanOf,
 def test_filming_ends_when_the_job_is_stopped_or_it_takes_too_long(launcher: Launcher, plan_of: PlanOf) -> None:
     plan = plan_of(END="fail", END_S="100", ROBOMAKER_VIDEO_SIZE="640x480")
     filming = plan.work_dir / "film.log"
-    outcome = launcher.run(plan, lambda: "canceled" if filming.exists() else None)
+    outcome = launcher.run(plan, lambda: RunStop.CANCELED if filming.exists() else None)
     assert (outcome.status, outcome.timed_out) == ("Completed", False), "the run itself was over"
     assert "The video of the failure is missing: the job was stopped (canceled)" in errors_of(plan)
     record_failure_videos(plan, outcome, lambda: None, {}, limit_s=0.3)

@@ -20,7 +20,7 @@ from helpers.paths import BUNDLES
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.schemas.runs.programs import ApplicationRole, ProgramPlan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.live_view import PATIENCE_S, LiveView
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
@@ -120,6 +120,7 @@ def test_who_looks_sees_how_the_run_goes_on(stepping: Stepping) -> None:
         assert (status, headers["Content-Type"]) == (200, "image/jpeg")
         number = int(headers["X-Frame"])
         stepping.physics.data.qpos[0] = 1.2
+        later = first
         for _ in range(3):  # one may have been on its way
             status, headers, later = stepping.get(f"/frame.jpg?after={number}")
             assert int(headers["X-Frame"]) > number
@@ -194,12 +195,12 @@ def test_a_port_that_is_taken_fails_nothing(make_plan: Any, capsys: pytest.Captu
 
 
 def plan_of(make_plan: Any, run_id: str, **members: Any) -> RunPlan:
-    arena, driver = (
-        ApplicationPlan(role=role, name=name, attribute=f"filmed.arena.{name}", path=FILMED, environment_variables=of)
-        for role, name, of in (
-            ("simulation", "make_environment", {"END_S": "3", "PAUSE_S": "0.01"}), ("robot", "make_agent", {}),
-        )
-    )  # fmt: skip
+    def planned(role: ApplicationRole, name: str, **variables: str) -> ApplicationPlan:
+        attribute = f"filmed.arena.{name}"
+        return ApplicationPlan(role=role, name=name, attribute=attribute, path=FILMED, environment_variables=variables)
+
+    arena = planned("simulation", "make_environment", END_S="3", PAUSE_S="0.01")
+    driver = planned("robot", "make_agent")
     return make_plan(simulation_application=arena, robot_application=driver, run_id=run_id, **members)
 
 
@@ -212,7 +213,7 @@ def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, mak
         while not file.exists():
             time.sleep(0.01)
         url = json.loads(file.read_text())["url"]
-        seen.extend(get(url, "/frame.jpg")[::2] for _ in range(2))
+        seen.extend((status, body) for status, _, body in (get(url, "/frame.jpg") for _ in range(2)))
 
     viewer = threading.Thread(target=look, daemon=True)
     viewer.start()

@@ -6,11 +6,12 @@ import signal
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.fake_engine import FakeEngine
 
-from prefect_robomaker.schemas.runs.programs import ComputeLimits
+from prefect_robomaker.schemas.runs.programs import ApplicationRole, ComputeLimits
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.simulations.containers.command_lines import (
     Container,
@@ -163,18 +164,20 @@ def test_an_image_named_by_its_digest_is_not_asked_for_again(fake: FakeEngine, e
 
 
 @pytest.mark.parametrize("role", ["robot", "simulation"])
-def test_an_image_that_cannot_be_pulled_has_no_permissions(engine: Engine, role: str) -> None:
+def test_an_image_that_cannot_be_pulled_has_no_permissions(engine: Engine, role: ApplicationRole) -> None:
     with pytest.raises(LaunchError, match="cannot be pulled: pull access denied") as caught:
-        get_image(engine, "secret/robot", role, digest=None)  # type: ignore[arg-type]
+        get_image(engine, "secret/robot", role, digest=None)
     assert caught.value.failure_code == f"BadPermissions{role.capitalize()}Application"
 
 
 @pytest.mark.parametrize("role", ["robot", "simulation"])
-def test_an_image_with_another_digest_is_not_the_version(fake: FakeEngine, engine: Engine, role: str) -> None:
+def test_an_image_with_another_digest_is_not_the_version(
+    fake: FakeEngine, engine: Engine, role: ApplicationRole
+) -> None:
     fake.add_image("robot", command=["true"], digests=(OTHER,))
 
     with pytest.raises(LaunchError, match=f"{DIGEST}, then {OTHER}") as caught:
-        get_image(engine, "robot", role, digest=DIGEST)  # type: ignore[arg-type]
+        get_image(engine, "robot", role, digest=DIGEST)
     assert caught.value.failure_code == f"{role.capitalize()}ApplicationVersionMismatchedEtag"
 
 
@@ -182,7 +185,7 @@ def test_an_image_with_another_digest_is_not_the_version(fake: FakeEngine, engin
     ("config", "words"), [({"Volumes": {"/data": {}}}, "VOLUME /data"), ({"ExposedPorts": {"80/tcp": {}}}, "EXPOSE 80")]
 )
 def test_volumes_and_exposed_ports_are_refused(
-    fake: FakeEngine, engine: Engine, config: dict[str, object], words: str
+    fake: FakeEngine, engine: Engine, config: dict[str, Any], words: str
 ) -> None:
     fake.add_image("robot", command=["true"], **config)
 

@@ -3,6 +3,7 @@
 import json
 from math import cos, pi, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def plan(seed: int = 0) -> Floorplan:
 
 
 def piece(x: float = 0, y: float = 0, yaw: float = 0, **changes: float) -> Furniture:
-    sizes = {"width_m": 1.0, "depth_m": 0.5, "height_m": 0.8} | changes
+    sizes: dict[str, Any] = {"width_m": 1.0, "depth_m": 0.5, "height_m": 0.8} | changes
     return Furniture(id="f", model_type="Desks", room="Living", x=x, y=y, yaw=yaw, **sizes)
 
 

@@ -3,6 +3,7 @@
 import json
 import re
 from math import pi
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -47,7 +48,14 @@ def renamed(floorplan: Floorplan, name: str) -> Floorplan:
 
 
 def desk(model_type: str = "Desks", **changes: float) -> Furniture:
-    sizes = {"x": 1.0, "y": 0.5, "yaw": pi / 2, "width_m": 1.4, "depth_m": 0.7, "height_m": 0.7} | changes
+    sizes: dict[str, Any] = {
+        "x": 1.0,
+        "y": 0.5,
+        "yaw": pi / 2,
+        "width_m": 1.4,
+        "depth_m": 0.7,
+        "height_m": 0.7,
+    } | changes
     return Furniture(id="piece", model_type=model_type, room="Living", **sizes)
 
 

@@ -1,5 +1,7 @@
 """Checks find what is wrong with a world, and nothing in a good one."""
 
+from typing import Any
+
 import pytest
 
 from prefect_robomaker.schemas.worlds.world import Furniture, Room, World, WorldChecks
@@ -15,7 +17,7 @@ def checked(world: World, settle_s: float | None = SETTLE_S) -> WorldChecks:
     return check_world(world, world_mjcf(world), grid, settle_s=settle_s)
 
 
-def with_piece(world: World, kind: str, x: float, y: float, **more: float | bool) -> World:
+def with_piece(world: World, kind: str, x: float, y: float, **more: Any) -> World:
     style = styles_of(kind)[0]
     size = {"width_m": style.width_m, "depth_m": style.depth_m, "height_m": style.height_m}
     piece = Furniture(id=f"{kind}_99", model_type=kind, style=style.name, room="", x=x, y=y, yaw=0.0, **size, **more)

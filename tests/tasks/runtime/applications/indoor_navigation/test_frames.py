@@ -69,6 +69,7 @@ def test_scans_are_seen_where_the_walls_are(make_context: Any, tmp_path: Path, k
         for _ in range(20):
             environment.step((0.15, 0.5))
 
+    scan, frames = None, {}
     known: dict[str, tuple[str, NDArray[np.float64]]] = {}
     with (tmp_path / "r.mcap").open("rb") as stream:
         for item in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
@@ -79,6 +80,7 @@ def test_scans_are_seen_where_the_walls_are(make_context: Any, tmp_path: Path, k
                 known[each.child_frame_id] = (each.header.frame_id, matrix(each.transform))
             if item.channel.topic == "/scan":
                 scan, frames = message, dict(known)  # of the same time, since transforms come first
+    assert scan is not None
     ranges = np.array(scan.ranges)
     hits = ranges < scan.range_max
     angles = (scan.angle_min + scan.angle_increment * np.arange(len(ranges)))[hits]

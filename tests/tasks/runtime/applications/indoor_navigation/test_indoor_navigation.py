@@ -110,7 +110,7 @@ def test_records_what_a_robot_publishes(make_context, tmp_path: Path) -> None:
     with McapRecorder(tmp_path / "r.mcap") as recorder:
         environment = make_environment(make_context(recorder=recorder))
         assert environment.records_itself
-        environment.reset()
+        timestep = environment.reset()
         for _ in range(40):
             timestep = environment.step((0.3, 0.5))
     found = read(tmp_path / "r.mcap")

@@ -63,7 +63,7 @@ def test_publishes_where_it_goes(make_context, tmp_path: Path) -> None:
     with McapRecorder(tmp_path / "r.mcap") as recorder:
         run(replace(context, recorder=recorder))
     with AnyReader([tmp_path]) as reader:
-        found = [
+        found: list[tuple[str, Any]] = [
             (connection.topic, reader.deserialize(raw, connection.msgtype))
             for connection, _, raw in reader.messages()
             if connection.topic in {"/goal_pose", "/plan"}
