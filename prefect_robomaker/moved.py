@@ -8,17 +8,18 @@ _GROUPS = (
     (
         "schemas",
         "schemas.operations",
-        "applications deployment_jobs deprecations fleets operation_groups=resources operations=registry "
-        "requirement_orders=requested_requirements robot_applications robots simulation_applications "
-        "simulation_job_batches simulation_jobs tags world_export_jobs world_generation_jobs world_templates "
-        "worlds",
+        "applications deployment_jobs fleets operation_groups=resources operations=registry robot_applications robots "
+        "simulation_applications simulation_job_batches simulation_jobs tags world_export_jobs world_generation_jobs "
+        "world_templates worlds",
     ),
+    ("schemas.operations", "schemas.runs", "requested_requirements"),
+    ("schemas.operations", "schemas.wire", "deprecations"),
     ("schemas", "schemas.reports", "progress report report_summary=summary run_record"),
     (
         "schemas",
         "schemas.runs",
-        "failure_state manifest provenance requirements robot_model=robot_yaml run_programs=programs "
-        "run_variables=variables simulation_run=plan verification",
+        "failure_state manifest provenance requirement_orders=requested_requirements requirements "
+        "robot_model=robot_yaml run_programs=programs run_variables=variables simulation_run=plan verification",
     ),
     (
         "schemas",
@@ -35,8 +36,8 @@ _GROUPS = (
     (
         "schemas",
         "schemas.wire",
-        "arns base common errors globs ids operation_shape request_problems simulation_job_configs=job_configs "
-        "strict_json",
+        "arns base common deprecations errors globs ids operation_shape request_problems "
+        "simulation_job_configs=job_configs strict_json",
     ),
     ("schemas", "schemas.worlds", "polygons world world_checks=checks world_description=description"),
     (

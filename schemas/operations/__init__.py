@@ -7,10 +7,8 @@ May import: `schemas.runs`, `schemas.wire`.
 __all__ = [
     "applications",
     "deployment_jobs",
-    "deprecations",
     "fleets",
     "registry",
-    "requested_requirements",
     "resources",
     "robot_applications",
     "robots",

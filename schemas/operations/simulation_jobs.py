@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from ..runs.plan import VideoPolicy
+from ..runs.requested_requirements import check_requirements
 from ..runs.requirements import JobRequirements
 from ..wire.base import Shape, ShapeName
 from ..wire.common import (
@@ -38,7 +39,6 @@ from ..wire.job_configs import (
     VPCConfigResponse,
 )
 from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
-from .requested_requirements import check_requirements
 
 FailureBehavior = Annotated[Literal["Fail", "Continue"], ShapeName("FailureBehavior")]
 SimulationJobStatus = Annotated[

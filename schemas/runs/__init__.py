@@ -10,6 +10,7 @@ __all__ = [
     "plan",
     "programs",
     "provenance",
+    "requested_requirements",
     "requirements",
     "robot_yaml",
     "stops",

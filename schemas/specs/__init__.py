@@ -1,6 +1,6 @@
 """Specifications: YAML text, references and their types, every check before a run, and the JSON Schema.
 
-May import: `schemas.operations`, `schemas.templates`, `schemas.wire`.
+May import: `schemas.operations`, `schemas.runs`, `schemas.templates`, `schemas.wire`.
 """
 
 # pyright: reportUnsupportedDunderAll=false

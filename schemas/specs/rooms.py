@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ..operations.requested_requirements import no_such_room
+from ..runs.requested_requirements import no_such_room
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem
 from .model import FOR_EACH, CheckedStep, for_each_of, variable_of

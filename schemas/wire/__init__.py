@@ -8,6 +8,7 @@ __all__ = [
     "arns",
     "base",
     "common",
+    "deprecations",
     "errors",
     "globs",
     "ids",

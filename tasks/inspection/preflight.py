@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ...schemas.operations.requested_requirements import no_such_room
+from ...schemas.runs.requested_requirements import no_such_room
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import Problem, SpecError

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from ...schemas.operations.deprecations import deprecated_uses
 from ...schemas.operations.registry import OPERATIONS, OperationShape, parse_request
 from ...schemas.operations.resources import RESOURCES
 from ...schemas.wire.base import Shape
+from ...schemas.wire.deprecations import deprecated_uses
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
 from ..service.service import Service
 

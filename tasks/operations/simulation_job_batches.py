@@ -3,7 +3,6 @@
 from typing import Any
 
 from ...schemas.documents.simulation_job_batches import BatchCounts, SimulationJobBatchDocument, StoredBatchPolicy
-from ...schemas.operations.requested_requirements import rooms_asked
 from ...schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
     CancelSimulationJobBatchResponse,
@@ -11,6 +10,7 @@ from ...schemas.operations.simulation_job_batches import (
     ListSimulationJobBatchesRequest,
     StartSimulationJobBatchRequest,
 )
+from ...schemas.runs.requested_requirements import rooms_asked
 from ..catalog import ClientToken, Resource
 from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..jobs.batch_runs import BatchRun, jobs_by_request

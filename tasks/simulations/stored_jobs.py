@@ -6,9 +6,9 @@ from typing import Any
 from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.operations.registry import seed_of, video_of
-from ...schemas.operations.requested_requirements import requirements_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ...schemas.runs.plan import ApplicationRole
+from ...schemas.runs.requested_requirements import requirements_of
 from ...schemas.wire.errors import InvalidParameterException
 from ..catalog import ClientToken, Resource
 from ..service.service import Service

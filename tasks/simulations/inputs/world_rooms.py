@@ -5,8 +5,8 @@ from functools import lru_cache
 from pydantic import ValidationError
 
 from ....schemas.documents.worlds import WorldDocument
-from ....schemas.operations.requested_requirements import rooms_asked, unknown_room
 from ....schemas.operations.simulation_jobs import SimulationJobRequestMembers
+from ....schemas.runs.requested_requirements import rooms_asked, unknown_room
 from ....schemas.wire.errors import InvalidParameterException, StorageError
 from ....schemas.worlds.world import World
 from ...catalog import Resource

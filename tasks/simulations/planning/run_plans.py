@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
-from ....schemas.operations.requested_requirements import unknown_room
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requested_requirements import unknown_room
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError
 from ....schemas.worlds.world import World

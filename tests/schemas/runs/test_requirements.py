@@ -4,8 +4,8 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.operations.registry import check_request, parse_request
-from prefect_robomaker.schemas.operations.requested_requirements import requirements_of, unknown_room
 from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
+from prefect_robomaker.schemas.runs.requested_requirements import requirements_of, unknown_room
 from prefect_robomaker.schemas.runs.requirements import (
     ClearanceRequirement,
     GoalRequirement,

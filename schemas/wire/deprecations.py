@@ -7,8 +7,8 @@ no longer ran fleets, worlds inside jobs, or tools and uploads of its own choice
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..wire.json_values import is_list, is_mapping
-from ..wire.operation_shape import OperationShape
+from .json_values import is_list, is_mapping
+from .operation_shape import OperationShape
 
 _REFUSED_MEMBERS: Mapping[str, str] = {
     "sources": "applications come as `environment`",

@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
-from ..runs.requirements import JobRequirement, parse_requirements, rooms_of
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import RobotApplicationConfig, SimulationApplicationConfig
 from ..wire.strict_json import load_strict
+from .requirements import JobRequirement, parse_requirements, rooms_of
 
 REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 """Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
