@@ -255,7 +255,7 @@ class PipelineRun:
 
     def _reused(self, operation: str, if_exists: str, request: dict[str, Any]) -> dict[str, Any] | None:
         """The answer of an application that exists already, where the step allows that."""
-        from ..tasks.operations.applications import reuse_application, update_application
+        from ..tasks.operations.applications.records import reuse_application, update_application
 
         role = "robot" if operation == "CreateRobotApplication" else "simulation"
         if if_exists == "update":

@@ -186,7 +186,13 @@ _GROUPS = (
     ("tasks.worldforge", "tasks.worldforge.viewer", "catalogue_sheet contact_sheet page_files pictures viewer_page"),
     ("flows", "tasks.inspection", "preflight"),
     ("flows", "tasks.jobs", "batch_runs"),
-    ("flows", "tasks.operations", "application_versions applications listing=pages operation=registry"),
+    ("flows", "tasks.operations", "listing=pages operation=registry"),
+    ("flows", "tasks.operations.applications", "application_versions=versions applications=records"),
+    (
+        "tasks.operations",
+        "tasks.operations.applications",
+        "application_handlers=handlers application_versions=versions applications=records",
+    ),
     ("deployments", "deployments", "performer=worker sdk=service_model"),
     ("deployments", "deployments.endpoint", "access_keys"),
     (

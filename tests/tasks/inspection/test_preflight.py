@@ -8,7 +8,7 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ResourceAlreadyExistsException, SpecError, StorageError
 from prefect_robomaker.tasks.inspection.preflight import check_preconditions
-from prefect_robomaker.tasks.operations.applications import update_application
+from prefect_robomaker.tasks.operations.applications.records import update_application
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

@@ -5,15 +5,15 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from ...schemas.documents.applications import ApplicationDocument
-from ...schemas.operations.applications import ApplicationListRequest
-from ...schemas.runs.plan import ApplicationRole
-from ...schemas.wire.arns import ResourceArn, application_arn
-from ...schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
-from ..catalog import Page, Resource, Stored
-from ..service.builtin_applications import is_builtin
-from ..service.service import Service
-from ..simulations.planning.applications import (
+from ....schemas.documents.applications import ApplicationDocument
+from ....schemas.operations.applications import ApplicationListRequest
+from ....schemas.runs.plan import ApplicationRole
+from ....schemas.wire.arns import ResourceArn, application_arn
+from ....schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
+from ...catalog import Page, Resource, Stored
+from ...service.builtin_applications import is_builtin
+from ...service.service import Service
+from ...simulations.planning.applications import (
     LATEST,
     check_environment,
     find_application,
@@ -22,7 +22,7 @@ from ..simulations.planning.applications import (
     version_kind,
     with_etag,
 )
-from .pages import page_of
+from ..pages import page_of
 
 _CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
 

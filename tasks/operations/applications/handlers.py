@@ -3,24 +3,24 @@
 What they do is in `applications` and `application_versions`.
 """
 
-from ...schemas.operations.applications import (
+from ....schemas.operations.applications import (
     ApplicationContent,
     ApplicationListRequest,
     ApplicationSelection,
     ApplicationUpdate,
     NewApplicationVersion,
 )
-from ...schemas.runs.programs import ApplicationRole
-from ..service.service import Service
-from .application_versions import create_version
-from .applications import (
+from ....schemas.runs.programs import ApplicationRole
+from ...service.service import Service
+from ..registry import Answer, operation
+from .records import (
     change_application,
     create_application,
     delete_application,
     describe_application,
     list_applications,
 )
-from .registry import Answer, operation
+from .versions import create_version
 
 
 def register_operations(role: ApplicationRole) -> None:

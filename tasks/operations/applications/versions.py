@@ -7,13 +7,13 @@ themselves; a job that uses a version whose archive has changed since fails and 
 from collections.abc import Mapping
 from typing import Any
 
-from ...schemas.documents.applications import ApplicationDocument, StoredSource
-from ...schemas.documents.base import VERSION_KEY
-from ...schemas.runs.plan import ApplicationRole
-from ...schemas.wire.errors import InvalidParameterException, ThrottlingException
-from ..catalog import NewResource, Resource
-from ..service.service import Service
-from ..simulations.planning.applications import (
+from ....schemas.documents.applications import ApplicationDocument, StoredSource
+from ....schemas.documents.base import VERSION_KEY
+from ....schemas.runs.plan import ApplicationRole
+from ....schemas.wire.errors import InvalidParameterException, ThrottlingException
+from ...catalog import NewResource, Resource
+from ...service.service import Service
+from ...simulations.planning.applications import (
     LATEST,
     MAX_VERSIONS,
     find_application,
@@ -21,7 +21,7 @@ from ..simulations.planning.applications import (
     version_kind,
     with_etag,
 )
-from .applications import check_revision, revision
+from .records import check_revision, revision
 
 _ATTEMPTS = 10
 

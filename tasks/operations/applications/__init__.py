@@ -1,0 +1,6 @@
+"""What robot applications and simulation applications share: their handlers, their records, their versions.
+
+May import: `schemas`, `tasks.catalog`, `tasks.operations`, `tasks.service`, `tasks.simulations.planning`.
+"""
+
+__all__ = ["handlers", "records"]
