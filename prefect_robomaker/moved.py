@@ -48,6 +48,7 @@ _GROUPS = (
     ("tasks", "tasks.fleet", "fleets=records"),
     ("tasks", "tasks.inspection", "found_runs replays reports"),
     ("tasks", "tasks.jobs", "generation_runs job_endings=outcomes job_folders job_runs world_jobs"),
+    ("tasks.reporting", "tasks.reporting.drawings", "frame furniture lettering plan svg trajectory"),
     ("tasks", "tasks.service", "builtins=builtin_applications home service"),
     (
         "tasks",

@@ -1,6 +1,6 @@
 """Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers.
 
-May import: `schemas`.
+May import: `schemas`, `tasks.reporting.drawings`.
 """
 
 from .junit import junit_xml

@@ -8,7 +8,8 @@ from markupsafe import Markup
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob
 from ...schemas.reports.summary import ReportSummary, Share
 from ...schemas.runs.plan import RunResult
-from . import plan, wording
+from . import wording
+from .drawings import plan
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
 from .summaries import folder_of, summarize, why_broken

@@ -7,8 +7,8 @@ from pydantic import ValidationError
 
 from ...schemas.reports.report import Report, ReportedWorld
 from ...schemas.worlds.world import Preference, World
-from . import plan
-from .frame import Frame
+from .drawings import plan
+from .drawings.frame import Frame
 from .pictures import Picture, PictureError, embed_picture, embed_svg
 
 

@@ -9,8 +9,8 @@ import math
 
 from markupsafe import Markup
 
-from ...schemas.runs.plan import RunResult
-from ...schemas.worlds.world import Point, Room, Wall, World
+from ....schemas.runs.plan import RunResult
+from ....schemas.worlds.world import Point, Room, Wall, World
 from . import furniture, trajectory
 from .frame import EXTENT, Frame
 from .lettering import draw_label

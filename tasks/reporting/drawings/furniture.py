@@ -8,7 +8,7 @@ import math
 
 from markupsafe import Markup
 
-from ...schemas.worlds.world import Furniture, Point
+from ....schemas.worlds.world import Furniture, Point
 from .frame import Frame
 from .svg import element
 

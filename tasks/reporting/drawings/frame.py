@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...schemas.worlds.world import Point, World
+from ....schemas.worlds.world import Point, World
 
 EXTENT = 1000.0
 """The longer side of every drawing, so that line widths and letters can be fixed in the style sheet."""

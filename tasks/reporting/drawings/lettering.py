@@ -7,8 +7,8 @@ from itertools import pairwise
 
 from markupsafe import Markup
 
-from ...schemas.worlds.polygons import contains
-from ...schemas.worlds.world import Point
+from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.world import Point
 from .frame import Frame
 from .svg import element
 

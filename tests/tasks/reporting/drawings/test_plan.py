@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import Collision
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture, World
-from prefect_robomaker.tasks.reporting import plan
-from prefect_robomaker.tasks.reporting.frame import EXTENT, Frame
-from prefect_robomaker.tasks.reporting.furniture import draw_furniture
-from prefect_robomaker.tasks.reporting.lettering import Box, draw_label, largest_box
-from prefect_robomaker.tasks.reporting.trajectory import SHADES, cluster, shaded_runs
+from prefect_robomaker.tasks.reporting.drawings import plan
+from prefect_robomaker.tasks.reporting.drawings.frame import EXTENT, Frame
+from prefect_robomaker.tasks.reporting.drawings.furniture import draw_furniture
+from prefect_robomaker.tasks.reporting.drawings.lettering import Box, draw_label, largest_box
+from prefect_robomaker.tasks.reporting.drawings.trajectory import SHADES, cluster, shaded_runs
 
 _COORDINATE = st.floats(-50, 50).map(lambda value: round(value, 3))
 
