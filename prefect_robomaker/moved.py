@@ -142,8 +142,17 @@ _GROUPS = (
     (
         "tasks.runtime.applications.robots",
         "tasks.runtime.robots",
-        "bases drives lookup mapped mapped_drive mapped_model mapping menagerie model_files problems reach robot "
-        "urdf walker walker_gait",
+        "bases drives lookup robot walker walker_gait",
+    ),
+    (
+        "tasks.runtime.applications.robots",
+        "tasks.runtime.robots.robot_yaml",
+        "mapped=assembly mapped_drive=drive mapped_model=model mapping menagerie model_files problems reach urdf",
+    ),
+    (
+        "tasks.runtime.robots",
+        "tasks.runtime.robots.robot_yaml",
+        "mapped=assembly mapped_drive=drive mapped_model=model mapping menagerie model_files problems reach urdf",
     ),
     ("tasks.worldforge", "tasks.worldforge.bundle", "bundle worker"),
     (

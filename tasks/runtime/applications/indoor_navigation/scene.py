@@ -14,8 +14,8 @@ from dm_control.mujoco.engine import NamedIndexStructs
 from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
-from ...robots.mapped_model import options_for_world
 from ...robots.robot import Robot
+from ...robots.robot_yaml.model import options_for_world
 from ...robots.scout import SCOUT
 from .lidar import hide_geoms_from_lidar
 

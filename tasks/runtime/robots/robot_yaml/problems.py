@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 
-from ....schemas.wire.errors import LaunchError
+from .....schemas.wire.errors import LaunchError
 
 INVALID_ROBOT = "InvalidBundleRobotApplication"
 """Failure code of a job whose robot cannot be made from its files."""

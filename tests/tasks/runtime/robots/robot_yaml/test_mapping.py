@@ -5,7 +5,7 @@ from helpers.robot_stands import CART_MAPPING
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.robots.mapping import read_mapping
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.mapping import read_mapping
 
 GOOD = """version: 1
 model: cart.xml

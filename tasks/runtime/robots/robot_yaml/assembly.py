@@ -9,9 +9,10 @@ from collections.abc import Mapping
 
 import mujoco
 
-from ....schemas.runs.robot_yaml import RobotLidar, RobotModel
-from .mapped_drive import make_drive, planar_joints
-from .mapped_model import (
+from .....schemas.runs.robot_yaml import RobotLidar, RobotModel
+from ..robot import Lidar, Limits, Robot
+from .drive import make_drive, planar_joints
+from .model import (
     ACCELEROMETER,
     FOLLOW_CAMERA,
     FOOTPRINT,
@@ -23,7 +24,6 @@ from .mapped_model import (
 )
 from .problems import alternatives, invalid
 from .reach import solid_reach_m
-from .robot import Lidar, Limits, Robot
 
 _logger = logging.getLogger(__name__)
 

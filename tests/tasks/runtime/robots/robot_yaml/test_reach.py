@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.robots.reach import geom_reach_m, solid_reach_m
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.reach import geom_reach_m, solid_reach_m
 
 WEDGE = "0 0 0  0.3 0 0  0 0.1 0  0 0 0.1"
 

@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
-from ....schemas.wire.errors import LaunchError
+from .....schemas.wire.errors import LaunchError
 from .mapping import MAPPING_FILE
 from .problems import alternatives
 

@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ....schemas.runs.robot_yaml import AddedActuator, RobotModel
+from .....schemas.runs.robot_yaml import AddedActuator, RobotModel
 from .model_files import load_model
 from .problems import alternatives, invalid
 

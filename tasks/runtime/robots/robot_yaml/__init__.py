@@ -1,0 +1,6 @@
+"""Robots of `robot.yaml`: reading it, the MJCF, URDF or MuJoCo Menagerie model that it names, and the robot of both.
+
+May import: `schemas`, `tasks.runtime.robots`.
+"""
+
+__all__ = ["assembly", "mapping", "menagerie", "model", "problems"]
