@@ -13,12 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from helpers.required_programs import needs
 from websockets.sync.client import ClientConnection, connect
 
 EXECUTABLE = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
 )
 """Chromium's path; empty where there is none."""
+
+needs_browser = needs("chromium", EXECUTABLE, "no Chromium on this machine: chromium, google-chrome not in PATH")
 
 _START_S = 60.0
 _ANSWER_S = 60.0

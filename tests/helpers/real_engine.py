@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from helpers.container_images import write_root
+from helpers.required_programs import missing
 from prefect_robomaker.tasks.simulations.containers.engines import Engine, EngineError
 
 _START_WITHIN_S = 30.0
@@ -112,7 +113,7 @@ def real_engine() -> Iterator[RealEngine]:
                     continue
                 yield engine
                 return
-    pytest.skip(f"no container engine works here: {'; '.join(reasons)}")
+    missing("docker", f"no container engine works here: {'; '.join(reasons)}")
 
 
 def _docker(name: str, folder: Path, _: ExitStack) -> RealEngine:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from helpers.processes import wait_for, working_below
+from helpers.required_programs import needs
 from helpers.run_processes import processes_with
 from helpers.small_flat import ROLE
 
@@ -21,9 +22,10 @@ from prefect_robomaker.tasks.storage import pack_tar_gz
 
 pytestmark = [
     pytest.mark.deep,
-    pytest.mark.skipif(
-        not (shutil.which("roslaunch") and shutil.which("rosmaster") and Path("/usr/lib/rosout/rosout").exists()),
-        reason="roslaunch, rosmaster or rosout is not installed (Debian's python3-roslaunch)",
+    needs(
+        "ros",
+        shutil.which("roslaunch") and shutil.which("rosmaster") and Path("/usr/lib/rosout/rosout").exists(),
+        "roslaunch, rosmaster or rosout is not installed (Debian's python3-roslaunch)",
     ),
 ]
 

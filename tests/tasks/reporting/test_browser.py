@@ -4,14 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.browser import EXECUTABLE, browser
+from helpers.browser import EXECUTABLE, browser, needs_browser
 from PIL import Image, ImageStat
 
 from prefect_robomaker.tasks.reporting import write_report
 
-pytestmark = pytest.mark.skipif(
-    not EXECUTABLE, reason="no Chromium on this machine: chromium, google-chrome not in PATH"
-)
+pytestmark = needs_browser
 
 
 def _browse(page: Path, profile: Path, *options: str) -> subprocess.CompletedProcess[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from catkin_pkg.package import parse_package
+from helpers.required_programs import needs
 
 SHARED, WORLDS = PACKAGES = ("aws_robomaker_worldforge_shared_models", "aws_robomaker_worldforge_worlds")
 FOLDERS = {SHARED: "models", WORLDS: "worlds"}
@@ -88,7 +89,7 @@ def test_the_ros_1_launch_file_passes_only_what_gazebo_takes(exported: Path) -> 
     assert passed == {"world_name", "gui", "paused", "use_sim_time", "debug", "verbose"}
 
 
-@pytest.mark.skipif(not shutil.which("catkin_make"), reason="catkin is not installed (Debian's catkin)")
+@needs("ros", shutil.which("catkin_make"), "catkin is not installed (Debian's catkin)")
 def test_catkin_builds_installs_and_finds_the_packages(workspace: Path) -> None:
     run("catkin_make", "install", cwd=workspace, ROS_VERSION="1")
     for setup, place in (
@@ -104,9 +105,7 @@ def test_catkin_builds_installs_and_finds_the_packages(workspace: Path) -> None:
         assert all(Path(folder).is_dir() for folder in folders)
 
 
-@pytest.mark.skipif(
-    not Path("/usr/share/ament_cmake/cmake").is_dir(), reason="ament-cmake is not installed (Debian's ament-cmake)"
-)
+@needs("ros", Path("/usr/share/ament_cmake/cmake").is_dir(), "ament-cmake is not installed (Debian's ament-cmake)")
 def test_ament_installs_the_packages_and_their_environment(workspace: Path) -> None:
     top = workspace / "src" / "aws_robomaker_worldforge_pkgs"
     for package in PACKAGES:
@@ -128,9 +127,10 @@ def test_ament_installs_the_packages_and_their_environment(workspace: Path) -> N
     assert (workspace / "install" / WORLDS / "share" / WORLDS / "launch" / "launch_world.py").is_file()
 
 
-@pytest.mark.skipif(
-    not (shutil.which("roslaunch") and shutil.which("rospack")),
-    reason="roslaunch or rospack is not installed (Debian's python3-roslaunch, rospack-tools)",
+@needs(
+    "ros",
+    shutil.which("roslaunch") and shutil.which("rospack"),
+    "roslaunch or rospack is not installed (Debian's python3-roslaunch, rospack-tools)",
 )
 def test_roslaunch_starts_the_world_that_was_asked_for(workspace: Path) -> None:
     """Gazebo itself is not there: its launch file is replaced by one that tells what it was given."""

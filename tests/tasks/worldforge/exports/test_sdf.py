@@ -16,6 +16,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from helpers.required_programs import needs
 
 from prefect_robomaker.schemas.worlds.world import Furniture
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
@@ -38,7 +39,7 @@ def worlds_of(exported: Path) -> list[str]:
     return sorted(path.name for path in (exported / WORLDS).iterdir())
 
 
-@pytest.mark.skipif(not shutil.which("ign"), reason="ign is not installed (Debian's ignition-tools)")
+@needs("ros", shutil.which("ign"), "ign is not installed (Debian's ignition-tools)")
 def test_ign_accepts_a_world(exported: Path) -> None:
     name = worlds_of(exported)[0]
     environment = {**os.environ, "SDF_PATH": f"{exported / MODELS}:{exported / WORLDS}"}
@@ -49,7 +50,7 @@ def test_ign_accepts_a_world(exported: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not LIBSDFORMAT, reason="libsdformat12 is not installed (Debian's libsdformat-dev)")
+@needs("ros", LIBSDFORMAT, "libsdformat12 is not installed (Debian's libsdformat-dev)")
 @pytest.mark.deep
 def test_libsdformat_accepts_every_sdf_file(exported: Path) -> None:
     files = [str(file) for file in sorted([*exported.rglob("*.sdf"), *exported.rglob("*.world")])]

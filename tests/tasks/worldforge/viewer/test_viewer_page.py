@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from helpers.required_programs import needs
 from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import World
@@ -16,7 +17,7 @@ from prefect_robomaker.tasks.worldforge.viewer import viewer_page as page_module
 from prefect_robomaker.tasks.worldforge.viewer.viewer_page import viewer_page
 
 BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
-needs_browser = pytest.mark.skipif(not BROWSER, reason="no Chromium on this machine")
+needs_browser = needs("chromium", BROWSER, "no Chromium on this machine")
 
 pytestmark = pytest.mark.slow  # browsers without a graphics card draw slowly
 
