@@ -110,7 +110,7 @@ def test_requests_carry_the_extensions_and_a_generated_token(make_client: Callab
         video="always",
     )
 
-    body = json.loads(body_of(request))
+    body = body_of(request)
     token = body.pop("clientRequestToken")
     assert len(token) == 36
     assert body == {
@@ -128,7 +128,7 @@ def test_requests_carry_the_extensions_and_a_generated_token(make_client: Callab
 def test_no_token_is_made_up_for_templates(make_client: Callable[..., Any]) -> None:
     request = request_of(make_client(), "create_world_template", templateBody="{}")
 
-    assert json.loads(body_of(request)) == {"templateBody": "{}"}
+    assert body_of(request) == {"templateBody": "{}"}
 
 
 def test_tag_requests_have_the_arn_in_the_path_and_keys_in_the_query(make_client: Callable[..., Any]) -> None:
