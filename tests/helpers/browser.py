@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from helpers.required_programs import needs
 from websockets.sync.client import ClientConnection, connect
+
+from helpers.required_programs import needs
 
 EXECUTABLE = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
