@@ -10,6 +10,7 @@ from urllib.parse import quote, urlencode
 
 import pytest
 from helpers.asgi import Answer, Client
+from helpers.fleet_calls import Fleets
 from helpers.paths import REPOSITORY
 from helpers.request_strategies import WILD, broken, requests, spoilt
 from helpers.small_flat import BODY, ROLE
@@ -71,39 +72,49 @@ def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
         "simulationApplications": [{"application": "indoor-navigation", "launchConfig": {}}],
     }
     robot = {"name": "mine", "robotSoftwareSuite": {"name": "General"}, "environment": {"uri": "python://a.b"}}
-    arns = [
-        template,
-        call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"],
-        call("CreateSimulationJob", job, service)["arn"],
-        call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"],
+    simulation = {
+        "name": "arena",
+        "robotSoftwareSuite": {"name": "General"},
+        "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+        "environment": {"uri": "python://a.b"},
+    }
+    generation = call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"]
+    run = call("CreateSimulationJob", job, service)["arn"]
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"]
+    jobs = [generation, run, batch]
+    applications = [
         call("CreateRobotApplication", robot, service)["arn"],
-        f"{ARN}:world/generation-0/world-1",
+        call("CreateSimulationApplication", simulation, service)["arn"],
         "scout",
         "indoor-navigation",
     ]
+    fleets = Fleets(service)
+    fleet, rover = fleets.fleet(), fleets.robot()
+    world = f"{ARN}:world/generation-0/world-1"
     known = {
         "iamRole": [ROLE],
         "templateBody": [json.dumps(BODY)],
         "uri": ["python://a.b"],
         "currentRevisionId": [""],
         "tagKeys": ["a"],
-        **{
-            name: arns
-            for entry in registry().values()
-            for name in entry.shape.request.model_fields
-            if name in MEMBERS_WITH_ARNS
-        },
+        "application": applications,
+        "applications": applications,
+        "job": jobs,
+        "jobs": jobs,
+        "robot": [rover],
+        "robots": [rover],
+        "world": [world],
+        "worlds": [world],
+        "batch": [batch],
+        "fleet": [fleet],
+        "generationJob": [generation],
+        "resourceArn": [template, *jobs, fleet, rover, world, *applications],
+        "template": [template],
     }
     guarded = Client(make_application(service, access_keys={"known": "secret"}))
     yield Target(service, client, guarded, known)
     client.close()
     guarded.close()
-
-
-MEMBERS_WITH_ARNS = {
-    "application", "applications", "batch", "fleet", "generationJob", "job", "jobs", "resourceArn", "robot", "robots",
-    "template", "world", "worlds",
-}  # fmt: skip
 
 
 @st.composite
