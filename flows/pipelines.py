@@ -24,6 +24,7 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec, resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.preflight import check_preconditions
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Progress, Service
@@ -131,6 +132,8 @@ class PipelineRun:
         self._started_at = service.clock()
         self.run_id = f"{checked.name}-{self._started_at:%Y%m%dT%H%M%S%f}"[:-3]
         self._folder = service.folder("runs", self.run_id)
+        # When it begins: later the folder may have moved on to another commit.
+        self._source = commit_of(Path(spec_path))
         self._steps: list[StepRecord] = []
         self._outputs: dict[str, dict[str, Any]] = {}
         self._record: RunRecord | None = None
@@ -270,6 +273,7 @@ class PipelineRun:
     def _finish(self) -> RunRecord:
         """Writes the report and the record, whatever happened."""
         from ..tasks.inspection.reports import installed_versions
+        from ..tasks.inspection.run_records import write_record
 
         ended_at, versions = self._service.clock(), installed_versions()
         jobs, report_path = self._report(ended_at, versions)
@@ -288,11 +292,10 @@ class PipelineRun:
             versions=versions,
             report_path=report_path,
             run_dir=self._folder,
+            source=self._source,
         )
         (self._folder / "spec.yaml").write_text(self._checked.text)
-        part = self._folder / "run.json.part"
-        part.write_text(record.model_dump_json(indent=2, exclude_none=True))
-        part.replace(self._folder / "run.json")
+        write_record(record)
         return record
 
     def _report(self, ended_at: datetime, versions: dict[str, str]) -> tuple[list[JobRecord], Path | None]:
@@ -311,6 +314,7 @@ class PipelineRun:
                 versions=versions,
                 folder=self._folder,
                 state_of=self._state,
+                source=self._source,
             )
         except Exception as error:
             _logger.exception("the report could not be written")

@@ -12,6 +12,9 @@ LAYERS = ("schemas", "tasks", "flows", "deployments")
 MOST_MODULES = 15
 """Side by side in one folder; the resources of the service are 12, with what they share."""
 
+MORE_MODULES = {"deployments.cli.commands": 20}
+"""A command is found by the name of its file, so that all commands lie side by side."""
+
 
 def source_files() -> Iterator[Path]:
     for layer in LAYERS:
@@ -57,7 +60,7 @@ def test_a_room_says_what_lives_there(room: str) -> None:
 @pytest.mark.parametrize("room", sorted(ROOMS))
 def test_a_room_is_no_warehouse(room: str) -> None:
     modules = [name for name in MODULES if name.rpartition(".")[0] == room and name not in ROOMS]
-    assert len(modules) <= MOST_MODULES
+    assert len(modules) <= MORE_MODULES.get(room, MOST_MODULES)
 
 
 @pytest.mark.parametrize("room", [room for room in sorted(ROOMS) if room.startswith(("schemas.", "tasks."))])

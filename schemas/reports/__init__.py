@@ -1,7 +1,18 @@
-"""Reports as data: the report, its summary, the record of a run and the progress of a running pipeline.
+"""Reports as data: the report, its summary, comparison and history, the record of a run and its progress.
 
 May import: `schemas.runs`, `schemas.wire`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["progress", "report", "run_record", "summary", "variants"]
+__all__ = [
+    "changes",
+    "comparison",
+    "history",
+    "inputs",
+    "progress",
+    "report",
+    "run_record",
+    "states",
+    "summary",
+    "variants",
+]

@@ -2,14 +2,15 @@
 
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field
 
 from ..runs.plan import RunResult
 from ..wire.base import Model
-
-RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
+from .changes import SinceLastRun
+from .inputs import JobInputs
+from .states import RunState as RunState
 
 
 class ReportedFile(Model):
@@ -63,6 +64,7 @@ class ReportedJob(Model):
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
     duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
+    inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
 
 
 class Report(Model):
@@ -79,3 +81,6 @@ class Report(Model):
     command: str = Field(description="The command that runs it again.")
     where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")
+    since_last: SinceLastRun | None = Field(
+        default=None, description="What changed since the last run of the specification; absent: it was not looked up."
+    )

@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from ..runs.plan import Verdict
+from ..runs.plan import Requirement, Verdict
 from ..wire.base import Model
-from .report import RunState
+from .inputs import JobInputs, SourceCommit
+from .states import RunState
 
 EXIT_CODES: dict[RunState, int] = {"succeeded": 0, "failed": 1, "broken": 3, "canceled": 4, "timed out": 5}
 """What the command line ends with, by how the run ended."""
@@ -54,12 +55,26 @@ class JobRecord(Model):
     failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
     output_uri: str | None = Field(default=None, description="Where its outputs are.")
+    step: str | None = Field(default=None, description="The step that made it; absent in records of version 1.")
+    test: str | None = Field(
+        default=None,
+        description="What it is called in every run of the specification, once in its step: world or number of the "
+        "request, and application; absent in records of version 1.",
+    )
+    requirements: list[Requirement] = Field(default=[], description="What it was judged by, from `result.json`.")
+    inputs: JobInputs | None = Field(
+        default=None, description="What its result depends on; absent in records of version 1 and of deleted jobs."
+    )
 
 
 class RunRecord(Model):
     """One run of a specification."""
 
-    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    schema_version: Literal[1, 2] = Field(
+        default=2,
+        description="Version of this document's form. Version 1 has no `source`, and no `step`, `test`, `requirements` "
+        "and `inputs` of jobs; `robomaker report` brings a record to version 2.",
+    )
     run_id: str = Field(description="Id of this run.")
     name: str = Field(description="Name of the specification.")
     spec_path: str = Field(description="The file that was run.")
@@ -71,5 +86,8 @@ class RunRecord(Model):
     steps: list[StepRecord] = Field(description="In the order they ran.")
     jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
+    source: SourceCommit | None = Field(
+        default=None, description="Git commit of the folder of the specification; absent: it was in none."
+    )
     report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")

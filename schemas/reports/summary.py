@@ -9,9 +9,9 @@ from pydantic import Field
 from ..runs.plan import Requirement
 from ..runs.programs import ToolEnds
 from ..wire.base import Model
-from .report import RunState
-
-CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
+from .changes import SinceLastRun
+from .states import CaseOutcome as CaseOutcome
+from .states import RunState
 
 
 class Share(Model):
@@ -81,5 +81,8 @@ class ReportSummary(Model):
     worlds: list[Share] = Field(description="Jobs by world, the worst first.")
     rooms: list[Share] = Field(description="Visits by name of the room, the worst first.")
     steps: list[StepSuite] = Field(description="Steps that made jobs or failed, in order.")
+    since_last: SinceLastRun | None = Field(
+        default=None, description="What changed since the last run of the specification; absent: it was not looked up."
+    )
     report_path: Path | None = Field(default=None, description="The HTML report.")
     junit_path: Path | None = Field(default=None, description="The JUnit file.")

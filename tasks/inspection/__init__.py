@@ -1,9 +1,9 @@
-"""Looking at what ran: finding runs, running them again, gathering reports.
+"""Looking at what ran: finding runs and their records, running them again, gathering reports.
 
-May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.jobs`, `tasks.reporting`, `tasks.runtime.agents`,
-`tasks.runtime.episode`, `tasks.runtime.limits`, `tasks.runtime.replay`, `tasks.runtime.states`, `tasks.service`,
-`tasks.simulations.containers`, `tasks.simulations.inputs`, `tasks.simulations.outputs`, `tasks.simulations.planning`,
-`tasks.simulations.ros`, `tasks.storage`.
+May import: `schemas`, `tasks.catalog`, `tasks.comparison`, `tasks.execution`, `tasks.jobs`, `tasks.reporting`,
+`tasks.runtime.agents`, `tasks.runtime.episode`, `tasks.runtime.limits`, `tasks.runtime.replay`, `tasks.runtime.states`,
+`tasks.service`, `tasks.simulations.containers`, `tasks.simulations.inputs`, `tasks.simulations.outputs`,
+`tasks.simulations.planning`, `tasks.simulations.ros`, `tasks.storage`.
 """
 
-__all__ = ["preflight", "replays", "reports"]
+__all__ = ["commits", "preflight", "replays", "reports", "run_records"]

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
+from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.reports.summary import ReportSummary
@@ -26,12 +27,15 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import Resource
+from ..comparison.nights import NightRun
 from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
-from ..reporting import junit_xml, summarize, write_report
+from ..reporting import case_names, junit_xml, summarize, write_report
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..storage import read_manifest
+from .job_inputs import inputs_of_request, with_inputs
+from .run_records import since_last, write_record
 
 REPORT_NAME = "report.html"
 _PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
@@ -49,6 +53,7 @@ def publish_report(
     versions: Mapping[str, str],
     folder: Path,
     state_of: Callable[[list[JobRecord]], RunState],
+    source: SourceCommit | None = None,
 ) -> tuple[list[JobRecord], Path]:
     """Writes the report of a run and shows its main parts in Prefect's UI.
 
@@ -57,10 +62,12 @@ def publish_report(
     """
     reported = jobs_of(steps, service)
     records = _job_records(reported, service)
+    state = state_of(records)
+    run = NightRun(run_id, name, started_at, state, records, dict(versions), source)
     report = Report(
         name=name,
         run_id=run_id,
-        state=state_of(records),
+        state=state,
         started_at=started_at,
         ended_at=ended_at,
         steps=[_reported_step(step) for step in steps],
@@ -68,12 +75,15 @@ def publish_report(
         jobs=reported,
         command=shlex.join(command),
         versions=dict(versions),
+        since_last=since_last(run, folder.parent),
     )
     return records, _publish(report, records, folder)
 
 
 def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
     """Writes the report of an earlier run again, from what is stored of it.
+
+    A record of version 1 gets what it lacks, as far as it is still stored.
 
     Args:
         record: the run.
@@ -87,7 +97,12 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
         OSError: a file cannot be written.
     """
     report = report_of(record, service)
-    path = _publish(report, _job_records(report.jobs, service), record.run_dir)
+    jobs = _job_records(report.jobs, service)
+    if record.schema_version == 1 and all(job.status != "Deleted" for job in jobs):
+        record = record.model_copy(update={"schema_version": 2, "jobs": jobs})
+        write_record(record)
+    report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
+    path = _publish(report, jobs, record.run_dir)
     summary = summarize(report)
     if junit is not None:
         junit.write_bytes(junit_xml(summary))
@@ -136,7 +151,8 @@ def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
                     )
                 )
     told_apart = variants([job.request for job in jobs])
-    return [job.model_copy(update={"variant": variant}) for job, variant in zip(jobs, told_apart, strict=True)]
+    named = [job.model_copy(update={"variant": variant}) for job, variant in zip(jobs, told_apart, strict=True)]
+    return with_inputs(named, service)
 
 
 def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
@@ -169,6 +185,7 @@ def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
             request=dict(document.requests[index]),
             world_arn=world_arn(document.requests[index]),
             application=_application(document.requests[index]),
+            inputs=inputs_of_request(document.requests[index], None),
         )
     return [jobs[index] for index in sorted(jobs)]
 
@@ -251,10 +268,13 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
 def _job_records(jobs: Sequence[ReportedJob], service: Service) -> list[JobRecord]:
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
     places = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
-    return [_job_record(job, places.get(job.arn or ""), service) for job in jobs]
+    return [
+        _job_record(job, name, places.get(job.arn or ""), service)
+        for job, name in zip(jobs, case_names(jobs), strict=True)
+    ]
 
 
-def _job_record(job: ReportedJob, place: StoredPlace | None, service: Service) -> JobRecord:
+def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service: Service) -> JobRecord:
     result = job.result
     return JobRecord(
         arn=job.arn,
@@ -272,6 +292,10 @@ def _job_record(job: ReportedJob, place: StoredPlace | None, service: Service) -
         remarks=result.remarks if result else [],
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place.bucket, place.prefix) if place else None,
+        step=job.step,
+        test=name,
+        requirements=result.requirements if result else [],
+        inputs=job.inputs,
     )
 
 

@@ -1,11 +1,27 @@
 """Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers.
 
-May import: `schemas`, `tasks.reporting.drawings`.
+May import: `schemas`, `tasks.reporting.drawings`, `tasks.reporting.nights`.
 """
 
 from .junit import junit_xml
-from .render import render_report, write_report
+from .outcomes import Outcome, classify
+from .render import render_history, render_report, write_history, write_report
+from .shares import share_of
 from .statistics import wilson_interval
-from .summaries import summarize
+from .summaries import case_names, summarize
 
-__all__ = ["junit_xml", "render_report", "summarize", "wilson_interval", "write_report"]
+__all__ = [
+    "Outcome",
+    "case_names",
+    "classify",
+    "junit_xml",
+    "outcomes",
+    "render_history",
+    "render_report",
+    "share_of",
+    "summarize",
+    "wilson_interval",
+    "wording",
+    "write_history",
+    "write_report",
+]

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from enum import Enum
 
 from ...schemas.reports.report import Report, ReportedJob
+from ...schemas.runs.plan import Verdict
 
 
 class Outcome(Enum):
@@ -34,18 +35,29 @@ class Outcome(Enum):
 
 
 def outcome_of(job: ReportedJob) -> Outcome:
-    """Classifies a job by its status first: a verdict counts only when the job ended by itself."""
-    if job.status in ("Canceled", "Terminated", "Terminating"):
+    """Classifies a job."""
+    return classify(job.status, job.failure_code, job.result.verdict if job.result else None)
+
+
+def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> Outcome:
+    """Classifies a job by its status first: a verdict counts only when the job ended by itself.
+
+    Args:
+        status: the job's status, or `NotCreated`.
+        failure_code: why it failed; None if it did not.
+        verdict: the simulation's verdict; None if there is none.
+    """
+    if status in ("Canceled", "Terminated", "Terminating"):
         return Outcome.CANCELED
-    if job.status in ("Failed", "RunningFailed", "NotCreated") or (job.failure_code and job.status != "Completed"):
+    if status in ("Failed", "RunningFailed", "NotCreated") or (failure_code and status != "Completed"):
         return Outcome.BROKEN
-    if job.status != "Completed":
+    if status != "Completed":
         return Outcome.UNFINISHED
-    if job.result is None or job.result.verdict == "NONE":
+    if verdict is None or verdict == "NONE":
         return Outcome.UNJUDGED
-    if job.result.verdict == "ERROR":
+    if verdict == "ERROR":
         return Outcome.BROKEN
-    return Outcome.PASSED if job.result.verdict == "PASS" else Outcome.FAILED
+    return Outcome.PASSED if verdict == "PASS" else Outcome.FAILED
 
 
 def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:

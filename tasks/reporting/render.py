@@ -1,16 +1,20 @@
-"""Renders a report as one HTML file."""
+"""Renders a report, or a specification's history, as one HTML file."""
 
 import base64
 import hashlib
 import os
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import jinja2
 from markupsafe import Markup
 
+from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
 from . import wording
+from .nights.changes import change_in_words, shared_since, since_in_words
+from .nights.view import view_history
 from .view import view_report
 
 _FOLDER = Path(__file__).parent
@@ -28,17 +32,28 @@ def render_report(report: Report) -> str:
     Returns:
         The document.
     """
-    style, script = _asset("report.css"), _asset("report.js")
+    return _page("report.html.j2", ("report.css",), view_report(report))
+
+
+def render_history(history: History, folder: Path) -> str:
+    """Renders a history as one HTML document that loads nothing from anywhere.
+
+    Args:
+        history: what to show; of at least one run.
+        folder: the folder the page will be in, which its links to reports start from.
+    """
+    return _page("history.html.j2", ("report.css", "history.css"), view_history(history, folder))
+
+
+def _page(template: str, styles: Sequence[str], page: object) -> str:
+    style, script = "".join(map(_asset, styles)), _asset("report.js")
     # Only the page's own style sheet and script may run, and nothing may be fetched.
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
         "base-uri 'none'; form-action 'none'"
     )
-    return (
-        _environment()
-        .get_template("report.html.j2")
-        .render(page=view_report(report), policy=policy, style=Markup(style), script=Markup(script))  # noqa: S704
-    )
+    filled = _environment().get_template(template)
+    return filled.render(page=page, policy=policy, style=Markup(style), script=Markup(script))  # noqa: S704
 
 
 def write_report(report: Report, path: Path) -> Path:
@@ -51,11 +66,28 @@ def write_report(report: Report, path: Path) -> Path:
     Returns:
         The path.
     """
+    return _write(render_report(report), path)
+
+
+def write_history(history: History, path: Path) -> Path:
+    """Renders a history into a file, which appears only when it is whole.
+
+    Args:
+        history: what to show; of at least one run.
+        path: the file; its folder is made if needed.
+
+    Returns:
+        The path.
+    """
+    return _write(render_history(history, path.absolute().parent), path)
+
+
+def _write(page: str, path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         # Logs may hold bytes that are no text; those become question marks.
-        partial.write_text(render_report(report), encoding="utf-8", errors="replace")
+        partial.write_text(page, encoding="utf-8", errors="replace")
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
@@ -86,5 +118,10 @@ def _environment() -> jinja2.Environment:
         plain=wording.plain,
         compact=wording.compact,
         moment=wording.moment,
+        minute=wording.minute,
+        day=wording.day,
+        change=change_in_words,
+        since=since_in_words,
+        shared_since=shared_since,
     )
     return environment

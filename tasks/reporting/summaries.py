@@ -1,7 +1,7 @@
 """Summarises a report in numbers."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep
 from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
@@ -25,8 +25,21 @@ def summarize(report: Report) -> ReportSummary:
         requirements=by_requirement(report.jobs),
         worlds=by_world(report.jobs, labels),
         rooms=by_room(report.jobs),
+        since_last=report.since_last,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
     )
+
+
+def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
+    """What the jobs of a run are called in every run of the specification, each once in its step."""
+    by_step: dict[str | None, list[int]] = {}
+    for index, job in enumerate(jobs):
+        by_step.setdefault(job.step, []).append(index)
+    names = [""] * len(jobs)
+    for indexes in by_step.values():
+        for index, (name, _) in zip(indexes, _named(jobs[index] for index in indexes), strict=True):
+            names[index] = name
+    return names
 
 
 def why_broken(job: ReportedJob) -> str:

@@ -102,6 +102,11 @@ class Page:
     worlds: list[WorldView]
 
     @property
+    def anchors(self) -> dict[str, str]:
+        """Where the cards of jobs are, by their ids."""
+        return {job.title: job.anchor for job in self.jobs}
+
+    @property
     def failures(self) -> list[JobView]:
         """Jobs whose robots did badly, in the order they were requested."""
         return [job for job in self.jobs if job.outcome is Outcome.FAILED]

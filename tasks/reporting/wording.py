@@ -31,6 +31,16 @@ def moment(time: datetime) -> str:
     return f"{in_utc:%Y-%m-%d %H:%M:%S} UTC"
 
 
+def minute(time: datetime) -> str:
+    """`2026-03-02 09:30`, in UTC."""
+    return moment(time)[:16]
+
+
+def day(time: datetime) -> str:
+    """`2026-03-02`, in UTC."""
+    return moment(time)[:10]
+
+
 def size(count: int) -> str:
     """A number of bytes with a decimal prefix: `17 B`, `4.2 kB`, `1.3 MB`."""
     value = float(count)

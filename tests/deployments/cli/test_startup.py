@@ -7,7 +7,7 @@ import pytest
 from helpers.paths import REPOSITORY
 
 QUICKSTART = str(REPOSITORY / "deployments" / "specs" / "quickstart.yaml")
-HEAVY = ("prefect", "mujoco", "dm_control", "sqlalchemy", "boto3", "numpy", "starlette")
+HEAVY = ("prefect", "mujoco", "dm_control", "sqlalchemy", "boto3", "numpy", "scipy", "starlette")
 PROBE = """
 import sys
 from prefect_robomaker.deployments.cli.main import main
@@ -33,6 +33,8 @@ sys.exit(code)
         ["run", "--help"],
         ["world", "show", "--help"],
         ["serve", "--help"],
+        ["compare", "--help"],
+        ["history", "--help"],
     ],
     ids=" ".join,
 )

@@ -66,7 +66,7 @@ def test_a_step_that_fails_ends_the_run_with_3(run, spec) -> None:
     assert ended.returncode == 3, ended.stderr
     record = RunRecord.model_validate_json(ended.stdout)
     assert [(step.name, step.status) for step in record.steps] == [("world", "Failed"), ("after", "Skipped")]
-    assert (record.state, record.exit_code, record.schema_version) == ("broken", 3, 1)
+    assert (record.state, record.exit_code, record.schema_version) == ("broken", 3, 2)
     assert "ResourceNotFoundException" in (record.steps[0].error or "")
 
 

@@ -1,0 +1,157 @@
+"""Comparisons and histories as text."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ....schemas.reports.changes import CellChange
+from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
+from ....schemas.reports.history import History, Night
+from ....tasks.reporting import wording
+from ....tasks.reporting.nights.changes import change_in_words, shared_since, since_in_words
+
+_MOST_JOBS = 10
+"""Jobs of a list that are printed; JSON and pages have them all."""
+_MOST_NIGHTS = 14
+
+
+def comparison_lines(comparison: Comparison) -> list[str]:
+    """The comparison in words, the answer first."""
+    before, after = comparison.before, comparison.after
+    lines = [
+        f"{after.run_id} compared with {before.run_id}",
+        f"{comparison.answer.capitalize()}: {comparison.why}",
+        "",
+    ]
+    if rate := comparison.rate:
+        lines.append(
+            f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
+            f"({1 - comparison.alpha:.0%} interval {_points(rate.low)} to {_points(rate.high)})"
+        )
+    if comparison.needed:
+        lines.append(f"  needed        {_needed(comparison.needed)}")
+    lines.append(f"  pairs         {_pairs(comparison)}")
+    for title, jobs in (
+        ("newly failing", comparison.newly_failing),
+        ("newly passing", comparison.newly_passing),
+        ("still failing", comparison.still_failing),
+    ):
+        lines += _paired(title, jobs)
+    return lines + _metrics(comparison)
+
+
+def history_lines(history: History, page: Path) -> list[str]:
+    """The history in words: what changed, the latest runs, unsteady jobs, and where the page is."""
+    since = history.since_last
+    lines = [f"{history.name}: {_counted(len(history.nights), 'run')}", ""]
+    if since.previous_run_id is None:
+        lines.append("  This is the first run that has results: there is nothing to compare it with.")
+    elif not since.paired:
+        lines.append("  No job of the last run has the step, world and seed of a job of an earlier run.")
+    for title, changes in (
+        ("newly failing", since.newly_failing),
+        ("newly passing", since.newly_passing),
+        ("still failing", since.still_failing),
+    ):
+        lines += _changed(title, changes)
+    if since.previous_run_id is not None:
+        lines += _changed("failing, without an earlier result", since.first_failing)
+    unsteady = [cell for cell in history.cells if cell.unsteady]
+    if unsteady:
+        lines.append(f"  unsteady      {len(unsteady)}")
+        lines += [f"    {cell.cell.title}" for cell in unsteady[:_MOST_JOBS]]
+    lines += ["", *_nights(history.nights), "", f"  page     {page}"]
+    return lines
+
+
+def _pairs(comparison: Comparison) -> str:
+    told = [_counted(comparison.pairs, "job") + " of both runs"]
+    told += [f"{comparison.unjudged} without a verdict in one"] if comparison.unjudged else []
+    if comparison.other_requirements:
+        told.append(f"{comparison.other_requirements} judged by other requirements, which do not count")
+    told += [f"{comparison.other_requests} with another request"] if comparison.other_requests else []
+    told += [f"{comparison.only_before} only in the first"] if comparison.only_before else []
+    told += [f"{comparison.only_after} only in the second"] if comparison.only_after else []
+    return ", ".join(told)
+
+
+def _needed(needed: NeededPairs) -> str:
+    basis = {
+        "asked for": "the difference asked for",
+        "as found": "the difference as found",
+        "10 points": "a difference, of which there was none,",
+    }[needed.basis]
+    chance = f"{needed.power:.0%} chance"
+    of = f"{basis} of {needed.difference * 100:.3g} points"
+    if not needed.more:
+        return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
+    return f"{needed.more} more pairs, {needed.pairs} in all, to show {of} with a {chance}"
+
+
+def _paired(title: str, jobs: Sequence[PairedJob]) -> list[str]:
+    if not jobs:
+        return []
+    lines = [f"  {title} {len(jobs)}"]
+    for job in jobs[:_MOST_JOBS]:
+        outcome = f"{job.before} → {job.after}"
+        lines.append(f"    {job.cell.title}: {outcome}" + (f"; {job.reason}" if job.reason else ""))
+    return lines + _more(len(jobs))
+
+
+def _changed(title: str, changes: Sequence[CellChange]) -> list[str]:
+    if not changes:
+        return []
+    shared = shared_since(changes)
+    lines = [f"  {title} {len(changes)}", *([f"    {shared}"] if shared else [])]
+    for change in changes[:_MOST_JOBS]:
+        lines.append(f"    {change.cell.title}" + (f": {change.reason}" if change.reason else ""))
+        if change.since and not shared:
+            lines.append(f"      {since_in_words(change.since)}")
+    return lines + _more(len(changes))
+
+
+def _more(count: int) -> list[str]:
+    return [f"    … and {count - _MOST_JOBS} more"] if count > _MOST_JOBS else []
+
+
+def _metrics(comparison: Comparison) -> list[str]:
+    """The metrics that changed; all others are only counted."""
+    changed = [each for each in comparison.metrics if each.changed]
+    others = len(comparison.metrics) - len(changed)
+    lines = [f"  metrics       {len(changed)} changed, {others} show no change"] if comparison.metrics else []
+    width = max((len(each.name) for each in changed), default=0)
+    return lines + [f"    {each.name.ljust(width)}  {_metric(each)}" for each in changed]
+
+
+def _metric(change: MetricChange) -> str:
+    values = f"{wording.compact(change.before)} → {wording.compact(change.after)}"
+    if change.low is None or change.high is None:
+        return values
+    interval = f"{_signed(change.low)} to {_signed(change.high)}"
+    return f"{values}, {_signed(change.difference)} (interval {interval}, {_counted(change.pairs, 'pair')})"
+
+
+def _nights(nights: Sequence[Night]) -> list[str]:
+    shown = list(nights[: -_MOST_NIGHTS - 1 : -1])
+    lines = [f"  {'started (UTC)':<17} {'rate':>5}  {'interval':<10} passed failed broken  changed"]
+    for night in shown:
+        share = night.success
+        rate = "–" if share.rate is None else f"{share.rate:.0%}"
+        interval = "" if share.low is None or share.high is None else f"{share.low:.0%}–{share.high:.0%}"
+        changed = ", ".join(map(change_in_words, night.changed))
+        counts = f"{share.passed:>6} {share.failed:>6} {share.errors:>6}"
+        lines.append(f"  {wording.minute(night.started_at):<17} {rate:>5}  {interval:<10} {counts}  {changed}".rstrip())
+    if len(nights) > len(shown):
+        lines.append(f"  … and {len(nights) - len(shown)} before; the page has them all")
+    return lines
+
+
+def _points(share: float) -> str:
+    return f"{share * 100:+.1f}".replace("-", "−")
+
+
+def _signed(value: float) -> str:
+    return f"{'+' if value > 0 else ''}{wording.compact(value)}"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -1,0 +1,71 @@
+"""What changed from one run of a specification to the next, and since when a job fails."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from .states import CaseOutcome
+
+
+class CellName(Model):
+    """What a job is called in every run of its specification: a cell of the table of jobs and nights."""
+
+    step: str = Field(default="", description="The step that made it.")
+    test: str = Field(description="World or number of the request, and application: `world-1 scout`.")
+    world: str | None = Field(default=None, description="The world it drove in, by the name it had in its run.")
+    seed: int | None = Field(default=None, description="Its seed, where the request named one.")
+    variant: str = Field(default="", description="What its request has that not all of its run have: `SPEED=2`.")
+
+    @property
+    def title(self) -> str:
+        """All of it in words: `drive: world-1 scout, SPEED=2, seed 7`."""
+        parts = [f"{self.step}: {self.test}" if self.step else self.test, self.variant]
+        if self.seed is not None and "seed=" not in self.variant:
+            parts.append(f"seed {self.seed}")
+        return ", ".join(part for part in parts if part)
+
+
+class ChangedInput(Model):
+    """Something that differs between a night on which a job passed and the next one, on which it did not."""
+
+    what: Literal["commit", "application", "version", "request"] = Field(description="What kind of thing.")
+    name: str = Field(default="", description="Name of the application or package.")
+    before: str | None = Field(default=None, description="Commit, digest or version before; absent: not known.")
+    after: str | None = Field(default=None, description="The same after.")
+
+
+class FailureStart(Model):
+    """Since when a job fails."""
+
+    run_id: str = Field(description="First run in which it failed.")
+    started_at: datetime = Field(description="Start of that run, UTC.")
+    nights: int = Field(description="Runs since then in which it failed, that one included.")
+    last_passed_run_id: str | None = Field(
+        default=None, description="Last run before in which it passed; absent: it never did in the runs looked at."
+    )
+    changed: list[ChangedInput] = Field(default=[], description="What changed between those two runs.")
+
+
+class CellChange(Model):
+    """A job of the last run that fails, or stopped failing."""
+
+    cell: CellName = Field(description="Which it is.")
+    job: str = Field(description="Id of the job in the last run.")
+    outcome: CaseOutcome = Field(description="Its outcome in the last run.")
+    reason: str = Field(default="", description="Why it does not pass.")
+    since: FailureStart | None = Field(default=None, description="Since when it fails; absent: it passes.")
+
+
+class SinceLastRun(Model):
+    """What is other than in the run before: the beginning of a nightly's report."""
+
+    previous_run_id: str | None = Field(default=None, description="The run before; absent: this is the first.")
+    previous_started_at: datetime | None = Field(default=None, description="Start of that run, UTC.")
+    paired: int = Field(default=0, description="Jobs that an earlier run has a result of.")
+    unpaired: int = Field(default=0, description="Jobs that no earlier run has a result of.")
+    newly_failing: list[CellChange] = Field(default=[], description="Passed when they ran last, and do not now.")
+    newly_passing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, and do now.")
+    still_failing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, nor now.")
+    first_failing: list[CellChange] = Field(default=[], description="Fail, and have no earlier result.")

@@ -1,0 +1,100 @@
+"""The comparison of two runs: what `robomaker compare -o json` prints."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from .changes import CellName
+from .inputs import SourceCommit
+from .states import CaseOutcome
+
+Answer = Literal["better", "worse", "no difference shown", "not comparable"]
+
+ANSWER_EXIT_CODES: dict[Answer, int] = {"better": 0, "worse": 1, "no difference shown": 6, "not comparable": 7}
+"""What `robomaker compare` ends with, by its answer."""
+
+
+class ComparedRun(Model):
+    """One of the two runs."""
+
+    run_id: str = Field(description="Id of the run.")
+    name: str = Field(description="Name of its specification.")
+    started_at: datetime = Field(description="Start, UTC.")
+    jobs: int = Field(description="How many jobs it has.")
+    source: SourceCommit | None = Field(default=None, description="Commit of its specification; absent: none known.")
+
+
+class PairedJob(Model):
+    """A job of both runs."""
+
+    cell: CellName = Field(description="Which it is.")
+    before: CaseOutcome = Field(description="Outcome in the first run.")
+    after: CaseOutcome = Field(description="Outcome in the second run.")
+    before_job: str = Field(description="Id of the job in the first run.")
+    after_job: str = Field(description="Id of the job in the second run.")
+    reason: str = Field(default="", description="Why it did not pass, in the run in which it did not.")
+
+
+class RateChange(Model):
+    """Pass rates of the pairs that were judged in both runs."""
+
+    pairs: int = Field(description="How many pairs those are.")
+    before: float = Field(description="Share of them that passed in the first run.")
+    after: float = Field(description="Share of them that passed in the second run.")
+    difference: float = Field(description="`after - before`.")
+    low: float = Field(description="Lower end of the difference's interval (Newcombe's method 10).")
+    high: float = Field(description="Upper end of it.")
+    p_value: float = Field(description="Two-sided p-value of the exact McNemar test.")
+
+
+class NeededPairs(Model):
+    """How many pairs would show a difference, by Connor's formula."""
+
+    difference: float = Field(description="Difference of the pass rates that is to be shown, positive.")
+    basis: Literal["asked for", "as found", "10 points"] = Field(
+        description="Where that difference is from: an option, what the pairs showed, or what is taken where they "
+        "showed none."
+    )
+    discordant: float = Field(description="Share of pairs that differ, as expected from those there are.")
+    power: float = Field(description="Probability with which it would be shown.")
+    pairs: int = Field(description="Pairs needed in all.")
+    more: int = Field(description="How many more than there are.")
+
+
+class MetricChange(Model):
+    """One metric of the jobs that ended in both runs."""
+
+    name: str = Field(description="The metric, with its unit.")
+    pairs: int = Field(description="Pairs that have it.")
+    before: float = Field(description="Mean in the first run.")
+    after: float = Field(description="Mean in the second run.")
+    difference: float = Field(description="Mean of `after - before`.")
+    low: float | None = Field(default=None, description="Lower end of its interval; absent with fewer than 2 pairs.")
+    high: float | None = Field(default=None, description="Upper end of it.")
+    changed: bool = Field(description="Whether the interval leaves out 0.")
+
+
+class Comparison(Model):
+    """Two runs, compared job by job."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    before: ComparedRun = Field(description="The first run.")
+    after: ComparedRun = Field(description="The second run.")
+    answer: Answer = Field(description="Whether the second run is better or worse by its verdicts.")
+    exit_code: int = Field(description="What the command line ends with, `ANSWER_EXIT_CODES[answer]`.")
+    why: str = Field(description="The answer's reason in words.")
+    alpha: float = Field(description="Error probability of the test, and of the intervals of all metrics together.")
+    pairs: int = Field(description="Jobs that both runs have.")
+    only_before: int = Field(description="Jobs that only the first run has.")
+    only_after: int = Field(description="Jobs that only the second run has.")
+    unjudged: int = Field(description="Pairs of which one has no verdict: it broke, was canceled or was not judged.")
+    other_requirements: int = Field(description="Pairs that were judged by different requirements; they do not count.")
+    other_requests: int = Field(description="Pairs whose requests differ in more than seed, tags and ARNs.")
+    newly_failing: list[PairedJob] = Field(description="Passed before, failed or broke after.")
+    newly_passing: list[PairedJob] = Field(description="Failed or broke before, passed after.")
+    still_failing: list[PairedJob] = Field(description="Failed or broke in both.")
+    rate: RateChange | None = Field(default=None, description="Pass rates; absent when no pair was judged in both.")
+    needed: NeededPairs | None = Field(default=None, description="Present when no difference was shown.")
+    metrics: list[MetricChange] = Field(description="Metrics, those that changed first.")

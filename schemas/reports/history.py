@@ -1,0 +1,60 @@
+"""The runs of one specification, night by night: what `robomaker history -o json` prints."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from .changes import CellName, ChangedInput, FailureStart, SinceLastRun
+from .inputs import SourceCommit
+from .states import CaseOutcome, RunState
+from .summary import Share
+
+
+class Night(Model):
+    """One run in the history of its specification."""
+
+    run_id: str = Field(description="Id of the run.")
+    started_at: datetime = Field(description="Start, UTC.")
+    state: RunState = Field(description="How it ended as a whole.")
+    success: Share = Field(description="Its jobs; those that broke are not judged.")
+    source: SourceCommit | None = Field(default=None, description="Commit of its specification; absent: none known.")
+    changed: list[ChangedInput] = Field(default=[], description="What of the inputs differs from the run before.")
+    report_path: Path | None = Field(default=None, description="Its HTML report.")
+
+
+class CellHistory(Model):
+    """One job through the nights."""
+
+    cell: CellName = Field(description="Which it is, as in the last run that has it.")
+    outcomes: list[CaseOutcome | None] = Field(description="Its outcome in each night; None: that run has no such job.")
+    success: Share = Field(description="How many of its runs passed.")
+    changes: int = Field(description="How often a result differed from the one before.")
+    unsteady: bool = Field(
+        description="Whether it passed and failed with the same inputs, or changed its result at least three times."
+    )
+    same_inputs: bool = Field(description="Whether it passed and failed with the same applications, request and seed.")
+    since: FailureStart | None = Field(default=None, description="Since when it fails; absent: it does not.")
+
+
+class SharesByNight(Model):
+    """A requirement or a world through the nights."""
+
+    total: Share = Field(description="All nights together.")
+    nights: list[Share | None] = Field(description="Each night; None: it was not judged in that run.")
+
+
+class History(Model):
+    """The runs of one specification."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    name: str = Field(description="Name of the specification.")
+    nights: list[Night] = Field(description="Its runs, the oldest first.")
+    left_out: int = Field(default=0, description="Older runs that were not looked at.")
+    since_last: SinceLastRun = Field(description="What is other in the last run.")
+    cells: list[CellHistory] = Field(description="Its jobs, those that fail or are unsteady first.")
+    cells_left_out: int = Field(default=0, description="Jobs that only one earlier run has, which are not listed.")
+    worlds: list[SharesByNight] = Field(description="Jobs by world, the worst first.")
+    requirements: list[SharesByNight] = Field(description="Judgements by requirement, the worst first.")

@@ -1,0 +1,38 @@
+"""Inputs of runs and of their jobs: what a result was made of, so that those of two nights can be compared."""
+
+from pydantic import Field
+
+from ..runs.programs import ApplicationRole
+from ..wire.base import Model
+
+
+class SourceCommit(Model):
+    """The Git commit of the folder that a specification was in."""
+
+    commit: str = Field(description="The commit's full hash.")
+    changed: bool = Field(description="Whether files that Git tracks differed from it.")
+
+
+class UsedApplication(Model):
+    """An application as a job ran it."""
+
+    role: ApplicationRole = Field(description="Robot or simulation application.")
+    name: str = Field(description="Its name in the catalog.")
+    digest: str = Field(description="SHA-256 of its files, or the id of its container image.")
+
+
+class JobInputs(Model):
+    """What of a job decides its result, as far as it is known."""
+
+    seed: int | None = Field(default=None, description="Its seed; absent: it never became a job.")
+    seed_given: bool = Field(description="Whether the request named the seed; otherwise it was drawn by chance.")
+    world: str | None = Field(
+        default=None, description="Name of the world's content, the same for the same world of every night."
+    )
+    applications: list[UsedApplication] = Field(
+        default=[], description="Its applications; one that was never started is missing."
+    )
+    request_sha256: str = Field(
+        description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "
+        "requirements, without ARNs, which are others every night."
+    )

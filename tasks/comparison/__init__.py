@@ -1,0 +1,13 @@
+"""Comparing runs of specifications: pairs of jobs, statistics, history; pure functions of runs' records.
+
+```
+comparison = compare(before, after, alpha=0.05)
+print(comparison.answer, comparison.why)
+```
+
+Only `statistics` imports scipy, and only `comparing` imports `statistics`; the rest is quick to import.
+
+May import: `schemas`, `tasks.reporting`.
+"""
+
+__all__ = ["comparing", "history", "nights"]

@@ -1,0 +1,131 @@
+"""Since when a job fails, and what changed when it began to."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from ...schemas.reports.changes import ChangedInput, FailureStart
+from ...schemas.reports.run_record import JobRecord
+from ..reporting import Outcome
+from .nights import JUDGED, TOLD, NightRun
+
+_STEADY_CHANGES = 3
+"""Changes of a job's result from which on it is unsteady, whatever its inputs were."""
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """A job in one run."""
+
+    night: int
+    """Number of the run, from 0 for the oldest."""
+    run: NightRun
+    job: JobRecord
+    outcome: Outcome
+    """How it ended."""
+
+
+def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
+    """Since when a job fails.
+
+    Runs in which it was canceled or had no verdict are passed over.
+
+    Args:
+        appearances: the job in the runs that have it, oldest first.
+
+    Returns:
+        The first run of the failures that last until now; None when it does not fail.
+    """
+    told = [each for each in appearances if each.outcome in TOLD]
+    first = len(told)
+    while first and told[first - 1].outcome.is_failure:
+        first -= 1
+    if first == len(told):
+        return None
+    start, passed = told[first], told[first - 1] if first else None
+    return FailureStart(
+        run_id=start.run.run_id,
+        started_at=start.run.started_at,
+        nights=len(told) - first,
+        last_passed_run_id=passed.run.run_id if passed else None,
+        changed=changed_inputs(passed, start) if passed else [],
+    )
+
+
+def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
+    """What of a job's inputs differs between two runs of it, as far as both are known."""
+    changed = changed_runs(before.run, after.run)
+    old, new = before.job.inputs, after.job.inputs
+    if old is None or new is None:
+        return changed
+    ours, theirs = ({used.name: used.digest for used in inputs.applications} for inputs in (old, new))
+    if ours and theirs:  # those of a job that broke early are not known
+        changed += _differences("application", ours, theirs)
+    if old.request_sha256 != new.request_sha256:
+        changed.append(ChangedInput(what="request"))
+    return changed
+
+
+def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
+    """What differs between two runs as a whole: commit of the specification, versions of packages."""
+    changed = []
+    if before.source and after.source and before.source.commit != after.source.commit:
+        changed.append(ChangedInput(what="commit", before=before.source.commit, after=after.source.commit))
+    return changed + _differences("version", before.versions, after.versions)
+
+
+def applications_of(run: NightRun) -> dict[str, str]:
+    """The applications of all jobs of a run by name, with their digests; one that changed meanwhile has several."""
+    digests: dict[str, set[str]] = {}
+    for job in run.jobs:
+        for each in job.inputs.applications if job.inputs else ():
+            digests.setdefault(each.name, set()).add(each.digest)
+    return {name: ", ".join(sorted(found)) for name, found in digests.items()}
+
+
+def changed_nights(before: NightRun, after: NightRun) -> list[ChangedInput]:
+    """What differs between two runs, applications included."""
+    ours, theirs = applications_of(before), applications_of(after)
+    both = ours.keys() & theirs.keys()
+    return changed_runs(before, after) + _differences(
+        "application", {name: ours[name] for name in both}, {name: theirs[name] for name in both}
+    )
+
+
+def results_changed(appearances: Sequence[Appearance]) -> int:
+    """How often a job passed and did not the next time, or the other way round; only verdicts count."""
+    passed = [each.outcome is Outcome.PASSED for each in appearances if each.outcome in TOLD]
+    return sum(old != new for old, new in pairwise(passed))
+
+
+def differs_with_same_inputs(appearances: Sequence[Appearance]) -> bool:
+    """Whether a job passed and failed with the same applications, versions, request and seed.
+
+    Jobs whose applications are not known do not count.
+    """
+    if not {each.outcome for each in appearances}.issuperset(JUDGED):
+        return False
+    verdicts: dict[tuple[object, ...], set[Outcome]] = {}
+    for each in appearances:
+        inputs = each.job.inputs
+        if inputs is not None and inputs.applications and each.outcome in JUDGED:
+            digests = tuple(sorted((used.role, used.name, used.digest) for used in inputs.applications))
+            key = (digests, inputs.request_sha256, inputs.seed, tuple(sorted(each.run.versions.items())))
+            verdicts.setdefault(key, set()).add(each.outcome)
+    return any(len(found) > 1 for found in verdicts.values())
+
+
+def is_unsteady(changes: int, same_inputs: bool) -> bool:
+    """Whether a job's results cannot be relied on."""
+    return same_inputs or changes >= _STEADY_CHANGES
+
+
+def _differences(
+    what: str, before: Mapping[str, str], after: Mapping[str, str]
+) -> list[ChangedInput]:  # fmt: skip
+    """Names whose values differ, and names that came or went."""
+    return [
+        ChangedInput.model_validate({"what": what, "name": name, "before": before.get(name), "after": after.get(name)})
+        for name in sorted(before.keys() | after.keys())
+        if before.get(name) != after.get(name)
+    ]

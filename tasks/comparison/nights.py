@@ -1,0 +1,139 @@
+"""Runs as far as they are compared, and the cells of their jobs: which job of one run is which of another."""
+
+from collections import defaultdict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from ...schemas.reports.changes import CellName
+from ...schemas.reports.inputs import SourceCommit
+from ...schemas.reports.run_record import JobRecord, RunRecord
+from ...schemas.reports.states import RunState
+from ..reporting import Outcome, classify
+
+JUDGED = (Outcome.PASSED, Outcome.FAILED)
+TOLD = (*JUDGED, Outcome.BROKEN)
+"""Outcomes that say whether a job is all right; one that was canceled says nothing."""
+
+GroupKey = tuple[str, str, int | None]
+
+
+@dataclass(frozen=True)
+class NightRun:
+    """A run of a specification, as far as it is compared with others."""
+
+    run_id: str
+    name: str
+    started_at: datetime
+    state: RunState
+    jobs: Sequence[JobRecord]
+    versions: dict[str, str] = field(default_factory=dict)
+    source: SourceCommit | None = None
+    report_path: Path | None = None
+
+    @classmethod
+    def of(cls, record: RunRecord) -> "NightRun":
+        """The same of a run's record."""
+        return cls(
+            run_id=record.run_id,
+            name=record.name,
+            started_at=record.started_at,
+            state=record.state,
+            jobs=record.jobs,
+            versions=record.versions,
+            source=record.source,
+            report_path=record.report_path,
+        )
+
+    @property
+    def has_inputs(self) -> bool:
+        """Whether its jobs can be told from each other; those in records of version 1 cannot."""
+        return any(job.inputs is not None for job in self.jobs)
+
+
+class CellTable:
+    """Finds the cells of jobs: a cell is one job of the specification through all of its runs.
+
+    Jobs are the same when they are of the same step, drive in a world of the same content and have the same seed,
+    where the request names one. Of several such jobs those with the same request are the same; what is left is taken
+    in the order of the requests. Runs have to be placed in the order in which they ran.
+    """
+
+    def __init__(self) -> None:
+        self._groups: dict[GroupKey, list[int]] = defaultdict(list)
+        self._requests: list[str] = []
+
+    def __len__(self) -> int:
+        return len(self._requests)
+
+    def place(self, jobs: Sequence[JobRecord]) -> list[int | None]:
+        """The numbers of the jobs' cells, from 0; new ones for jobs that no earlier run had.
+
+        None for jobs whose inputs are not known.
+        """
+        places: list[int | None] = [None] * len(jobs)
+        groups: dict[GroupKey, list[int]] = defaultdict(list)
+        for index, job in enumerate(jobs):
+            if (key := _group_of(job)) is not None:
+                groups[key].append(index)
+        for key, indexes in groups.items():
+            self._place_group(self._groups[key], indexes, jobs, places)
+        return places
+
+    def _place_group(
+        self, cells: list[int], indexes: list[int], jobs: Sequence[JobRecord], places: list[int | None]
+    ) -> None:
+        by_request: dict[str, deque[int]] = defaultdict(deque)
+        for cell in cells:
+            by_request[self._requests[cell]].append(cell)
+        taken: set[int] = set()
+        rest = []
+        for index in indexes:
+            if same := by_request.get(_request_of(jobs[index])):
+                cell = places[index] = same.popleft()
+                taken.add(cell)
+            else:
+                rest.append(index)
+        free = iter([cell for cell in cells if cell not in taken])
+        for index in rest:
+            cell = next(free, None)
+            if cell is None:
+                cell = len(self._requests)
+                self._requests.append("")
+                cells.append(cell)
+            self._requests[cell] = _request_of(jobs[index])
+            places[index] = cell
+
+
+def _group_of(job: JobRecord) -> GroupKey | None:
+    if job.inputs is None:
+        return None
+    return job.step or "", job.inputs.world or "", job.inputs.seed if job.inputs.seed_given else None
+
+
+def _request_of(job: JobRecord) -> str:
+    return job.inputs.request_sha256 if job.inputs else ""
+
+
+def outcome_of(job: JobRecord) -> Outcome:
+    """How a job of a record ended."""
+    return classify(job.status, job.failure_code, job.verdict)
+
+
+def reason_of(job: JobRecord) -> str:
+    """Why a job did not pass, in one line; empty when it passed."""
+    if outcome_of(job) is Outcome.PASSED:
+        return ""
+    missed = [f"{item.name}: {item.detail}" for item in job.requirements if item.counts and not item.satisfied]
+    words = job.failure_reason or "; ".join(missed) or job.verdict_reason or ""
+    first = next(iter(words.strip().splitlines()), "")
+    return ": ".join(part for part in (job.failure_code, first) if part)
+
+
+def name_of(job: JobRecord) -> CellName:
+    """What a job's cell is called."""
+    seed = job.inputs.seed if job.inputs and job.inputs.seed_given else None
+    return CellName(
+        step=job.step or "", test=job.test or job.world or job.label, world=job.world, seed=seed, variant=job.variant
+    )

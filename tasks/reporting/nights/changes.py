@@ -1,0 +1,44 @@
+"""What changed, and since when a job fails, in words."""
+
+import re
+from collections.abc import Sequence
+
+from ....schemas.reports.changes import CellChange, ChangedInput, FailureStart
+from .. import wording
+
+_SHOWN = 8
+"""Characters of a hash that people compare."""
+
+
+def change_in_words(change: ChangedInput) -> str:
+    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `request`."""
+    if change.what == "request":
+        return "its request"
+    what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
+    if change.before is None:
+        return f"{what} {_short(change.after)} is new"
+    if change.after is None:
+        return f"{what} is gone"
+    return f"{what} {_short(change.before)} → {_short(change.after)}"
+
+
+def since_in_words(since: FailureStart) -> str:
+    """Since when a job fails, and what changed then: one sentence without its full stop."""
+    runs = "1 run" if since.nights == 1 else f"{since.nights} runs"
+    began = f"fails since {wording.moment(since.started_at)}, {runs}"
+    if since.last_passed_run_id is None:
+        return f"{began}; never passed in the runs looked at"
+    if not since.changed:
+        return f"{began}; nothing that is recorded changed then"
+    return f"{began}; changed then: {', '.join(map(change_in_words, since.changed))}"
+
+
+def shared_since(changes: Sequence[CellChange]) -> str:
+    """What several jobs have in common of since when they fail, said once; empty where they differ."""
+    said = {since_in_words(each.since) if each.since else "" for each in changes}
+    return said.pop().replace("fails since", "All fail since", 1) if len(changes) > 1 and len(said) == 1 else ""
+
+
+def _short(value: str | None) -> str:
+    """Hashes cut, anything else as it is."""
+    return re.sub(r"(?:sha256:)?\b([0-9a-f]{8})[0-9a-f]{24,}\b", r"\1", value or "", count=0)

@@ -1,0 +1,136 @@
+"""View model of the page of a specification's history; the template only places it."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from markupsafe import Markup
+
+from ....schemas.reports.history import CellHistory, History, Night, SharesByNight
+from .. import wording
+from ..outcomes import Outcome
+from .changes import change_in_words
+from .charts import outcome_strip, rate_chart, rate_strip
+
+_MOST_CELLS = 500
+"""Rows of the table of jobs; those that need a look stand first."""
+
+
+@dataclass(frozen=True)
+class NightView:
+    """A row of the table of runs."""
+
+    night: Night
+    link: str
+    """Address of its report from the page; empty where there is none."""
+    outcome: Outcome
+    changed: str
+
+
+@dataclass(frozen=True)
+class CellView:
+    """A row of the table of jobs."""
+
+    history: CellHistory
+    strip: Markup
+    why_unsteady: str
+
+
+@dataclass(frozen=True)
+class RateView:
+    """A row of the tables of worlds and requirements."""
+
+    shares: SharesByNight
+    strip: Markup
+
+
+@dataclass(frozen=True)
+class HistoryPage:
+    """Everything the template needs."""
+
+    history: History
+    headline: str
+    state: str
+    chart: Markup
+    nights: list[NightView]
+    """The latest first."""
+    cells: list[CellView]
+    cells_hidden: int
+    world_rates: list[RateView]
+    requirement_rates: list[RateView]
+
+    @property
+    def latest(self) -> NightView:
+        """The last run."""
+        return self.nights[0]
+
+    @property
+    def failing(self) -> list[CellView]:
+        """Jobs that fail now."""
+        return [cell for cell in self.cells if cell.history.since is not None]
+
+    @property
+    def unsteady(self) -> list[CellView]:
+        """Jobs whose results cannot be relied on."""
+        return [cell for cell in self.cells if cell.history.unsteady]
+
+
+def view_history(history: History, folder: Path) -> HistoryPage:
+    """Computes the page.
+
+    Args:
+        history: what to show; of at least one run.
+        folder: the folder the page will be in, which links to reports start from.
+    """
+    nights = [_view_night(night, folder) for night in history.nights]
+    last = history.nights[-1]
+    return HistoryPage(
+        history=history,
+        headline=_headline(history),
+        state=last.state,
+        chart=rate_chart(history.nights, [_title(view) for view in nights]),
+        nights=nights[::-1],
+        cells=[_view_cell(cell) for cell in history.cells[:_MOST_CELLS]],
+        cells_hidden=max(0, len(history.cells) - _MOST_CELLS),
+        world_rates=_view_rates(history.worlds),
+        requirement_rates=_view_rates(history.requirements),
+    )
+
+
+def _headline(history: History) -> str:
+    """`3 runs; 18 of 20 passed in the last one`."""
+    count, share = len(history.nights), history.nights[-1].success
+    runs = f"{count} {'run' if count == 1 else 'runs'}"
+    if share.rate is None:
+        return f"{runs}; nothing was judged in the last one"
+    broke = f", {share.errors} broke" if share.errors else ""
+    return f"{runs}; {share.passed} of {share.passed + share.failed} passed in the last one{broke}"
+
+
+def _view_night(night: Night, folder: Path) -> NightView:
+    link = ""
+    if night.report_path is not None:
+        link = Path(os.path.relpath(night.report_path, folder)).as_posix()
+    states = {"succeeded": Outcome.PASSED, "failed": Outcome.FAILED, "broken": Outcome.BROKEN}
+    outcome = states.get(night.state, Outcome.CANCELED if night.state == "canceled" else Outcome.UNFINISHED)
+    return NightView(night, link, outcome, ", ".join(map(change_in_words, night.changed)))
+
+
+def _title(view: NightView) -> str:
+    share = view.night.success
+    rate = "nothing judged" if share.rate is None else f"{share.passed} of {share.passed + share.failed} passed"
+    changed = f"\nchanged: {view.changed}" if view.changed else ""
+    return f"{wording.moment(view.night.started_at)}: {rate}{changed}"
+
+
+def _view_cell(cell: CellHistory) -> CellView:
+    if cell.same_inputs:
+        why = "passed and failed with the same inputs"
+    else:
+        why = f"changed {cell.changes} times" if cell.unsteady else ""
+    return CellView(cell, outcome_strip(cell.outcomes), why)
+
+
+def _view_rates(rates: Sequence[SharesByNight]) -> list[RateView]:
+    return [RateView(each, rate_strip(each.nights)) for each in rates]

@@ -1,0 +1,94 @@
+"""compare: two runs as text, as JSON and as exit code."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.night_records import make_night, store_night
+
+from prefect_robomaker.schemas.reports.comparison import Comparison
+
+FIRST, SECOND = "nightly-20260301T020000000", "nightly-20260302T020000000"
+
+
+@pytest.fixture
+def nights(home: Path) -> Any:
+    """Stores two runs with these verdicts."""
+
+    def store(before: str, after: str, **members: Any) -> None:
+        for number, verdicts in enumerate((before, after)):
+            store_night(make_night(verdicts, number, runs=home / "runs", **members))
+
+    return store
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "code", "answer"),
+    [
+        ("FFFFFFFP", "PPPPPPPP", 0, "Better: 8 pairs judged in both runs, p = 0.016 (exact McNemar test, alpha 0.05)"),
+        ("PPPPPPPP", "FFFFFFFP", 1, "Worse: 8 pairs judged in both runs, p = 0.016 (exact McNemar test, alpha 0.05)"),
+        ("PPPP", "FPPP", 6, "No difference shown: 4 pairs judged in both runs, p = 1 (exact McNemar test, alpha 0.05)"),
+        ("PPPP", "EEEE", 7, "Not comparable: none of the 4 pairs was judged in both runs"),
+    ],
+)
+def test_the_answer_is_the_exit_code(
+    robomaker: Any, nights: Any, before: str, after: str, code: int, answer: str
+) -> None:
+    nights(before, after)
+    told = robomaker("compare", FIRST, SECOND)
+    assert (told.code, told.err) == (code, "")
+    assert f"{SECOND} compared with {FIRST}\n{answer}" in told.out
+    machine = robomaker("compare", FIRST, "latest", "-o", "json")
+    comparison = Comparison.model_validate_json(machine.out)
+    assert (machine.code, comparison.exit_code) == (code, code)
+
+
+def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, nights: Any) -> None:
+    nights("PPPFE", "FPPPE", metrics={"distance_m": 2.0})
+    out = robomaker("compare", FIRST, SECOND).out
+    assert "pass rate     75.0% → 75.0%, +0.0 points (95% interval −" in out
+    assert "more pairs" in out
+    assert "to show a difference, of which there was none, of 10 points with a 80% chance" in out
+    assert "pairs         5 jobs of both runs, 1 without a verdict in one\n" in out
+    assert "newly failing 1\n    drive: world-1 scout, seed 7: passed → failed; gentle: 9 N, at most 5 N asked\n" in out
+    assert "newly passing 1\n    drive: world-4 scout, seed 7: failed → passed" in out
+    assert "still failing 1\n    drive: world-5 scout, seed 7: broken → broken; RobotApplicationCrash" in out
+    assert "metrics       0 changed, 1 show no change" in out
+    asked = robomaker("compare", FIRST, SECOND, "--difference", "50").out
+    assert "to show the difference asked for of 50 points" in asked
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((FIRST, FIRST), f"both runs are {FIRST}; name two"),
+        ((FIRST, "nothing"), "there is no run 'nothing'"),
+        ((FIRST, SECOND, "--alpha", "0"), "--alpha is 0; it has to be above 0 and below 1, such as 0.05"),
+        ((FIRST, SECOND, "--alpha", "nan"), "--alpha is nan"),
+        ((FIRST, SECOND, "--difference", "101"), "--difference is 101; it has to be above 0 and at most 100 points"),
+    ],
+)
+def test_bad_usage_has_a_code_of_its_own(robomaker: Any, nights: Any, words: tuple[str, ...], said: str) -> None:
+    nights("P", "P")
+    told = robomaker("compare", *words)
+    assert told.code == 2
+    assert said in told.err
+
+
+def test_records_of_version_1_can_be_read(robomaker: Any, nights: Any, home: Path) -> None:
+    nights("PP", "PF")
+    path = home / "runs" / FIRST / "run.json"
+    record = json.loads(path.read_text())
+    del record["source"]
+    for job in record["jobs"]:
+        for member in ("step", "test", "requirements", "inputs"):
+            job.pop(member, None)
+    path.write_text(json.dumps({**record, "schema_version": 1}))
+    told = robomaker("compare", FIRST, SECOND)
+    assert told.code == 7
+    assert f"`robomaker report {FIRST}` completes it if it can" in told.out
+    path.write_text(json.dumps({**record, "schema_version": 9}))
+    newer = robomaker("compare", FIRST, SECOND)
+    assert newer.code == 2
+    assert f"{path} is not a run's record: schema_version" in newer.err

@@ -1,0 +1,69 @@
+"""history: the runs of a specification as text, as JSON and as a page."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.night_records import make_night, store_night
+
+from prefect_robomaker.schemas.reports.history import History
+
+
+@pytest.fixture
+def nights(home: Path) -> None:
+    """Three runs of one specification, one of another whose name begins the same."""
+    for number, verdicts in enumerate(("PPP", "PFP", "PFE")):
+        store_night(make_night(verdicts, number, runs=home / "runs", robot=f"robot {min(number, 1)}"))
+    store_night(make_night("F", 0, name="nightly-long", runs=home / "runs"))
+
+
+def test_the_text_opens_with_what_changed(robomaker: Any, nights: None, home: Path) -> None:
+    told = robomaker("history", "nightly")
+    assert (told.code, told.err) == (0, "")
+    assert told.out.startswith("nightly: 3 runs\n")
+    assert "newly failing 1\n    drive: world-3 scout, seed 7: RobotApplicationCrash: ZeroDivisionError\n" in told.out
+    assert "still failing 1\n    drive: world-2 scout, seed 7: gentle: 9 N, at most 5 N asked\n" in told.out
+    assert "fails since 2026-03-02 02:00:00 UTC, 2 runs; changed then: application scout " in told.out
+    assert "2026-03-03 02:00    50%  9%–91%          1      1      1\n" in told.out
+    page = home / "history" / "nightly.html"
+    assert f"  page     {page}\n" in told.out
+    assert 'href="../runs/nightly-20260303T020000000/report.html"' in page.read_text()
+
+
+def test_json_and_options(robomaker: Any, nights: None, tmp_path: Path) -> None:
+    told = robomaker("history", "nightly", "-o", "json", "--runs", "2", "--to", tmp_path / "page.html")
+    history = History.model_validate_json(told.out)
+    assert [night.run_id[8:16] for night in history.nights] == ["20260302", "20260303"]
+    assert history.left_out >= 1
+    assert (tmp_path / "page.html").is_file()
+    assert len(History.model_validate_json(robomaker("history", "nightly-long", "-o", "json").out).nights) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("daily",), "there is no run of 'daily' in {home}/runs; there are runs of nightly, nightly-long"),
+        (("../nightly",), "there is no run of '../nightly'"),
+        (("nightly", "--runs", "0"), "--runs is 0; it has to be a number from 1"),
+        (("nightly", "--to", "/nowhere/page.html"), "--to is /nowhere/page.html; it has to be a file in a folder"),
+    ],
+)
+def test_bad_usage_is_told(robomaker: Any, nights: None, home: Path, words: tuple[str, ...], said: str) -> None:
+    told = robomaker("history", *words)
+    assert told.code == 2
+    assert said.format(home=home) in told.err
+
+
+def test_without_runs_it_says_how_to_make_one(robomaker: Any) -> None:
+    told = robomaker("history", "nightly")
+    assert told.code == 2
+    assert "there are none yet; `robomaker run SPEC` makes one" in told.err
+
+
+def test_a_record_that_cannot_be_read_is_left_out(robomaker: Any, nights: None, home: Path) -> None:
+    record = home / "runs" / "nightly-20260302T020000000" / "run.json"
+    record.write_text("{}")
+    told = robomaker("history", "nightly", "-o", "json")
+    assert told.code == 0
+    assert f"left out: {record} is not a run's record" in told.err
+    assert len(History.model_validate_json(told.out).nights) == 2

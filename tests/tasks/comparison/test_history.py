@@ -1,0 +1,153 @@
+"""Histories: since when jobs fail, what changed then, which are unsteady, and what changed since the last run."""
+
+from typing import Any
+
+from helpers.night_records import digest, make_job, make_night
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.reports.changes import ChangedInput
+from prefect_robomaker.schemas.reports.history import History
+from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
+from prefect_robomaker.tasks.comparison.nights import NightRun
+
+
+def runs(*nights: Any, **members: Any) -> list[NightRun]:
+    return [NightRun.of(make_night(each, index, **members)) for index, each in enumerate(nights)]
+
+
+def history(*nights: Any, **members: Any) -> History:
+    return history_of("nightly", runs(*nights, **members))
+
+
+def test_a_first_run_has_nothing_to_be_compared_with() -> None:
+    since = since_last_run(runs("PF"))
+    assert (since.previous_run_id, since.paired, since.unpaired) == (None, 0, 2)
+    assert (since.newly_failing, since.newly_passing, since.still_failing) == ([], [], [])
+    assert [each.cell.test for each in since.first_failing] == ["world-2 scout"]
+
+
+def test_what_changed_since_the_last_run() -> None:
+    since = since_last_run(runs("PPFFP", "PFPFE"))
+    assert since.previous_run_id == "nightly-20260301T020000000"
+    assert [each.cell.test for each in since.newly_failing] == ["world-2 scout", "world-5 scout"]
+    assert [each.outcome for each in since.newly_failing] == ["failed", "broken"]
+    assert [each.cell.test for each in since.newly_passing] == ["world-3 scout"]
+    assert [each.cell.test for each in since.still_failing] == ["world-4 scout"]
+    assert since.newly_failing[0].job == "sim-1-1"
+    assert since.newly_failing[0].reason == "gentle: 9 N, at most 5 N asked"
+    assert (since.paired, since.unpaired, since.first_failing) == (5, 0, [])
+
+
+def test_a_failure_began_with_the_first_run_after_the_last_pass() -> None:
+    nights = [make_night("P", 0), make_night("F", 1, commit="b", robot="robot 2"), make_night("C", 2, commit="b")]
+    nights += [make_night("F", 3, commit="c", robot="robot 2"), make_night("E", 4, commit="c", robot="robot 2")]
+    (failing,) = since_last_run([NightRun.of(each) for each in nights]).still_failing
+    assert failing.since is not None
+    assert (failing.since.run_id, failing.since.nights) == ("nightly-20260302T020000000", 3)
+    assert failing.since.last_passed_run_id == "nightly-20260301T020000000"
+    assert failing.since.changed == [
+        ChangedInput(what="commit", before=digest("a")[:40], after=digest("b")[:40]),
+        ChangedInput(what="application", name="scout", before=digest("robot 1"), after=digest("robot 2")),
+    ]
+
+
+def test_a_failure_may_have_begun_with_another_request_or_version_or_with_nothing() -> None:
+    first = NightRun.of(make_night("P"))
+    later = make_night([make_job(0, "F", night=1, request="other")], 1)
+    later = NightRun.of(later.model_copy(update={"versions": {"prefect-robomaker": "0.2.0"}}))
+    (failing,) = since_last_run([first, later]).newly_failing
+    assert failing.since is not None
+    assert failing.since.changed == [
+        ChangedInput(what="version", name="prefect-robomaker", before="0.1.0", after="0.2.0"),
+        ChangedInput(what="request"),
+    ]
+    (same,) = since_last_run(runs("P", "F")).newly_failing
+    assert same.since is not None
+    assert same.since.changed == []
+    (never,) = since_last_run(runs("F", "F")).still_failing
+    assert never.since is not None
+    assert (never.since.nights, never.since.last_passed_run_id) == (2, None)
+
+
+def test_a_job_is_compared_with_its_own_last_result() -> None:
+    """A run between that only had some of the jobs, or was canceled, takes nothing away."""
+    some = [make_job(1, "P", night=1)]
+    since = since_last_run(runs("PFP", some, "CCC", "FPP"))
+    assert since.previous_run_id == "nightly-20260302T020000000"
+    assert [each.cell.test for each in since.newly_failing] == ["world-1 scout"]
+    assert since.newly_passing == [], "it passed in the run between already"
+    assert (since.paired, since.unpaired) == (3, 0)
+
+
+def test_worlds_that_are_others_every_night_cannot_be_compared() -> None:
+    nights = [[make_job(0, "F", night=night, world=f"night {night}")] for night in range(3)]
+    found = history(*nights)
+    assert (found.since_last.paired, found.since_last.unpaired) == (0, 1)
+    assert (len(found.cells), found.cells_left_out) == (1, 2)
+
+
+def test_jobs_that_change_their_result_with_the_same_inputs_are_unsteady() -> None:
+    found = history("PPP", "FPP", "PPP")
+    assert [(cell.unsteady, cell.same_inputs, cell.changes) for cell in found.cells] == [
+        (True, True, 2), (False, False, 0), (False, False, 0)
+    ]  # fmt: skip
+
+
+def test_jobs_that_change_with_their_inputs_are_unsteady_from_three_changes_on() -> None:
+    def nights(letters: str) -> History:
+        made = [make_night(letter, night, robot=f"robot {night}") for night, letter in enumerate(letters)]
+        return history_of("nightly", [NightRun.of(each) for each in made])
+
+    (twice,), (thrice,) = nights("PFP").cells, nights("PFPF").cells
+    assert (twice.unsteady, thrice.unsteady, thrice.same_inputs) == (False, True, False)
+
+
+def test_a_crash_is_no_sign_of_unsteadiness_by_itself() -> None:
+    (cell,) = history("P", "E", "E").cells
+    assert (cell.same_inputs, cell.unsteady) == (False, False)
+
+
+def test_nights_cells_worlds_and_requirements_have_rates() -> None:
+    found = history("PPF", "PFE", "CCC")
+    assert [(n.success.passed, n.success.failed, n.success.errors) for n in found.nights] == [
+        (2, 1, 0), (1, 1, 1), (0, 0, 0)
+    ]  # fmt: skip
+    assert found.nights[0].success.rate == 2 / 3
+    assert found.nights[0].success.low is not None
+    assert found.nights[2].success.rate is None
+    # Those that fail stand first, of them those that are unsteady.
+    assert [cell.cell.test for cell in found.cells] == ["world-2 scout", "world-3 scout", "world-1 scout"]
+    assert found.cells[1].outcomes == ["failed", "broken", "canceled"]
+    assert [(each.total.name[:7], each.total.passed, each.total.failed) for each in found.worlds] == [
+        ("world-3", 0, 1), ("world-2", 1, 1), ("world-1", 2, 0)
+    ]  # fmt: skip
+    (gentle,) = found.requirements
+    assert (gentle.total.name, gentle.total.passed, gentle.total.failed) == ("gentle", 3, 2)
+    assert gentle.nights[2] is None
+
+
+def test_nights_say_what_changed_from_one_to_the_next() -> None:
+    made = [make_night("P", 0), make_night("P", 1), make_night("P", 2, commit="b", robot="robot 2")]
+    nights = history_of("nightly", [NightRun.of(each) for each in made]).nights
+    assert [[change.what for change in night.changed] for night in nights] == [[], [], ["commit", "application"]]
+
+
+def test_early_records_have_a_rate_and_no_cells() -> None:
+    early = [make_job(0, "P").model_copy(update={"inputs": None})]
+    found = history(early, "P")
+    assert found.nights[0].success.passed == 1
+    assert [cell.outcomes for cell in found.cells] == [[None, "passed"]]
+
+
+@given(st.lists(st.text("PFECN", min_size=3, max_size=3), min_size=1, max_size=12))
+def test_every_failing_job_says_since_when(letters: list[str]) -> None:
+    found = history(*letters)
+    told = {"P": True, "F": False, "E": False}
+    for index in range(3):
+        results = [told[night[index]] for night in letters if night[index] in told]
+        (cell,) = [each for each in found.cells if each.cell.test == f"world-{index + 1} scout"]
+        assert (cell.since is not None) == (bool(results) and not results[-1])
+        if cell.since:
+            assert results[-cell.since.nights :] == [False] * cell.since.nights
+            assert (cell.since.last_passed_run_id is not None) == any(results)

@@ -1,0 +1,157 @@
+"""Statistics of pairs, against published numbers, other programs' functions and simulation."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from prefect_robomaker.tasks.comparison.statistics import (
+    mcnemar_p_value,
+    mean_difference,
+    paired_rate_difference,
+    pairs_needed,
+)
+
+COUNTS = st.integers(0, 60)
+
+
+@pytest.mark.parametrize(
+    ("worse", "better", "p_value"),
+    [
+        # Fagerland, Lydersen, Laake, "The McNemar test for binary matched-pairs data", BMC Medical Research
+        # Methodology 13:91 (2013): airway hyper-responsiveness (Bentur et al. 2009), 1 and 7 of 21 pairs.
+        (1, 7, 0.0703),
+        # Altman et al., Statistics with Confidence (2000), table 6.2: 5 and 0 of 41 pairs; 2 / 2^5.
+        (5, 0, 0.0625),
+        # Two-sided tables of the sign test (Dixon and Mood 1946; Conover): for 12 differences 2 is the most that is
+        # significant at 5 %, for 20 it is 5, for 25 it is 7.
+        (2, 10, 0.0386),
+        (3, 9, 0.1460),
+        (5, 15, 0.0414),
+        (6, 14, 0.1153),
+        (7, 18, 0.0433),
+    ],
+)
+def test_the_exact_mcnemar_test_gives_published_values(worse: int, better: int, p_value: float) -> None:
+    assert mcnemar_p_value(worse, better) == pytest.approx(p_value, abs=5e-5)
+
+
+@given(COUNTS, COUNTS)
+def test_the_exact_mcnemar_test_is_scipys_binomial_test(worse: int, better: int) -> None:
+    expected = stats.binomtest(worse, worse + better).pvalue if worse + better else 1.0
+    assert mcnemar_p_value(worse, better) == pytest.approx(expected, abs=1e-12)
+    assert mcnemar_p_value(worse, better) == mcnemar_p_value(better, worse)
+
+
+@pytest.mark.parametrize(
+    ("table", "low", "high"),
+    [
+        # Newcombe, Statistics in Medicine 17:2635-2650 (1998), table of examples, method 10; his difference is first
+        # minus second, ours after minus before.
+        ((36, 12, 2, 0), 0.0569, 0.3404),
+        ((18, 12, 2, 18), 0.0562, 0.3290),
+        ((53, 0, 0, 1), -0.0729, 0.0729),
+    ],
+)
+def test_intervals_of_paired_rates_are_newcombes(table: tuple[int, ...], low: float, high: float) -> None:
+    both, worse, better, neither = table
+    found = paired_rate_difference(both, worse, better, neither)
+    assert found.value == pytest.approx((better - worse) / sum(table))
+    assert (-found.high, -found.low) == (pytest.approx(low, abs=1e-4), pytest.approx(high, abs=1e-4))
+
+
+@given(COUNTS, COUNTS, COUNTS, COUNTS)
+def test_intervals_of_paired_rates_are_sound(both: int, worse: int, better: int, neither: int) -> None:
+    if not both + worse + better + neither:
+        with pytest.raises(ValueError, match="pairs are 0, 0, 0, 0"):
+            paired_rate_difference(both, worse, better, neither)
+        return
+    found = paired_rate_difference(both, worse, better, neither)
+    mirrored = paired_rate_difference(both, better, worse, neither)
+    wider = paired_rate_difference(both, worse, better, neither, alpha=0.01)
+    assert -1 - 1e-9 <= found.low <= found.value <= found.high <= 1 + 1e-9
+    assert (mirrored.low, mirrored.high) == (pytest.approx(-found.high), pytest.approx(-found.low))
+    assert wider.low <= found.low + 1e-9
+    assert wider.high >= found.high - 1e-9
+
+
+def test_about_95_of_100_intervals_of_paired_rates_hold_the_truth() -> None:
+    chance = np.random.default_rng(5)
+    shares, pairs = [0.55, 0.2, 0.1, 0.15], 60
+    tables = chance.multinomial(pairs, shares, size=2000)
+    held = sum(
+        found.low <= shares[2] - shares[1] <= found.high
+        for found in (paired_rate_difference(*map(int, table)) for table in tables)
+    )
+    assert 0.935 <= held / len(tables) <= 0.97
+
+
+@pytest.mark.parametrize(
+    ("worse", "better", "power", "pairs"),
+    [
+        # powerandsamplesize.com, "Compare Paired Proportions: McNemar's Z-test, 2-Sided Equality", after Connor,
+        # Biometrics 43:207-211 (1987).
+        (0.05, 0.45, 0.8, 23),
+        # A discordant share of 0.45 with an odds ratio of 2, after Connor and Lachin, Statistics in Medicine 11 (1992).
+        (0.15, 0.30, 0.8, 155),
+    ],
+)
+def test_needed_pairs_are_connors(worse: float, better: float, power: float, pairs: int) -> None:
+    assert pairs_needed(worse + better, better - worse, power=power) == pairs
+    assert pairs_needed(worse + better, worse - better, power=power) == pairs
+
+
+@pytest.mark.parametrize(("worse", "better"), [(0.05, 0.45), (0.15, 0.3), (0.02, 0.1), (0.2, 0.3)])
+def test_needed_pairs_have_about_the_power_that_is_said(worse: float, better: float) -> None:
+    """The exact test asks for somewhat more than the formula."""
+    pairs = pairs_needed(worse + better, better - worse)
+    chance = np.random.default_rng(11)
+    tables = chance.multinomial(pairs, [worse, better, 1 - worse - better], size=4000)
+    shown = sum(mcnemar_p_value(int(table[0]), int(table[1])) <= 0.05 and table[1] > table[0] for table in tables)
+    assert 0.66 <= shown / len(tables) <= 0.85
+
+
+@given(st.floats(0.01, 1), st.floats(0.01, 1))
+def test_a_smaller_difference_needs_more_pairs(first: float, second: float) -> None:
+    small, large = sorted((first, second))
+    assert pairs_needed(1.0, small) >= pairs_needed(1.0, large)
+
+
+@pytest.mark.parametrize(("discordant", "difference"), [(0.1, 0), (0.1, 0.2), (1.2, 0.1), (0, 0)])
+def test_a_difference_that_cannot_be_needs_no_pairs(discordant: float, difference: float) -> None:
+    with pytest.raises(ValueError, match="cannot be"):
+        pairs_needed(discordant, difference)
+
+
+# Student, "The probable error of a mean", Biometrika 6 (1908): hours of sleep gained by two drugs, of ten patients.
+# R's documentation of `sleep` has the paired t test: interval -2.4598858 to -0.7001142.
+FIRST_DRUG = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
+SECOND_DRUG = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+
+
+def test_intervals_of_paired_means_are_students() -> None:
+    found = mean_difference([first - second for first, second in zip(FIRST_DRUG, SECOND_DRUG, strict=True)])
+    assert (found.value, found.low, found.high) == (
+        pytest.approx(-1.58), pytest.approx(-2.4598858, abs=1e-7), pytest.approx(-0.7001142, abs=1e-7)
+    )  # fmt: skip
+    assert found.leaves_out_zero
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30), st.sampled_from([0.05, 0.001]))
+def test_intervals_of_paired_means_are_scipys(differences: list[float], alpha: float) -> None:
+    found = mean_difference(differences, alpha)
+    if len(set(differences)) == 1:
+        assert found.low == found.high == differences[0]
+        return
+    expected = stats.ttest_1samp(differences, 0.0).confidence_interval(1 - alpha)
+    scale = max(map(abs, differences)) or 1.0
+    assert math.isclose(found.low, expected.low, rel_tol=1e-6, abs_tol=1e-6 * scale)
+    assert math.isclose(found.high, expected.high, rel_tol=1e-6, abs_tol=1e-6 * scale)
+
+
+def test_one_difference_has_no_interval() -> None:
+    with pytest.raises(ValueError, match="takes at least 2"):
+        mean_difference([1.0])

@@ -1,0 +1,94 @@
+"""Inputs of jobs: of requests, and of jobs that ran."""
+
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+from helpers.night_records import FIRST_NIGHT
+from helpers.swing_fixtures import Simulate
+
+from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
+from prefect_robomaker.tasks.inspection.job_inputs import inputs_of_request
+from prefect_robomaker.tasks.inspection.reports import jobs_of, rebuild_report
+from prefect_robomaker.tasks.inspection.run_records import read_record, write_record
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.service import Service
+
+ARN = "arn:aws:robomaker:us-east-1:000000000000:robot-application/scout/1542931200000"
+
+
+def request(**members: Any) -> dict[str, Any]:
+    robot = {"application": "scout", "launchConfig": {"environmentVariables": {"GAIN": "1"}}}
+    return {"maxJobDurationInSeconds": 60, "robotApplications": [robot], **members}
+
+
+def test_a_seed_is_given_by_member_or_tag() -> None:
+    assert (inputs_of_request(request(seed=3), 3).seed, inputs_of_request(request(seed=3), 3).seed_given) == (3, True)
+    tagged = inputs_of_request(request(tags={"robomaker:seed": "4"}), None)
+    assert (tagged.seed, tagged.seed_given) == (4, True)
+    chance = inputs_of_request(request(), 99)
+    assert (chance.seed, chance.seed_given) == (99, False)
+    assert inputs_of_request(request(), None).seed is None
+
+
+def test_what_is_other_every_night_is_no_other_request() -> None:
+    worlds = [{"world": "arn:aws:robomaker:us-east-1:000000000000:world/generation-1/world-1"}]
+    simulation = {"application": "indoor-navigation", "launchConfig": {}}
+    plain = inputs_of_request(request(simulationApplications=[simulation]), 1).request_sha256
+    robot = {"application": ARN, "launchConfig": {"environmentVariables": {"GAIN": "1"}}}
+    same = request(
+        robotApplications=[robot], seed=8, tags={"night": "8"}, outputLocation={"s3Bucket": "nights"}, video="always",
+        simulationApplications=[{**simulation, "worldConfigs": worlds}], iamRole="arn:aws:iam::000000000000:role/a",
+    )  # fmt: skip
+    assert inputs_of_request(same, 2).request_sha256 == plain
+    faster = {"application": "scout", "launchConfig": {"environmentVariables": {"GAIN": "2"}}}
+    for other in (
+        request(robotApplications=[faster], simulationApplications=[simulation]),
+        request(maxJobDurationInSeconds=61, simulationApplications=[simulation]),
+        request(requirements=[{"kind": "time_limit", "limit_s": 1}], simulationApplications=[simulation]),
+    ):
+        assert inputs_of_request(other, 1).request_sha256 != plain
+
+
+def step_of(name: str, job: dict[str, Any]) -> StepRecord:
+    return StepRecord(
+        name=name, operation="CreateSimulationJob", status="Completed", started_at=FIRST_NIGHT, ended_at=FIRST_NIGHT,
+        arn=job["arn"],
+    )  # fmt: skip
+
+
+def test_a_job_that_crashed_has_the_applications_of_the_others(service: Service, swing: Simulate) -> None:
+    steps = [step_of("one", swing()), step_of("two", swing(seed=4, KILL_AT="3"))]
+    good, crashed = jobs_of(steps, service)
+    assert (good.status, crashed.status) == ("Completed", "Failed")
+    assert good.inputs is not None
+    assert crashed.inputs is not None
+    assert (good.inputs.seed, good.inputs.seed_given, good.inputs.world) == (3, True, None)
+    assert [(used.role, used.name) for used in good.inputs.applications] == [
+        ("robot", "pusher"),
+        ("simulation", "swing"),
+    ]
+    assert all(len(used.digest) == 64 for used in good.inputs.applications)
+    assert crashed.inputs.applications == good.inputs.applications
+    assert crashed.inputs.request_sha256 != good.inputs.request_sha256
+
+
+def test_a_report_brings_a_record_of_version_1_up_to_date(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    job = swing()
+    folder = service.folder("runs", "swings-20260301T020000000")
+    record = RunRecord(
+        schema_version=1, run_id=folder.name, name="swings", spec_path="swings.yaml", state="succeeded", exit_code=0,
+        started_at=FIRST_NIGHT, ended_at=FIRST_NIGHT + timedelta(minutes=1), steps=[step_of("one", job)],
+        run_dir=folder,
+    )  # fmt: skip
+    write_record(record)
+    rebuild_report(read_record(folder / "run.json"), service)
+    upgraded = read_record(folder / "run.json")
+    assert (upgraded.schema_version, upgraded.jobs[0].step, upgraded.jobs[0].test) == (2, "one", "request 1 pusher")
+    assert upgraded.jobs[0].inputs is not None
+
+    write_record(record)
+    call("DeleteSimulationApplication", {"application": job["simulationApplications"][0]["application"]}, service)
+    service.catalog.delete(job["arn"])
+    rebuild_report(record, service)
+    assert read_record(folder / "run.json") == record, "of a job that is deleted nothing can be learned"

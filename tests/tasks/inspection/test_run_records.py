@@ -1,0 +1,63 @@
+"""Records of runs in their folders."""
+
+import os
+from pathlib import Path
+
+import pytest
+from helpers.night_records import make_night, store_night
+
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.inspection.run_records import (
+    find_records,
+    names_of_specifications,
+    read_record,
+    since_last,
+)
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    """Four nights of one specification and two of others."""
+    for night in range(4):
+        folder = store_night(make_night("PF", night, runs=tmp_path))
+        os.utime(folder / "run.json", (night, night))
+    for name in ("nightly-long", "other"):
+        store_night(make_night("P", name=name, runs=tmp_path))
+    (tmp_path / "nightly-20260309T020000000").mkdir()
+    return tmp_path
+
+
+def days(runs: Path, name: str = "nightly", **options: object) -> list[int]:
+    return [record.started_at.day for record in find_records(runs, name, **options).records]  # type: ignore[arg-type]
+
+
+def test_the_latest_runs_of_one_specification(runs: Path) -> None:
+    assert days(runs) == [1, 2, 3, 4]
+    assert days(runs, most=2) == [3, 4]
+    assert days(runs, before=make_night("P", 2).started_at) == [1, 2]
+    assert days(runs, "nightly-long") == [1]
+    assert days(runs, "nothing") == []
+    assert days(runs / "nowhere") == []
+    assert names_of_specifications(runs) == ["nightly", "nightly-long", "other"]
+
+
+def test_records_survive_being_written(runs: Path) -> None:
+    record = make_night("PFE", 7, runs=runs, metrics={"distance_m": 1.5})
+    assert read_record(store_night(record) / "run.json") == record
+    assert sorted(path.name for path in record.run_dir.iterdir()) == ["run.json"]
+
+
+def test_what_is_no_record_is_told(runs: Path) -> None:
+    path = runs / "other-20260301T020000000" / "run.json"
+    path.write_text("[]")
+    with pytest.raises(ConfigurationError, match="is not a run's record"):
+        read_record(path)
+    assert str(path) in find_records(runs, "other").unreadable[0]
+
+
+def test_a_run_is_compared_with_those_that_began_before_it(runs: Path) -> None:
+    second = since_last(NightRun.of(make_night("FF", 1, runs=runs)), runs)
+    assert second.previous_run_id == "nightly-20260301T020000000"
+    assert [each.cell.test for each in second.newly_failing] == ["world-1 scout"]
+    assert since_last(NightRun.of(make_night("FF", 0, runs=runs)), runs).previous_run_id is None

@@ -1,0 +1,130 @@
+"""The page of a history, and the beginning of a report: what they say, escape and draw."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.browser import browser, needs_browser
+from helpers.night_records import make_job, make_night
+from PIL import Image
+
+from prefect_robomaker.schemas.reports.changes import ChangedInput
+from prefect_robomaker.schemas.reports.history import History
+from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
+from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.reporting import render_history, render_report, write_history
+from prefect_robomaker.tasks.reporting.nights.changes import change_in_words
+from prefect_robomaker.tasks.reporting.nights.charts import outcome_strip
+
+ATTACK = "</title></script><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"
+RUNS = Path("/home/ann/runs")
+
+
+def history(*letters: str, **members: Any) -> History:
+    nights = [make_night(each, index, runs=RUNS, **members) for index, each in enumerate(letters)]
+    return history_of("nightly", [NightRun.of(each) for each in nights])
+
+
+def test_the_page_says_what_a_reader_wants_to_know() -> None:
+    html = render_history(history("PPPP", "PFPE", "PFFP", "CCCC"), RUNS.parent / "history")
+    for expected in (
+        "4 runs; nothing was judged in the last one",
+        "Failing now",
+        "passed and failed with the same inputs",
+        'href="../runs/nightly-20260302T020000000/report.html"',
+        "drive: world-2 scout, seed 7",
+        ">gentle<",
+        "nothing that is recorded",
+    ):
+        assert expected in html
+    assert html.count('class="night"') == 4
+    assert re.search(r"default-src &#39;none&#39;", html)
+    assert "http://" not in html.replace("http://www.w3.org", "")
+
+
+def test_one_run_has_a_page() -> None:
+    html = render_history(history("PF"), RUNS)
+    assert "This is the first run of the specification that has results here" in html
+    assert "1 run; 1 of 2 passed in the last one" in html
+
+
+def test_names_and_reasons_are_escaped() -> None:
+    job = make_job(0, "E").model_copy(update={"step": ATTACK, "test": ATTACK, "failure_reason": ATTACK})
+    night = make_night([job], 0, runs=RUNS).model_copy(update={"versions": {ATTACK: ATTACK}})
+    later = make_night([job], 1, runs=RUNS)
+    found = history_of(ATTACK, [NightRun.of(night), NightRun.of(later)])
+    html = render_history(found, RUNS)
+    assert html.count("<script>") == 1
+    assert "<img" not in html
+
+
+def test_a_report_opens_with_what_changed(mixed_report: Any) -> None:
+    labels = [job.label for job in mixed_report.jobs]
+    before, after = make_night("PPFPP", 0), make_night("PFFPP", 1)
+    jobs = [job.model_copy(update={"label": label}) for job, label in zip(after.jobs, labels, strict=True)]
+    since = since_last_run([NightRun.of(before), NightRun.of(after.model_copy(update={"jobs": jobs}))])
+    html = render_report(mixed_report.model_copy(update={"since_last": since}))
+    opening = html[html.index('class="since card"') : html.index('<dl class="run">')]
+    assert 'Newly failing <span class="count">1</span>' in opening
+    assert '<a href="#job-2">drive: world-2 scout, seed 7</a>' in opening
+    assert 'Still failing <span class="count">1</span>' in opening
+    assert "of 2026-03-01 02:00:00 UTC" in opening
+    nothing = since_last_run([NightRun.of(make_night("PP", night)) for night in (0, 1)])
+    assert "Nothing changed: 2 jobs pass as before." in render_report(
+        mixed_report.model_copy(update={"since_last": nothing})
+    )
+    assert "Since the last run" not in render_report(mixed_report)
+
+
+def test_many_changes_are_folded(make_report: Any) -> None:
+    since = since_last_run([NightRun.of(make_night(letter * 12, night)) for night, letter in enumerate("PF")])
+    html = render_report(make_report([], []).model_copy(update={"since_last": since}))
+    assert "<summary>4 more</summary>" in html
+    assert html.count("All fail since 2026-03-02 02:00:00 UTC, 1 run") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"what": "commit", "before": "a" * 40, "after": "b" * 40}, "commit aaaaaaaa → bbbbbbbb"),
+        ({"what": "application", "name": "scout", "before": "1" * 64, "after": "sha256:" + "2" * 64},
+         "application scout 11111111 → 22222222"),
+        ({"what": "version", "name": "mujoco", "before": "3.17.0", "after": "3.18.0"}, "mujoco 3.17.0 → 3.18.0"),
+        ({"what": "application", "name": "scout", "after": "1" * 64}, "application scout 11111111 is new"),
+        ({"what": "version", "name": "numpy", "before": "2"}, "numpy is gone"),
+        ({"what": "request"}, "its request"),
+    ],
+)  # fmt: skip
+def test_changes_in_words(change: dict[str, str], words: str) -> None:
+    assert change_in_words(ChangedInput.model_validate(change)) == words
+
+
+def test_a_strip_has_a_box_for_each_outcome() -> None:
+    strip = outcome_strip(["passed", None, "failed", "no verdict", "passed"])
+    assert 'd="M0 10h8v6h-8zM40 10h8v6h-8z"' in strip
+    assert 'class="failed" d="M20 0h8v16h-8z"' in strip
+    assert 'class="unjudged" d="M30 7h8v2h-8z"' in strip
+    assert 'viewBox="0 0 50 16"' in strip
+    assert "2 passed, 1 failed, 1 no verdict" in strip
+
+
+@needs_browser
+@pytest.mark.parametrize("width", [400, 1280])
+def test_a_browser_shows_the_page_without_scrolling_sideways(tmp_path: Path, width: int) -> None:
+    path = write_history(history("PPPPP", "PFPEP", "PFFPP", "CCCCC", "PFPPF"), tmp_path / "history.html")
+    with browser() as tab:
+        tab.resize(width, 1000)
+        tab.open(path.as_uri())
+        wide = "[...document.querySelectorAll('.scroll')].filter(each => each.scrollWidth > each.clientWidth)"
+        assert tab.run(f"{wide}.map(each => each.outerHTML)") == []
+        assert tab.run("document.documentElement.scrollWidth") <= width
+        assert tab.run("document.querySelectorAll('.chart .night .point').length") == 4
+        assert tab.run("document.querySelector('.chart').getBoundingClientRect().width") > 0.7 * width
+        assert tab.run("document.querySelector('td .nights').getBoundingClientRect().width") > 90
+        assert tab.complaints == []
+        picture = tab.picture(tmp_path / f"history-{width}.png")
+    with Image.open(picture) as opened:
+        # The colours of what passed and what failed are there: strips were drawn.
+        colours = {colour for _, colour in opened.convert("RGB").getcolors(1_000_000) or []}
+    assert {(0, 105, 77), (163, 63, 0)} <= colours
