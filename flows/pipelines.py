@@ -18,7 +18,7 @@ from prefect.states import Completed, Failed
 
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.report import RunState
-from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RunRecord, StepRecord
+from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunRecord, StepRecord
 from ..schemas.settings import Settings
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec, resolve_input
@@ -59,6 +59,8 @@ def run_spec(
     *,
     spec_path: str,
     command: Sequence[str] = (),
+    reuse: bool = False,
+    rerun_of: RerunOf | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a flow in this process.
 
@@ -68,6 +70,8 @@ def run_spec(
         listener: told of everything that happens.
         spec_path: the file it came from.
         command: the command that runs it again; absent: `robomaker run` with the file.
+        reuse: whether worlds and results that are there already, of the same inputs, are taken over.
+        rerun_of: of which run it is the rerun; `None`: of none.
 
     Returns:
         The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -75,7 +79,8 @@ def run_spec(
     Raises:
         RunInterrupted: Ctrl-C was pressed.
     """
-    run = PipelineRun(checked, Service.open(settings), listener, spec_path, command)
+    service = Service.open(settings)
+    run = PipelineRun(checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of)
     check_preconditions(checked, run.service)
     token = _current.set(run)
     try:
@@ -92,13 +97,14 @@ def run_spec(
 
 
 @flow(name="RunPipeline", flow_run_name="{spec}")
-def RunPipeline(spec: str) -> Any:
+def RunPipeline(spec: str, reuse: bool = False) -> Any:
     """Runs the specification in a file.
 
     Args:
         spec: path of the YAML file.
+        reuse: whether worlds and results that are there already, of the same inputs, are taken over.
     """
-    pipeline = _current.get() or PipelineRun.of_file(Path(spec))
+    pipeline = _current.get() or PipelineRun.of_file(Path(spec), reuse=reuse)
     record = pipeline.run()
     if record.exit_code == 0:
         return Completed(message=pipeline.headline())
@@ -114,6 +120,8 @@ class PipelineRun:
         listener: told of everything that happens.
         spec_path: the file it came from.
         command: the command that runs it again; absent: `robomaker run` with the file.
+        reuse: whether worlds and results that are there already, of the same inputs, are taken over.
+        rerun_of: of which run it is the rerun; `None`: of none.
     """
 
     def __init__(
@@ -123,14 +131,18 @@ class PipelineRun:
         listener: ProgressListener,
         spec_path: str,
         command: Sequence[str] = (),
+        *,
+        reuse: bool = False,
+        rerun_of: RerunOf | None = None,
     ) -> None:
         self._checked = checked
-        self._service = service
+        self._rerun_of = rerun_of
         self._command = list(command) or ["robomaker", "run", spec_path]
         self._listener = listener
         self._spec_path = spec_path
         self._started_at = service.clock()
         self.run_id = f"{checked.name}-{self._started_at:%Y%m%dT%H%M%S%f}"[:-3]
+        self._service = service.ordered_by(self.run_id, reuse=reuse)
         self._folder = service.folder("runs", self.run_id)
         # When it begins: later the folder may have moved on to another commit.
         self._source = commit_of(Path(spec_path))
@@ -139,7 +151,7 @@ class PipelineRun:
         self._record: RunRecord | None = None
 
     @classmethod
-    def of_file(cls, path: Path) -> "PipelineRun":
+    def of_file(cls, path: Path, *, reuse: bool = False) -> "PipelineRun":
         """A run of a file, without a listener for its progress.
 
         Raises:
@@ -154,7 +166,8 @@ class PipelineRun:
         service = Service.current()
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service)
-        return cls(checked, service, _log, str(path))
+        command = ["robomaker", "run", str(path), *(["--reuse"] if reuse else [])]
+        return cls(checked, service, _log, str(path), command, reuse=reuse)
 
     def run(self) -> RunRecord:
         """Runs all steps; a failed one keeps the later ones from starting."""
@@ -291,6 +304,8 @@ class PipelineRun:
             jobs=jobs,
             versions=versions,
             report_path=report_path,
+            rerun_of=self._rerun_of,
+            reuse=self._service.reuses,
             run_dir=self._folder,
             source=self._source,
         )
@@ -315,6 +330,7 @@ class PipelineRun:
                 folder=self._folder,
                 state_of=self._state,
                 source=self._source,
+                rerun_of=self._rerun_of,
             )
         except Exception as error:
             _logger.exception("the report could not be written")

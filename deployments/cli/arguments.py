@@ -15,6 +15,11 @@ def add_open(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("--open", action=argparse.BooleanOptionalAction, default=None, help=text)
 
 
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """Adds `--report`."""
+    parser.add_argument("--report", metavar="PATH", help="put a copy of the report there")
+
+
 def add_spec(parser: argparse.ArgumentParser) -> None:
     """Adds the specification's file."""
     parser.add_argument("spec", metavar="SPEC", help="specification, a YAML file")

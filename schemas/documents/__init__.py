@@ -17,6 +17,7 @@ __all__ = [
     "base",
     "fleets",
     "kinds",
+    "reuse_inputs",
     "simulation_job_batches",
     "simulation_jobs",
     "world_export_jobs",

@@ -46,6 +46,8 @@ class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
 
     request: Json = Field(description="The request on the wire: a `StartSimulationJobBatchRequest`.")
     batch_policy: StoredBatchPolicy = Field(description="How it is run.")
+    spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
+    reuse: bool = Field(default=False, description="Whether its jobs take over results of earlier ones.")
 
     @property
     def requests(self) -> list[Json]:

@@ -83,6 +83,25 @@ class ResolvedDataSource(Part):
     destination: str | None = Field(default=None, description="Where applications find it; absent: by its name.")
 
 
+class MadeOf(Part):
+    """What the names in a job's request stood for when its run was prepared: with these it can be compared."""
+
+    world: str | None = Field(default=None, description="Hash of the content of its world's bundle; absent: no world.")
+    robot: str | None = Field(default=None, description="What its robot application was; absent: it names none.")
+    simulation: str | None = Field(default=None, description="What its simulation application was; likewise.")
+    versions: dict[str, str] = Field(default={}, description="Versions of what ran it.")
+    once_only: str | None = Field(
+        default=None, description="Why the same inputs may have another result; absent: they have the same."
+    )
+
+
+class ReusedFrom(Part):
+    """The job whose results a job has taken over instead of running."""
+
+    job: str = Field(description="ARN of the job that ran.")
+    spec_run: str | None = Field(default=None, description="The run of a specification that ordered it.")
+
+
 class SimulationJobProgress(FailureChanges):
     """What is recorded while a simulation job runs, and when it ends."""
 
@@ -102,6 +121,7 @@ class SimulationJobProgress(FailureChanges):
     )
     outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
     earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
+    made_of: MadeOf | None = Field(default=None, description="What its last run was made of; absent: it has not run.")
 
     @property
     def started_at(self) -> datetime | None:
@@ -120,3 +140,5 @@ class SimulationJobDocument(SimulationJobProgress, Document):
     data_sources: list[ResolvedDataSource] | None = Field(default=None, description="Its data, found.")
     simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
     robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
+    spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
+    reused_from: ReusedFrom | None = Field(default=None, description="Whose results it took over; absent: it ran.")

@@ -58,3 +58,4 @@ class WorldGenerationJobDocument(WorldGenerationProgress, Document):
     request: WorldGenerationRequest = Field(description="The request.")
     template_body: str = Field(description="The template's body when the job was created.")
     seed: int = Field(description="Seed that the worlds' seeds are drawn from.")
+    reuse: bool = Field(default=False, description="Whether worlds that are there already are not generated again.")

@@ -22,6 +22,9 @@ class WorldDocument(Document):
 
     template: str | None = Field(default=None, description="ARN of the template it was generated from.")
     bundle: StoredPlace | None = Field(default=None, description="Where its bundle is.")
+    reused_from: str | None = Field(
+        default=None, description="ARN of the world whose bundle it shares; absent: it was generated."
+    )
     description_key: str | None = Field(
         default=None, description="Key of its description in the bundle's bucket; worlds of early releases have none."
     )

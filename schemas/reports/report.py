@@ -65,6 +65,12 @@ class ReportedJob(Model):
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
     duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
     inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
+    reused_from: str | None = Field(
+        default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
+    )
+    earlier: str | None = Field(
+        default=None, description="In a rerun: label and verdict or status of the job that was run again."
+    )
 
 
 class Report(Model):
@@ -79,6 +85,7 @@ class Report(Model):
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
+    rerun_of: str = Field(default="", description="Of which run it is a rerun, and of which jobs, in words.")
     where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")
     since_last: SinceLastRun | None = Field(

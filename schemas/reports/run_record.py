@@ -33,6 +33,18 @@ class StepRecord(Model):
     error: str | None = Field(default=None, description="Why it failed, in words.")
 
 
+class RerunOf(Model):
+    """What a run has run again."""
+
+    run_id: str = Field(description="The earlier run.")
+    selection: str = Field(description="Which of its jobs, in words.")
+    jobs_total: int = Field(description="How many jobs and requests that run had.")
+    earlier: dict[str, list[str]] = Field(
+        description="By step, and in the order of its requests: label and verdict or status of each job of that run "
+        "that was run again."
+    )
+
+
 class JobRecord(Model):
     """One simulation job, in short."""
 
@@ -65,6 +77,12 @@ class JobRecord(Model):
     inputs: JobInputs | None = Field(
         default=None, description="What its result depends on; absent in records of version 1 and of deleted jobs."
     )
+    reused_from: str | None = Field(
+        default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
+    )
+    earlier: str | None = Field(
+        default=None, description="In a rerun: label and verdict or status of the job that was run again."
+    )
 
 
 class RunRecord(Model):
@@ -90,4 +108,6 @@ class RunRecord(Model):
         default=None, description="Git commit of the folder of the specification; absent: it was in none."
     )
     report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
+    rerun_of: RerunOf | None = Field(default=None, description="What it has run again; absent: it is no rerun.")
+    reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")

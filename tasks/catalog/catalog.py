@@ -243,6 +243,7 @@ class Catalog(CatalogLeases):
         *,
         document_changes: Change | None = None,
         owner: str | None = None,
+        labels: Mapping[str, Sequence[str]] | None = None,
     ) -> Resource:
         """Moves a resource to the state that follows an event; of several callers one succeeds.
 
@@ -251,6 +252,7 @@ class Catalog(CatalogLeases):
             event: what happened, an event of the kind's lifecycle.
             document_changes: members of the document that are set with it.
             owner: who has to hold the lease; `None`: it does not matter.
+            labels: labels that are set with it; others stay; `None`: all stay as they are.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -266,7 +268,13 @@ class Catalog(CatalogLeases):
             except StateConflictError as error:
                 raise StateConflictError(f"{arn}: {error}") from error
             changes = document_changes.to_json() if isinstance(document_changes, Changes) else document_changes or {}
-            return {"status": status, "document": {**upgraded(row["kind"], row["document"], arn), **changes}}
+            values: dict[str, Any] = {
+                "status": status,
+                "document": {**upgraded(row["kind"], row["document"], arn), **changes},
+            }
+            if labels is not None:
+                values["labels"] = {**(row["labels"] or {}), **{key: list(each) for key, each in labels.items()}}
+            return values
 
         return self._change(arn, owner, compute)
 

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
 from ...schemas.documents.base import Changes
@@ -48,11 +48,13 @@ class Lease:
             renewer.join()
             self._service.catalog.release(self.job.arn, self._owner)
 
-    def transition(self, event: str, changes: Changes | None = None) -> Resource:
-        """Moves the job on and sets members of its document; returns the job, which `job` is from then on."""
+    def transition(
+        self, event: str, changes: Changes | None = None, labels: Mapping[str, Sequence[str]] | None = None
+    ) -> Resource:
+        """Moves the job on, sets members of its document and labels; returns the job, which `job` is from then on."""
         with self._noticing_loss():
             catalog, arn = self._service.catalog, self.job.arn
-            self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner)
+            self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner, labels=labels)
         return self.job
 
     def update(self, changes: Changes | Callable[[Stored], Changes]) -> Resource:

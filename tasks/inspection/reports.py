@@ -11,11 +11,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
-from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
 from ...schemas.runs.plan import RunResult
@@ -54,13 +54,14 @@ def publish_report(
     folder: Path,
     state_of: Callable[[list[JobRecord]], RunState],
     source: SourceCommit | None = None,
+    rerun_of: RerunOf | None = None,
 ) -> tuple[list[JobRecord], Path]:
     """Writes the report of a run and shows its main parts in Prefect's UI.
 
     Returns:
         The run's simulation jobs in short, and the report's path.
     """
-    reported = jobs_of(steps, service)
+    reported = jobs_of(steps, service, rerun_of)
     records = _job_records(reported, service)
     state = state_of(records)
     run = NightRun(run_id, name, started_at, state, records, dict(versions), source)
@@ -74,6 +75,7 @@ def publish_report(
         worlds=_worlds(steps, reported, service),
         jobs=reported,
         command=shlex.join(command),
+        rerun_of=_rerun_in_words(rerun_of),
         versions=dict(versions),
         since_last=since_last(run, folder.parent),
     )
@@ -111,7 +113,7 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
 
 def report_of(record: RunRecord, service: Service) -> Report:
     """The report of an earlier run, from what is stored of it."""
-    reported = jobs_of(record.steps, service)
+    reported = jobs_of(record.steps, service, record.rerun_of)
     return Report(
         name=record.name,
         run_id=record.run_id,
@@ -122,6 +124,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
         worlds=_worlds(record.steps, reported, service),
         jobs=reported,
         command=shlex.join(record.command or ["robomaker", "run", record.spec_path]),
+        rerun_of=_rerun_in_words(record.rerun_of),
         versions=dict(record.versions),
     )
 
@@ -132,14 +135,26 @@ def _publish(report: Report, records: Sequence[JobRecord], folder: Path) -> Path
     return path
 
 
-def jobs_of(steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
-    """The simulation jobs that steps made, and the requests that became none, in request order."""
+def jobs_of(steps: Sequence[StepRecord], service: Service, rerun_of: RerunOf | None = None) -> list[ReportedJob]:
+    """The simulation jobs that steps made, and the requests that became none, in request order.
+
+    Args:
+        steps: the steps of a run.
+        service: where what they made is stored.
+        rerun_of: what the run has run again, if it is a rerun.
+    """
+    earlier = rerun_of.earlier if rerun_of else {}
     jobs: list[ReportedJob] = []
     for step in steps:
         if step.arn:
             try:
                 made = simulation_jobs(step.operation, step.arn, service)
-                jobs += [job.model_copy(update={"step": step.name}) for job in made]
+                before = earlier.get(step.name) or []
+                told = before if len(before) == len(made) else [None] * len(made)
+                jobs += [
+                    job.model_copy(update={"step": step.name, "earlier": each})
+                    for job, each in zip(made, told, strict=True)
+                ]
             except ResourceNotFoundException as error:
                 jobs.append(
                     ReportedJob(
@@ -190,6 +205,13 @@ def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
     return [jobs[index] for index in sorted(jobs)]
 
 
+def _rerun_in_words(rerun_of: RerunOf | None) -> str:
+    if rerun_of is None:
+        return ""
+    count, total = sum(map(len, rerun_of.earlier.values())), rerun_of.jobs_total
+    return f"{rerun_of.run_id}: {rerun_of.selection}, {count} of {total} {'job' if total == 1 else 'jobs'}"
+
+
 def installed_versions() -> dict[str, str]:
     """Versions of what makes results what they are."""
     return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
@@ -213,7 +235,13 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         poster_png=poster,
         files=files,
         duration_s=None if duration is None else duration / 1000,
+        reused_from=_origin(document.reused_from),
     )
+
+
+def _origin(reused_from: ReusedFrom | None) -> str | None:
+    """Where results come from that a job has taken over: the run, and the job where no run ordered it."""
+    return reused_from and (reused_from.spec_run or short_name(reused_from.job))
 
 
 def _application(request: Mapping[str, Any]) -> str | None:
@@ -296,6 +324,8 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         test=name,
         requirements=result.requirements if result else [],
         inputs=job.inputs,
+        reused_from=job.reused_from,
+        earlier=job.earlier,
     )
 
 

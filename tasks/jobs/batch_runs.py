@@ -3,6 +3,7 @@
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
@@ -12,12 +13,12 @@ from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
-from ...schemas.wire.errors import ServiceError
+from ...schemas.wire.errors import ServiceError, StorageError
 from ..catalog import ClientToken, Resource
 from ..execution.leases import Lease
 from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
-from ..simulations.stored_jobs import store_job
+from ..simulations.stored_jobs import reuse_job, store_job
 from .job_runs import perform_job, stop_idle_job
 
 if TYPE_CHECKING:
@@ -58,10 +59,10 @@ class BatchRun:
 
     def __init__(self, lease: Lease, service: Service) -> None:
         self._lease = lease
-        self._service = service
         self._batch = batch = lease.job
         self._arn = batch.arn
         document = SimulationJobBatchDocument.of(batch)
+        self._service = service.ordered_by(document.spec_run, reuse=document.reuse)
         self._policy, self._requests = document.batch_policy, document.requests
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
@@ -73,6 +74,8 @@ class BatchRun:
         """Runs every request that has not ended and settles the batch."""
         if self._batch.status == "Pending":
             self._lease.transition("start")
+        if self._service.reuses:
+            self._reuse_results()
         if unfinished := self._unfinished():
             self._run_requests(unfinished)
         while self._why_stop() and not self._lease.lost and not self._stop_remaining_jobs():
@@ -161,8 +164,7 @@ class BatchRun:
         """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
         if str(index) in self._failed:
             return None
-        request = SimulationJobRequest.model_validate(self._requests[index])
-        token = ClientToken.of_batch_job(self._batch.id, index)
+        request, token = self._request(index)
         try:
             job = store_job(request, self._service, token=token, batch=(self._arn, index))
         except ServiceError as error:
@@ -170,6 +172,22 @@ class BatchRun:
             return None
         self._made.add(index)
         return job
+
+    def _request(self, index: int) -> tuple[SimulationJobRequest, ClientToken]:
+        """A request, and the token by which it becomes a job once."""
+        token = ClientToken.of_batch_job(self._batch.id, index)
+        return SimulationJobRequest.model_validate(self._requests[index]), token
+
+    def _reuse_results(self) -> None:
+        """Makes jobs of the requests whose results are there already; the others are left to be run."""
+        for index in self._waiting():
+            if self._why_stop():
+                return
+            request, token = self._request(index)
+            with suppress(ServiceError, StorageError):  # what is wrong with it is said when it is to be run
+                if reuse_job(request, self._service, token=token, batch=(self._arn, index)):
+                    self._made.add(index)
+        self._report()
 
     def _fail_request(self, index: int, code: str, reason: str) -> None:
         """Notes that a request never becomes a job; `_save_failures` records it."""

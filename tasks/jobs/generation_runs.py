@@ -22,6 +22,7 @@ from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
 from ..worlds.builders import WorldBuilders
 from ..worlds.generation import WorldFailure, generate_world
+from ..worlds.reuse import reuse_world
 from .world_jobs import end_canceled, move_on
 
 NO_FAILURES = WorldFailures()
@@ -79,10 +80,19 @@ class GenerationRun:
         self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
         arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
         missing = [(index, arn) for index, arn in enumerate(arns) if arn not in self._made]
+        if WorldGenerationJobDocument.of(self._job).reuse:
+            missing = [(index, arn) for index, arn in missing if not self._reused(index, arn)]
         if missing and not self._stopped():
             self._record_failures()  # those of a job worker that died are tried again
             self._generate(missing)
         self._settle()
+
+    def _reused(self, index: int, world_arn: str) -> bool:
+        """Whether a world was found that need not be generated again."""
+        if self._stopped() or not reuse_world(self._service, self._job, index, world_arn):
+            return False
+        self._note_end(world_arn, None)
+        return True
 
     def _make_world(self, index: int, world_arn: str, builders: WorldBuilders) -> None:
         """Generates and stores one world; called from several threads."""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import (
     EarlierRun,
     Outcome,
@@ -25,6 +26,7 @@ from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job, remove_run
 from ..simulations.containers.outputs import settle_containers
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
+from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.resuming import plan_to_resume
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
@@ -169,6 +171,7 @@ class JobRun:
         remove_containers_of_job(folder.parent)  # of job workers that died together with all that they had started
         is_stopped = lambda: self._why_stop() is not None  # noqa: E731
         plan = run_plan(self._lease.job, run_id, folder, self._service, ros_domain, is_stopped)
+        made_of = contents_of_plan(plan, self._document.request)
         self._lease.transition(
             "start",
             SimulationJobProgress(
@@ -179,7 +182,9 @@ class JobRun:
                     private_ip_address="127.0.0.1",
                     public_ip_address="127.0.0.1",
                 ),
+                made_of=made_of,
             ),
+            labels={REUSE_LABEL: [ReuseInputs.of(self._document, made_of).key]},
         )
         return plan
 

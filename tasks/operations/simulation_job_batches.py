@@ -47,6 +47,8 @@ def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service:
             failed={},
             request_count=len(request.createSimulationJobRequests),
             failed_count=0,
+            spec_run=service.spec_run.run_id if service.spec_run else None,
+            reuse=service.reuses,
         ),
         tags=request.tags,
         token=ClientToken.of("StartSimulationJobBatch", request),

@@ -24,7 +24,7 @@ from ..execution.task_pool import run_alone
 from ..jobs.job_runs import perform_job, stop_idle_job
 from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE
-from ..simulations.stored_jobs import store_job
+from ..simulations.stored_jobs import reuse_job, store_job
 from .pages import page_of
 from .registry import Answer, operation
 
@@ -49,8 +49,8 @@ def perform_simulation_job(arn: str, service: Service) -> None:
 def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
     """Stores a simulation job whose applications, world and data exist."""
     token = ClientToken.of("CreateSimulationJob", request)
-    job = store_job(request, service, token=token)
-    described = describe(job)
+    job = reuse_job(request, service, token=token) if service.reuses else None
+    described = describe(job or store_job(request, service, token=token))
     for member in ("name", "failureReason", "networkInterface"):
         described.pop(member, None)
     return described

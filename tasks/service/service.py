@@ -44,6 +44,15 @@ def _utc_now() -> datetime:
 
 
 @dataclass(frozen=True)
+class SpecRun:
+    """The run of a specification that operations are called for."""
+
+    run_id: str
+    reuse: bool = False
+    """Whether worlds and results that are there already are taken over, if they have the same inputs."""
+
+
+@dataclass(frozen=True)
 class Service:
     """One service: a catalog, an object store, and who it says it is in ARNs."""
 
@@ -59,6 +68,9 @@ class Service:
 
     report_progress: Callable[[Progress], None] = _ignore
     """Told of every change while a job operation is performed; called from several threads."""
+
+    spec_run: SpecRun | None = None
+    """The run of a specification that this service is used by; `None`: none."""
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
@@ -92,6 +104,15 @@ class Service:
         """The same service, whose progress `listener` is told of."""
         return replace(self, report_progress=listener)
 
+    @property
+    def reuses(self) -> bool:
+        """Whether results and worlds that are there already are taken over by what is ordered now."""
+        return self.spec_run is not None and self.spec_run.reuse
+
+    def ordered_by(self, run_id: str | None, *, reuse: bool) -> "Service":
+        """The same service, used for a run of a specification; `None`: for none."""
+        return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse))
+
     def folder(self, *parts: str) -> Path:
         """A folder below the data home, created."""
         path = self.settings.home.joinpath(*parts)
@@ -112,8 +133,9 @@ class Service:
         token: ClientToken | None,
         parent: str | None = None,
         labels: Mapping[str, Sequence[str]] | None = None,
+        status: str = "Pending",
     ) -> Resource:
-        """Stores a new job as `Pending`, under an id of its own.
+        """Stores a new job, under an id of its own.
 
         Args:
             kind: its kind of resource, as in its ARN.
@@ -123,6 +145,7 @@ class Service:
             token: makes the call repeatable.
             parent: ARN of the batch it belongs to.
             labels: what else lists find it by.
+            status: where it begins its life: at its end, if it takes over the results of another.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.
@@ -132,7 +155,7 @@ class Service:
             arn=self.arn(kind, job_id),
             kind=kind,
             id=job_id,
-            status="Pending",
+            status=status,
             parent=parent,
             tags=tags,
             labels=labels,

@@ -1,6 +1,6 @@
 """What runs of simulation jobs are made of: planning, inputs, containers, ROS, outputs; storing a job.
 
-May import: `schemas`, `tasks.catalog`, `tasks.service`, `.inputs`, `.outputs`, `.planning`.
+May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.storage`, `.inputs`, `.outputs`, `.planning`.
 """
 
-__all__ = ["stored_jobs"]
+__all__ = ["reused_results", "stored_jobs"]

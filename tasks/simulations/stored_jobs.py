@@ -1,9 +1,10 @@
-"""Storing a simulation job: its request is checked against the catalog first."""
+"""Storing a simulation job: its request is checked against the catalog first; one may take over earlier results."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from ...schemas.documents.applications import ApplicationDocument
+from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
@@ -16,7 +17,9 @@ from .inputs.data_sources import resolve_data_sources
 from .inputs.world_rooms import check_rooms
 from .outputs.locations import check_output_location
 from .planning.applications import find_application
+from .planning.job_contents import FindApplication, contents_of_request
 from .planning.run_plans import world_arn
+from .reused_results import find_results, with_results_of
 
 KIND = "simulation-job"
 _ROLES: tuple[ApplicationRole, ...] = ("robot", "simulation")
@@ -45,38 +48,112 @@ def store_job(
     """
     if (earlier := service.find_by_client_token(token)) is not None:
         return earlier
+    return _store(job_document(request, service, batch), "Pending", request, service, token, batch)
+
+
+def reuse_job(
+    request: SimulationJobRequestMembers,
+    service: Service,
+    *,
+    token: ClientToken | None,
+    batch: tuple[str, int] | None = None,
+) -> Resource | None:
+    """Stores one job that has ended already: with the results of an earlier one that had the same inputs.
+
+    Args:
+        request: the order, alone or out of a batch.
+        service: where it is stored.
+        token: makes the call repeatable.
+        batch: see `store_job`.
+
+    Returns:
+        The job; `None`: there are no results to take over, or the request gives no seed.
+
+    Raises:
+        ServiceError: as for `store_job`.
+        StorageError: an application's archive cannot be read.
+    """
+    if seed_of(request) is None:
+        return None
+    if (earlier := service.find_by_client_token(token)) is not None:
+        return earlier
+    document = job_document(request, service, batch)
+    results = find_results(document, contents_of_request(document.request, service), service)
+    if results.job is None:
+        return None
+    reused = with_results_of(document, results.job)
+    return _store(reused, "Completed", request, service, token, batch)
+
+
+def job_document(
+    request: SimulationJobRequestMembers,
+    service: Service,
+    batch: tuple[str, int] | None = None,
+    find: FindApplication | None = None,
+) -> SimulationJobDocument:
+    """The document of a new job, whose request has been checked against the catalog.
+
+    Args:
+        request: the order, alone or out of a batch.
+        service: where applications, world and data are stored.
+        batch: see `store_job`.
+        find: finds applications; absent: in the catalog.
+
+    Raises:
+        ServiceError: as for `store_job`.
+    """
     wire = request.to_wire()
-    robots, simulations = (_applications(wire, role, service) for role in _ROLES)
+    found = find or (lambda name, role, version: find_application(name, role, version, service))
+    robots, simulations = (_applications(wire, role, found) for role in _ROLES)
     if (world := world_arn(wire)) is not None:
         check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
     seed = seed_of(request)
-    return service.store_job(
-        KIND,
-        "sim",
-        SimulationJobDocument(
-            request=wire,
-            request_index=batch[1] if batch else None,
-            seed=service.new_seed() if seed is None else seed,
-            video=video_of(request) or "none",
-            requirements=[each.to_wire() for each in requirements_of(request)],
-            data_sources=data_sources,
-            robot_application_names=robots,
-            simulation_application_names=simulations,
-        ),
-        tags=request.tags,
-        token=token,
-        parent=batch[0] if batch else None,
-        labels={"robotApplicationName": robots, "simulationApplicationName": simulations},
+    return SimulationJobDocument(
+        request=wire,
+        request_index=batch[1] if batch else None,
+        seed=service.new_seed() if seed is None else seed,
+        video=video_of(request) or "none",
+        requirements=[each.to_wire() for each in requirements_of(request)],
+        data_sources=data_sources,
+        robot_application_names=robots,
+        simulation_application_names=simulations,
+        spec_run=service.spec_run.run_id if service.spec_run else None,
     )
 
 
-def _applications(request: Mapping[str, Any], role: ApplicationRole, service: Service) -> list[str]:
+def _store(
+    document: SimulationJobDocument,
+    status: str,
+    request: SimulationJobRequestMembers,
+    service: Service,
+    token: ClientToken | None,
+    batch: tuple[str, int] | None,
+) -> Resource:
+    labels = {
+        "robotApplicationName": document.robot_application_names,
+        "simulationApplicationName": document.simulation_application_names,
+    }
+    if document.made_of is not None:
+        labels[REUSE_LABEL] = [ReuseInputs.of(document, document.made_of).key]
+    return service.store_job(
+        KIND,
+        "sim",
+        document,
+        tags=request.tags,
+        token=token,
+        parent=batch[0] if batch else None,
+        labels=labels,
+        status=status,
+    )
+
+
+def _applications(request: Mapping[str, Any], role: ApplicationRole, find: FindApplication) -> list[str]:
     """Names of the applications of a role, all of which can be started."""
     names = []
     for index, config in enumerate(request.get(f"{role}Applications") or []):
-        application = find_application(config["application"], role, config.get("applicationVersion"), service)
+        application = find(config["application"], role, config.get("applicationVersion"))
         _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
         names.append(application.name)
     return names

@@ -19,12 +19,9 @@ from .interiors.interior import furnish
 from .model.mjcf import world_mjcf
 from .proofs.checks import check_world
 from .proofs.guarantees import SETTLE_S, violations
-from .seeds import seeds_for
+from .seeds import GENERATOR_VERSION, seeds_for
 
 __all__ = ["GENERATOR_VERSION", "MAX_ATTEMPTS", "generate_world", "seeds_for"]
-
-GENERATOR_VERSION = "2.1.0"
-"""Changes whenever the same seeds give other worlds."""
 
 MAX_ATTEMPTS = 8
 """Interiors tried on one floor plan before giving up."""

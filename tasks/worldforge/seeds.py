@@ -1,6 +1,9 @@
-"""Seeds of the worlds of a generation job."""
+"""Seeds of the worlds of a generation job, and the version of what is made of them; without MuJoCo."""
 
 import numpy as np
+
+GENERATOR_VERSION = "2.1.0"
+"""Changes whenever the same seeds give other worlds."""
 
 
 def seeds_for(job_seed: int, floorplan_index: int, interior_index: int) -> tuple[int, int]:

@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.service`, `tas
 `tasks.simulations.outputs`, `tasks.storage`, `tasks.worldforge`, `tasks.worldforge.exports`.
 """
 
-__all__ = ["archive_places", "builders", "bundles", "export", "generation"]
+__all__ = ["archive_places", "builders", "bundles", "export", "generation", "reuse"]

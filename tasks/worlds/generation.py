@@ -1,5 +1,7 @@
 """Generating one world of a generation job: build it in a process of its own, store its bundle."""
 
+import hashlib
+import json
 import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,11 +18,13 @@ from ..execution.steps import RunStep
 from ..service.service import Service
 from ..simulations.outputs.locations import prepare_bucket
 from ..storage import publish
-from ..worldforge.seeds import seeds_for
+from ..worldforge.seeds import GENERATOR_VERSION, seeds_for
 from .builders import WorldBuilders
 from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
 
 WORLDS_PREFIX = "worlds"
+ORIGIN_LABEL = "origin"
+"""Label of a world in the catalog: what it was made of."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,7 @@ def generate_world(
         `None`, or why there is no world.
     """
     document = WorldGenerationJobDocument.of(job)
-    interiors = document.request.world_count.interior_count_per_floorplan
-    seeds = seeds_for(document.seed, index // interiors, index % interiors)
+    seeds = world_seeds(document, index)
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             folder = Path(scratch, "bundle")
@@ -69,7 +72,7 @@ def _store(service: Service, job: Resource, index: int, world_arn: str, folder: 
     with bundle_held(bundle, service):
         # Stores nothing, unless the last world with this content was deleted just now.
         publish_bundle(service, prefix, folder, service.clock())
-        _add_to_catalog(service, job, index, world_arn, bundle)
+        add_world(service, job, index, world_arn, bundle)
 
 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
@@ -78,8 +81,33 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
     publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
 
 
-def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundle: StoredPlace) -> None:
-    request = WorldGenerationJobDocument.of(job).request
+def world_seeds(job: WorldGenerationJobDocument, index: int) -> tuple[int, int]:
+    """Floor plan seed and interior seed of one world of a job."""
+    return world_seeds_of(job.seed, job.request.world_count.interior_count_per_floorplan, index)
+
+
+def world_seeds_of(job_seed: int, interiors: int, index: int) -> tuple[int, int]:
+    """The same, by the job's seed and how many interiors each of its floor plans gets."""
+    return seeds_for(job_seed, index // interiors, index % interiors)
+
+
+def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
+    """Names what a world is made of: worlds of the same origin are the same, byte for byte.
+
+    Args:
+        template_body: the body of its template.
+        seeds: its floor plan seed and its interior seed.
+    """
+    made_of = [GENERATOR_VERSION, json.loads(template_body), *seeds]
+    return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
+
+
+def add_world(
+    service: Service, job: Resource, index: int, arn: str, bundle: StoredPlace, reused_from: str | None = None
+) -> None:
+    """Adds a world of a job to the catalog, unless it is there; its bundle is stored, and held meanwhile."""
+    document = WorldGenerationJobDocument.of(job)
+    request, origin = document.request, origin_of(document.template_body, world_seeds(document, index))
     world = Resource.new(
         arn=arn,
         kind="world",
@@ -87,9 +115,17 @@ def _add_to_catalog(service: Service, job: Resource, index: int, arn: str, bundl
         status="Active",
         parent=job.arn,
         tags=request.world_tags or {},
-        labels={"generationJobId": [job.id], **job.labels, BUNDLE_LABEL: [bundle_label(bundle)]},
+        labels={
+            "generationJobId": [job.id],
+            **job.labels,
+            BUNDLE_LABEL: [bundle_label(bundle)],
+            ORIGIN_LABEL: [origin],
+        },
         document=WorldDocument(
-            template=request.template, bundle=bundle, description_key=f"{bundle.prefix}/{DESCRIPTION_FILE}"
+            template=request.template,
+            bundle=bundle,
+            description_key=f"{bundle.prefix}/{DESCRIPTION_FILE}",
+            reused_from=reused_from,
         ),
     )
     with suppress(ResourceAlreadyExistsException):  # made by the job worker that took over from one that was held up

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ....schemas.wire.errors import ConfigurationError
 from ..arguments import add_open, add_output
-from ..inputs.runs import find_record
+from ..inputs.runs import read_record
 from ..output.browser import open_file
 
 
@@ -25,16 +25,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     junit = _checked(arguments.junit)
     settings = Settings.from_environment(os.environ)
-    record_file = find_record(settings.home / "runs", arguments.run)
-
-    from pydantic import ValidationError
-
-    from ....schemas.reports.run_record import RunRecord
-
-    try:
-        record = RunRecord.model_validate_json(record_file.read_bytes())
-    except ValidationError as error:
-        raise ConfigurationError(f"{record_file} is not a run's record: {error.errors()[0]['msg']}") from error
+    record = read_record(settings.home / "runs", arguments.run)
 
     from ....tasks.inspection.reports import rebuild_report
     from ....tasks.service.service import Service

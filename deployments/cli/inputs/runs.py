@@ -1,8 +1,12 @@
 """Earlier runs of specifications, by their ids."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ....schemas.wire.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from ....schemas.reports.run_record import RunRecord
 
 
 def find_record(runs: Path, run: str) -> Path:
@@ -10,11 +14,13 @@ def find_record(runs: Path, run: str) -> Path:
 
     Args:
         runs: folder of all runs.
-        run: a run's id, or `latest`.
+        run: a run's id, its folder, or `latest`.
 
     Raises:
         ConfigurationError: there is no such run.
     """
+    if "/" in run and (record := Path(run) / "run.json").is_file():
+        return record
     records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
     if not records:
         raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
@@ -24,3 +30,20 @@ def find_record(runs: Path, run: str) -> Path:
         return found[0]
     latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
     raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")
+
+
+def read_record(runs: Path, run: str) -> "RunRecord":
+    """Reads the record of a run; see `find_record`.
+
+    Raises:
+        ConfigurationError: there is no such run, or its record cannot be read.
+    """
+    record_file = find_record(runs, run)
+    from pydantic import ValidationError
+
+    from ....schemas.reports.run_record import RunRecord
+
+    try:
+        return RunRecord.model_validate_json(record_file.read_bytes())
+    except ValidationError as error:
+        raise ConfigurationError(f"{record_file} is not a run's record: {error.errors()[0]['msg']}") from error

@@ -40,6 +40,10 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
     lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
+    if rerun := record.rerun_of:
+        lines.append([(f"rerun of {rerun.run_id}: {rerun.selection}", "")])
+    if reused := [job for job in record.jobs if job.reused_from]:
+        lines.append([(f"{len(reused)} of {len(record.jobs)} results taken over from earlier runs", "")])
     if failed := [step for step in record.steps if step.error]:
         lines += [[], *(_step_line(step) for step in failed)]
     if record.jobs:
@@ -72,7 +76,7 @@ def _step_line(step: StepRecord) -> list[Cell]:
 
 def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     shown = jobs[:_MAX_JOBS]
-    titles = ("#", "job", "verdict", "world", "setting", "rooms", "time", "")
+    titles = ("#", "job", "verdict", "world", "setting", "rooms", "time", "", "")
     table = [[(title, "dim") for title in titles]]
     table += [_job_cells(number, job) for number, job in enumerate(shown, start=1)]
     # A column that says nothing about any job is left out.
@@ -111,6 +115,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
     reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
     trouble = ": ".join(part for part in (job.failure_code or "", reason) if part)
     style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
+    origin = f"from {job.reused_from}" if job.reused_from else f"was {job.earlier}" if job.earlier else ""
     return [
         (str(number), "dim"),
         (job.label, ""),
@@ -119,6 +124,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
         (job.variant, ""),
         (rooms, ""),
         (took, ""),
+        (origin, "dim"),
         (_cut(trouble), "red"),
     ]
 

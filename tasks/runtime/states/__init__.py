@@ -3,4 +3,13 @@
 May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`.
 """
 
-__all__ = ["checkpoint_files", "checkpoints", "digest", "failure_state", "provenance", "state_log", "state_log_writer"]
+__all__ = [
+    "checkpoint_files",
+    "checkpoints",
+    "digest",
+    "failure_state",
+    "folder_digests",
+    "provenance",
+    "state_log",
+    "state_log_writer",
+]

@@ -21,6 +21,7 @@ from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, Applica
 from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
+from .folder_digests import digest_of_folder
 
 _DISTRIBUTIONS = {
     "mujoco": "mujoco",
@@ -31,8 +32,6 @@ _DISTRIBUTIONS = {
 }
 _CPU_FEATURES = frozenset({"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl", "avx512dq", "asimd", "sve"})
 """By these MuJoCo, numpy and the C library choose between code that rounds differently."""
-_IGNORED_FOLDER = "__pycache__"
-_PREVIEW_FILE = "preview.png"
 _OF_PACKAGE = "__init__.py"
 
 Actions = Callable[[], ActionsSummary | None]
@@ -144,23 +143,6 @@ def machine_facts() -> MachineFacts:
         libc=_libc(),
         versions={name: metadata.version(distribution) for name, distribution in _DISTRIBUTIONS.items()},
     )
-
-
-def digest_of_folder(folder: Path, suffix: str = "") -> str:
-    """SHA-256 over the names and bytes of a folder's files; previews and byte code are left out.
-
-    Args:
-        folder: The folder.
-        suffix: What the names of the files have to end with.
-    """
-    digest = hashlib.sha256()
-    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob(f"*{suffix}") if path.is_file()}
-    for name in sorted(files):
-        if name != _PREVIEW_FILE and _IGNORED_FOLDER not in name.split("/"):
-            with files[name].open("rb") as file:
-                content = hashlib.file_digest(file, "sha256").digest()
-            digest.update(f"{name}\0".encode() + content)
-    return digest.hexdigest()
 
 
 def _write_provenance(provenance: Provenance) -> None:

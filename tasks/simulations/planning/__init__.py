@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.catalog`, `tasks.runtime.states`, `tasks.service`,
 `tasks.simulations.environment`, `tasks.simulations.inputs`, `tasks.simulations.ros`.
 """
 
-__all__ = ["applications", "resuming", "run_plans"]
+__all__ = ["applications", "job_contents", "resuming", "run_plans"]

@@ -129,13 +129,13 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
     document = ApplicationDocument.of(application)
     if sources := document.sources:
         is_pinned = document.version != LATEST
-        source = _for_this_machine(sources)
+        source = source_for_this_machine(sources)
         folder = application_bundle(source.to_json(), role.capitalize(), run_environment.service, is_pinned=is_pinned)
         return Code(role, application.name, folder=folder)
     return Code(role, application.name, module=document.environment and python_package(document.environment.uri))
 
 
-def _for_this_machine(sources: list[StoredSource]) -> StoredSource:
+def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
     """The source for 64-bit x86; one without an architecture serves all."""
     for source in sources:
         if (source.architecture or "X86_64") == "X86_64":

@@ -1,0 +1,87 @@
+"""Running a specification for `run` and `rerun`: progress, report, summary, exit code."""
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...schemas.reports.run_record import RerunOf, RunRecord
+from ...schemas.settings import Settings
+from ...schemas.specs.model import CheckedSpec
+from ...schemas.wire.errors import ConfigurationError
+from .output.browser import open_file, wanted
+
+
+def carry_out(
+    spec: CheckedSpec,
+    settings: Settings,
+    arguments: argparse.Namespace,
+    command: Sequence[str],
+    *,
+    spec_path: str,
+    reuse: bool = False,
+    rerun_of: RerunOf | None = None,
+) -> int:
+    """Runs a specification, shows how it goes, and prints what came of it.
+
+    Args:
+        spec: the specification.
+        settings: where everything is kept.
+        arguments: those of the command line: `report`, `output` and `open`.
+        command: the command that does the same again.
+        spec_path: the file that the specification is from.
+        reuse: whether worlds and results that are there already are taken over.
+        rerun_of: of which run it is the rerun; `None`: of none.
+
+    Returns:
+        The exit code, which says how the run ended.
+    """
+    from .output.progress import watcher
+    from .output.summary import print_summary
+    from .prefect_server import use_server
+
+    api_url = use_server(settings)
+    steps = [(name, spec.steps[name].operation) for name in spec.order]
+    with watcher(steps, os.environ) as listener:
+        from ...flows.pipelines import RunInterrupted, run_spec
+
+        try:
+            record = run_spec(
+                spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of
+            )
+        except RunInterrupted as interruption:
+            interrupted, record = interruption, interruption.record
+        else:
+            interrupted = None
+    record = _with_report(record, arguments.report)
+    if arguments.output == "json":
+        sys.stdout.write(record.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        # Elsewhere the pages' address is not to be told from the API's.
+        local = api_url.startswith("http://127.0.0.1:")
+        print_summary(record, command, sys.stdout, server=api_url.removesuffix("/api") if local else "")
+    if interrupted:
+        raise interrupted
+    if record.report_path and wanted(arguments.open):
+        open_file(record.report_path)
+    return record.exit_code
+
+
+def check_report(report: str | None) -> None:
+    """Finds out before a long run that the report cannot be put where it is wanted.
+
+    Raises:
+        ConfigurationError: it cannot.
+    """
+    if report and (Path(report).is_dir() or not Path(report).absolute().parent.is_dir()):
+        raise ConfigurationError(f"--report is {report}; it has to be a file in a folder that exists")
+
+
+def _with_report(record: RunRecord, wanted_path: str | None) -> RunRecord:
+    if wanted_path is None or record.report_path is None:
+        return record
+    path = Path(wanted_path).absolute()
+    shutil.copyfile(record.report_path, path)
+    return record.model_copy(update={"report_path": path})

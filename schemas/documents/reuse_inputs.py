@@ -1,0 +1,112 @@
+"""What the result of a simulation job depends on: jobs with the same inputs have the same result."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import Field
+
+from ..wire.base import Model
+from ..wire.json_values import is_list, is_mapping
+from .simulation_jobs import MadeOf, SimulationJobDocument
+
+REUSE_LABEL = "reuseKey"
+"""Label of a job in the catalog: the key of its inputs."""
+
+_MOST_CHANGES = 3
+_MOST_CHARACTERS = 40
+_ABSENT = "absent"
+# Who ordered a job, and how it is called. Seed, video, requirements and data are inputs of their own, as resolved.
+_NOT_INPUTS = ("clientRequestToken", "tags", "seed", "video", "requirements", "dataSources")
+# Instead of these names, what they stand for is compared.
+_NAMES = ("application", "applicationVersion", "worldConfigs")
+_ROLES = ("robotApplications", "simulationApplications")
+# Of what is a hash, a person is told only that it is another one.
+_CONTENTS = {"world": "the world", "robot": "the robot application", "simulation": "the simulation application"}
+
+
+class ReuseInputs(Model):
+    """All inputs of one simulation job."""
+
+    request: dict[str, Any] = Field(description="The request, without names of what is compared by its content.")
+    seed: int = Field(description="Seed of the run's random generators.")
+    video: str = Field(description="When a video is written.")
+    requirements: list[dict[str, Any]] = Field(description="What the run is judged by.")
+    data: list[dict[str, Any]] = Field(description="Data sources, with the ETags of their objects.")
+    world: str | None = Field(description="Hash of the world's content; none: it has no world.")
+    robot: str | None = Field(description="What the robot application is; none: the job names none.")
+    simulation: str | None = Field(description="What the simulation application is; none: the job names none.")
+    versions: dict[str, str] = Field(description="Versions of what runs it.")
+
+    @classmethod
+    def of(cls, document: SimulationJobDocument, made_of: MadeOf) -> "ReuseInputs":
+        """The inputs of a job.
+
+        Args:
+            document: the job.
+            made_of: what its world and its applications are.
+        """
+        return cls(
+            request=_compared(document.request),
+            seed=document.seed,
+            video=document.video,
+            requirements=document.requirements,
+            data=[source.to_json() for source in document.data_sources or []],
+            world=made_of.world,
+            robot=made_of.robot,
+            simulation=made_of.simulation,
+            versions=made_of.versions,
+        )
+
+    @property
+    def key(self) -> str:
+        """SHA-256 of all inputs, in hexadecimal; the order of members does not count."""
+        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+    def changes_since(self, earlier: "ReuseInputs") -> list[str]:
+        """What differs from an earlier job's inputs, in words; empty for the same key."""
+        before, now = (dict(_leaves(inputs.model_dump(mode="json"), "")) for inputs in (earlier, self))
+        paths = [path for path in dict.fromkeys([*before, *now]) if _text(before, path) != _text(now, path)]
+        return [_change(path, before, now) for path in paths]
+
+
+def in_short(changes: list[str]) -> str:
+    """Some changes in one line, with the number of the others."""
+    more = len(changes) - _MOST_CHANGES
+    return "; ".join([*changes[:_MOST_CHANGES], *([f"and {more} more"] if more > 0 else [])])
+
+
+def _compared(request: Mapping[str, Any]) -> dict[str, Any]:
+    compared = {name: value for name, value in request.items() if name not in _NOT_INPUTS}
+    for role in _ROLES:
+        if configs := compared.get(role):
+            compared[role] = [{name: config[name] for name in config if name not in _NAMES} for config in configs]
+    return compared
+
+
+def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+    """The innermost values with their paths; an empty object or list is one, too."""
+    if is_mapping(value) and value:
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{path}.{name}" if path else name)
+    elif is_list(value) and value:
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, f"{path}[{index}]")
+    else:
+        yield path, value
+
+
+def _text(leaves: Mapping[str, Any], path: str) -> str:
+    return json.dumps(leaves[path]) if path in leaves else _ABSENT
+
+
+def _change(path: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    if path in _CONTENTS:
+        return f"{_CONTENTS[path]} has changed"
+    return f"{path.removeprefix('request.')}: {_cut(_text(before, path))} is now {_cut(_text(now, path))}"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}…"

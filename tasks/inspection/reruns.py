@@ -1,0 +1,214 @@
+"""Running jobs of an earlier run again: which of them, and the specification of a run that does that."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.operations.registry import SEED_TAG
+from ...schemas.reports.report import ReportedJob
+from ...schemas.reports.run_record import RerunOf, RunRecord, StepRecord
+from ...schemas.wire.errors import ConfigurationError
+from ...schemas.wire.json_values import is_list, is_object
+from ..catalog import Resource
+from ..reporting.outcomes import Outcome, outcome_of
+from ..service.service import Service
+from .reports import jobs_of, short_name
+
+_FAILED = (Outcome.BROKEN, Outcome.FAILED, Outcome.CANCELED, Outcome.UNFINISHED)
+_MOST_NAMED = 5
+_BATCH = "StartSimulationJobBatch"
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which jobs of a run are run again: those that everything given here holds for; nothing given: all."""
+
+    failed: bool = False
+    """Those that have no good result: failed, broken, cancelled, or never begun."""
+
+    jobs: tuple[str, ...] = ()
+    """Ids or ARNs of jobs, or labels such as `request 3`."""
+
+    worlds: tuple[str, ...] = ()
+    """ARNs of worlds or the ends of them, such as `world-3`."""
+
+    @property
+    def words(self) -> str:
+        """What is selected, in words."""
+        parts = ["failed jobs"] if self.failed else []
+        parts += [f"jobs {', '.join(self.jobs)}"] if self.jobs else []
+        parts += [f"worlds {', '.join(self.worlds)}"] if self.worlds else []
+        return "; ".join(parts) or "all jobs"
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """A run that is to be made."""
+
+    spec_text: str
+    """Its specification: the requests of the jobs as they were, with worlds and seeds as they were."""
+
+    rerun_of: RerunOf
+
+
+@dataclass(frozen=True)
+class _Order:
+    """A job of the earlier run, with what is needed to order it again."""
+
+    job: ReportedJob
+    request: Mapping[str, Any]
+
+
+def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rerun | None:
+    """Makes the specification of a rerun.
+
+    Args:
+        record: the earlier run.
+        selection: which of its jobs.
+        service: where they are stored.
+
+    Returns:
+        The rerun; `None`: nothing that is selected has failed.
+
+    Raises:
+        ConfigurationError: the run has no jobs, or none that the selection names.
+        ResourceNotFoundException: the jobs of the run were deleted.
+    """
+    orders = {step.name: found for step in record.steps if (found := _orders(step, service))}
+    everything = [order.job for found in orders.values() for order in found]
+    if not everything:
+        raise ConfigurationError(
+            f"the run {record.run_id} made no simulation jobs; `robomaker run {record.spec_path}` runs all of it again"
+        )
+    _check_names(selection, everything, record.run_id)
+    chosen = {name: [order for order in found if _is_selected(order.job, selection)] for name, found in orders.items()}
+    chosen = {name: found for name, found in chosen.items() if found}
+    if not chosen and not (selection.failed or (selection.jobs and selection.worlds)):
+        raise ConfigurationError(f"the run {record.run_id} has no such jobs: {selection.words}")
+    if not chosen and not selection.failed:
+        raise ConfigurationError(f"no job of the run {record.run_id} is in both: {selection.words}")
+    if not chosen:
+        return None
+    steps = {step.name: _step(step, chosen[step.name], service) for step in record.steps if step.name in chosen}
+    return Rerun(
+        spec_text=json.dumps({"version": 1, "name": record.name, "steps": steps}, indent=2, ensure_ascii=False) + "\n",
+        rerun_of=RerunOf(
+            run_id=record.run_id,
+            selection=selection.words,
+            jobs_total=len(everything),
+            earlier={name: [_told(order.job) for order in found] for name, found in chosen.items()},
+        ),
+    )
+
+
+def _orders(step: StepRecord, service: Service) -> list[_Order]:
+    """The jobs of a step with their requests, in the order of these; nothing of steps that make no jobs."""
+    if step.arn is None or step.operation not in (_BATCH, "CreateSimulationJob"):
+        return []
+    jobs = jobs_of([step], service)
+    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+    made = {arn: SimulationJobDocument.of(resource) for arn, resource in stored.items()}
+    if step.operation != _BATCH:
+        stored = service.catalog.get(step.arn, kind="simulation-job")
+        return [_Order(jobs[0], _again(SimulationJobDocument.of(stored)))]
+    batch = _batch(step, service)
+    by_place = {made[job.arn].request_index or 0: job for job in jobs if job.arn and job.arn in made}
+    failed = iter(job for job in jobs if job.arn is None)
+    orders: list[_Order] = []
+    for place, request in enumerate(batch.requests):
+        job = by_place.get(place)
+        if job is not None:
+            orders.append(_Order(job, _again(made[job.arn or ""])))
+        elif str(place) in batch.failed and (lost := next(failed, None)) is not None:
+            orders.append(_Order(lost, _plain_request(request)))
+        else:  # the run was killed before it came to it
+            label, status = f"request {place + 1}", "NotCreated"
+            orders.append(_Order(ReportedJob(label=label, step=step.name, status=status), _plain_request(request)))
+    return orders
+
+
+def _batch(step: StepRecord, service: Service) -> SimulationJobBatchDocument:
+    assert step.arn is not None
+    batch: Resource = service.catalog.get(step.arn, kind="simulation-job-batch")
+    return SimulationJobBatchDocument.of(batch)
+
+
+def _again(document: SimulationJobDocument) -> dict[str, Any]:
+    """The request of a job, with the seed that it had."""
+    request = _plain_request(document.request)
+    return request if SEED_TAG in (request.get("tags") or {}) else {**request, "seed": document.seed}
+
+
+def _plain_request(request: Mapping[str, Any]) -> dict[str, Any]:
+    """A request that is a new one: the token of the earlier one would give the earlier job."""
+    return {name: _escaped(value) for name, value in request.items() if name != "clientRequestToken"}
+
+
+def _escaped(value: Any) -> Any:
+    """A value as a specification writes it: nothing in it is a reference."""
+    if isinstance(value, str):
+        return value.replace("${{", "$${{")
+    if is_object(value):
+        return {name: _escaped(inner) for name, inner in value.items()}
+    return [_escaped(inner) for inner in value] if is_list(value) else value
+
+
+def _step(step: StepRecord, orders: Sequence[_Order], service: Service) -> dict[str, Any]:
+    if step.operation != _BATCH:
+        return {"operation": step.operation, "input": dict(orders[0].request)}
+    kept = {name: value for name, value in _batch(step, service).request.items() if name in ("batchPolicy", "tags")}
+    requests = [dict(order.request) for order in orders]
+    return {"operation": _BATCH, "input": {**_escaped(kept), "createSimulationJobRequests": requests}}
+
+
+def _told(job: ReportedJob) -> str:
+    """How a job ended the first time: `sim-…: FAIL`."""
+    judged = job.result is not None and job.status == "Completed"
+    return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"
+
+
+def _is_selected(job: ReportedJob, selection: Selection) -> bool:
+    if selection.failed and outcome_of(job) not in _FAILED:
+        return False
+    if selection.jobs and not any(_is_job(job, name) for name in selection.jobs):
+        return False
+    return not selection.worlds or any(_is_world(job, name) for name in selection.worlds)
+
+
+def _is_job(job: ReportedJob, name: str) -> bool:
+    return name in (job.label, job.arn)
+
+
+def _is_world(job: ReportedJob, name: str) -> bool:
+    """Whether a job drove in a world, which may be named by the end of its ARN."""
+    arn = job.world_arn
+    return arn is not None and (arn == name or arn.endswith((f"/{name}", f":{name}")))
+
+
+def _check_names(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) -> None:
+    """Checks that everything named is part of the run.
+
+    Raises:
+        ConfigurationError: something is not; says what there is.
+    """
+    for name in selection.jobs:
+        if not any(_is_job(job, name) for job in jobs):
+            raise ConfigurationError(f"the run {run_id} has no job {name!r}; it has {_some(_labels(jobs))}")
+    for name in selection.worlds:
+        if not any(_is_world(job, name) for job in jobs):
+            worlds = [short_name(job.world_arn) for job in jobs if job.world_arn]
+            known = f"it has jobs in {_some(worlds)}" if worlds else "its jobs have no worlds"
+            raise ConfigurationError(f"the run {run_id} has no job in the world {name!r}; {known}")
+
+
+def _labels(jobs: Sequence[ReportedJob]) -> Iterator[str]:
+    return (job.label for job in jobs)
+
+
+def _some(names: Iterator[str] | Sequence[str]) -> str:
+    each = list(dict.fromkeys(names))
+    more = len(each) - _MOST_NAMED
+    return ", ".join(each[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,235 @@
+"""What a run of a specification would take over from earlier runs, and what it would run, and why; runs nothing.
+
+The steps are followed as a run would take them, with what is there already in the place of what they would make.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+
+from ...schemas.documents.applications import ApplicationDocument
+from ...schemas.documents.reuse_inputs import ReuseInputs, in_short
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.world_templates import WorldTemplateDocument
+from ...schemas.operations.registry import parse_request, seed_of
+from ...schemas.operations.simulation_job_batches import StartSimulationJobBatchRequest
+from ...schemas.operations.simulation_jobs import CreateSimulationJobRequest, SimulationJobRequestMembers
+from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJobRequest
+from ...schemas.operations.world_templates import CreateWorldTemplateRequest
+from ...schemas.reports.run_record import RunRecord, StepRecord
+from ...schemas.runs.plan import ApplicationRole
+from ...schemas.specs.model import CheckedSpec, CheckedStep, resolve_input
+from ...schemas.templates.parsing import unwrapped_text
+from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
+from ..catalog import Resource
+from ..service.service import Service
+from ..simulations.planning.applications import LATEST, find_application, with_etag
+from ..simulations.planning.job_contents import contents_of_request
+from ..simulations.planning.run_plans import world_arn
+from ..simulations.reused_results import find_results
+from ..simulations.stored_jobs import job_document
+from ..worlds.generation import world_seeds_of
+from ..worlds.reuse import find_world_again
+
+NO_SEED = "no seed is given, so each run draws its own"
+_NEW_WORLD = "its world is generated first"
+_NEVER_RUN = "no job had these inputs yet"
+_RUNS_LOOKED_AT = 20
+_ROLES: Mapping[str, ApplicationRole] = {"CreateRobotApplication": "robot", "CreateSimulationApplication": "simulation"}
+
+
+@dataclass(frozen=True)
+class PlannedPart:
+    """A world or a simulation job of a step."""
+
+    part: str
+    """`world 2`, or `request 2` of a batch."""
+
+    reuse: bool
+    why: str
+    """Where it is taken over from, or why it is run."""
+
+
+@dataclass
+class _Plan:
+    """What is known of the run so far."""
+
+    service: Service
+    outputs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    templates: dict[str, str] = field(default_factory=dict)
+    """Bodies of templates that steps would make, by ARN."""
+
+    applications: dict[str, Resource] = field(default_factory=dict)
+    """Applications that steps would make or change, by ARN and by role and name."""
+
+    new_worlds: set[str] = field(default_factory=set)
+    last_steps: list[Mapping[str, StepRecord]] = field(default_factory=list)
+    """Steps of earlier runs, the newest first."""
+    jobs: dict[str, Mapping[int, SimulationJobDocument]] = field(default_factory=dict)
+    """Jobs of steps of earlier runs by the place of their request, by the ARN of what the step made."""
+
+    def find_application(self, reference: str, role: ApplicationRole, version: str | None) -> Resource:
+        """Finds an application as a run would."""
+        planned = self.applications.get(reference) or self.applications.get(f"{role} {reference}")
+        if planned is not None and version in (None, LATEST):
+            return planned
+        return find_application(reference, role, version, self.service)
+
+
+def plan_reuse(checked: CheckedSpec, service: Service) -> dict[str, list[PlannedPart]]:
+    """Says of each world and each simulation job whether a run with reuse takes it over or runs it.
+
+    Args:
+        checked: the specification.
+        service: where earlier runs are stored; nothing is changed.
+
+    Returns:
+        The worlds or jobs of each step that makes some, by the step's name.
+
+    Raises:
+        StorageError: the object store cannot be read.
+    """
+    plan = _Plan(service, last_steps=_steps_of_earlier_runs(checked.name, service))
+    return {name: parts for name in checked.order if (parts := _plan_step(checked.steps[name], plan))}
+
+
+def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
+    try:
+        members = resolve_input(step, plan.outputs)
+        request = parse_request(step.operation, members)
+    except (SpecError, ServiceError) as error:
+        plan.outputs[step.name] = {}
+        makes_parts = step.operation in ("CreateWorldGenerationJob", "CreateSimulationJob", "StartSimulationJobBatch")
+        return [PlannedPart("all", reuse=False, why=f"known only in the run: {error}")] if makes_parts else []
+    arn = plan.service.arn("planned", step.name)
+    plan.outputs[step.name] = {"arn": arn}
+    if isinstance(request, CreateWorldTemplateRequest) and request.templateBody:
+        plan.templates[arn] = unwrapped_text(request.templateBody)
+    elif step.operation in _ROLES:
+        plan.outputs[step.name] = _plan_application(step, members, plan)
+    elif isinstance(request, CreateWorldGenerationJobRequest):
+        return _plan_worlds(step.name, request, plan)
+    elif isinstance(request, CreateSimulationJobRequest):
+        return [_plan_job(step.name, 0, "job", request, plan)]
+    elif isinstance(request, StartSimulationJobBatchRequest):
+        orders = request.createSimulationJobRequests
+        return [_plan_job(step.name, i, f"request {i + 1}", order, plan) for i, order in enumerate(orders)]
+    return []
+
+
+def _plan_application(step: CheckedStep, request: Mapping[str, Any], plan: _Plan) -> dict[str, Any]:
+    """What a step that makes an application answers, as far as jobs need it."""
+    role = _ROLES[step.operation]
+    existing = plan.service.catalog.find(f"{role}-application", request["name"])
+    if existing is not None and step.if_exists == "reuse":
+        return {"arn": existing.arn, "name": existing.name}
+    content = {"environment": request.get("environment"), "version": LATEST, "revisionId": "planned"}
+    sources = [with_etag(source, i, plan.service) for i, source in enumerate(request.get("sources") or [])]
+    document = ApplicationDocument.model_validate(
+        {**content, "environment": None, "sources": sources} if sources else content
+    )
+    arn = existing.arn if existing is not None else plan.service.arn(f"{role}-application", f"{request['name']}/0")
+    now = plan.service.clock()
+    application = Resource(
+        arn=arn,
+        kind=f"{role}-application",
+        id=request["name"],
+        name=request["name"],
+        document=document.to_json(),
+        created_at=now,
+        updated_at=now,
+        revision=1,
+    )
+    plan.applications |= {arn: application, f"{role} {application.name}": application}
+    return {"arn": arn, "name": application.name, "version": LATEST}
+
+
+def _plan_worlds(step: str, request: CreateWorldGenerationJobRequest, plan: _Plan) -> list[PlannedPart]:
+    plans, interiors = request.worldCount.floorplanCount or 1, request.worldCount.interiorCountPerFloorplan or 1
+    seed, body, problem = seed_of(request), "", NO_SEED
+    if seed is not None:
+        try:
+            body = plan.templates.get(request.template) or _stored_body(request.template, plan.service)
+        except ServiceError as error:
+            problem = str(error)
+    parts, arns = [], []
+    for index in range(plans * interiors):
+        seeds = world_seeds_of(seed or 0, interiors, index)
+        world = find_world_again(body, seeds, plan.service) if body else None
+        if world is None:
+            arns.append(plan.service.arn("world", f"{step}/world-{index + 1}"))
+            plan.new_worlds.add(arns[-1])
+            why = "no world of this template, seed and generator is there yet" if body else problem
+        else:
+            arns.append(world.arn)
+            why = f"found as {world.id}"
+        parts.append(PlannedPart(f"world {index + 1}", reuse=world is not None, why=why))
+    plan.outputs[step]["finishedWorldsSummary"] = {"finishedCount": len(arns), "succeededWorlds": arns}
+    return parts
+
+
+def _stored_body(template: str, service: Service) -> str:
+    return WorldTemplateDocument.of(service.catalog.get(template, kind="world-template")).template_body
+
+
+def _plan_job(step: str, index: int, part: str, request: SimulationJobRequestMembers, plan: _Plan) -> PlannedPart:
+    wire = request.to_wire()
+    if seed_of(request) is None:
+        return PlannedPart(part, reuse=False, why=NO_SEED)
+    if world_arn(wire) in plan.new_worlds:
+        return PlannedPart(part, reuse=False, why=_NEW_WORLD)
+    try:
+        document = job_document(request, plan.service, find=plan.find_application)
+        made_of = contents_of_request(wire, plan.service, plan.find_application)
+    except RobomakerError as error:
+        return PlannedPart(part, reuse=False, why=str(error))
+    results = find_results(document, made_of, plan.service)
+    if results.job is not None:
+        earlier = SimulationJobDocument.of(results.job)
+        origin = earlier.reused_from.spec_run if earlier.reused_from else earlier.spec_run
+        return PlannedPart(part, reuse=True, why=f"results of {results.job.id}{f' in {origin}' if origin else ''}")
+    why = results.why_not or _what_changed(step, index, ReuseInputs.of(document, made_of), plan)
+    return PlannedPart(part, reuse=False, why=why)
+
+
+def _what_changed(step: str, index: int, inputs: ReuseInputs, plan: _Plan) -> str:
+    """What is other than in the last run of the specification that had this job."""
+    for steps in plan.last_steps:
+        document = _jobs_of(steps[step], plan).get(index) if step in steps else None
+        if document is not None and document.made_of is not None:
+            changes = inputs.changes_since(ReuseInputs.of(document, document.made_of))
+            return in_short(changes) if changes else _NEVER_RUN
+    return _NEVER_RUN
+
+
+def _jobs_of(step: StepRecord, plan: _Plan) -> Mapping[int, SimulationJobDocument]:
+    """The jobs of an earlier run's step that the catalog has, by the place of their request."""
+    arn = step.arn or ""
+    if arn not in plan.jobs:
+        catalog = plan.service.catalog
+        found = list(catalog.get_many([arn]).values()) if step.operation == "CreateSimulationJob" else []
+        found += catalog.children(arn, kind="simulation-job") if arn else []
+        documents = map(SimulationJobDocument.of, found)
+        plan.jobs[arn] = {document.request_index or 0: document for document in documents}
+    return plan.jobs[arn]
+
+
+def _steps_of_earlier_runs(name: str, service: Service) -> list[Mapping[str, StepRecord]]:
+    """The steps of earlier runs of a specification by name, the newest first; reruns have other requests."""
+    of_name = re.compile(rf"{re.escape(name)}-[0-9]{{8}}T[0-9]{{9}}")
+    files = sorted(
+        (file for file in (service.settings.home / "runs").glob("*/run.json") if of_name.fullmatch(file.parent.name)),
+        reverse=True,
+    )
+    found = []
+    for file in files[:_RUNS_LOOKED_AT]:
+        try:
+            record = RunRecord.model_validate_json(file.read_bytes())
+        except (OSError, ValidationError):
+            continue  # another version wrote it, or it has just been removed
+        if record.rerun_of is None:
+            found.append({step.name: step for step in record.steps})
+    return found

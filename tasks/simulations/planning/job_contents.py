@@ -1,0 +1,185 @@
+"""What the names in a job's request stand for: the content of its world and of its applications, and versions.
+
+Of a run that is planned it is what the run has; of a request it is what a run would have now.
+"""
+
+import hashlib
+import os
+import platform
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from ....schemas.documents.applications import ApplicationDocument
+from ....schemas.documents.simulation_jobs import MadeOf
+from ....schemas.documents.worlds import WorldDocument
+from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
+from ....schemas.wire.errors import ResourceNotFoundException
+from ...catalog import Resource
+from ...runtime.states.folder_digests import digest_of_folder
+from ...service.builtin_applications import BUILTINS, PACKAGE
+from ...service.service import Service
+from .application_plans import image_of, source_for_this_machine
+from .applications import LATEST, find_application, python_package
+from .run_plans import world_arn
+
+_ROLES: tuple[ApplicationRole, ...] = ("robot", "simulation")
+_DISTRIBUTIONS = ("mujoco", "dm-control", "numpy", "scipy")
+_OWN = "prefect-robomaker"
+_ROBOT_VARIABLE, _MENAGERIE, _MENAGERIE_ROOT = "ROBOMAKER_ROBOT", "menagerie:", "MENAGERIE_ROOT"
+_BUILT_IN = "built in"
+_SHOWN = 6
+
+FindApplication = Callable[[str, ApplicationRole, str | None], Resource]
+"""Finds an application by ARN or name, role and version; raises `ResourceNotFoundException`."""
+
+
+def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping[str, str] | None = None) -> MadeOf:
+    """What a planned run is made of.
+
+    Args:
+        plan: the run, with everything it needs on this machine.
+        request: the request of its job.
+        environ: environment variables of this process; absent: `os.environ`.
+    """
+    robot, simulation = map(_content_of_plan, (plan.robot_application, plan.simulation_application))
+    variables = os.environ if environ is None else environ
+    return MadeOf(
+        world=plan.world_dir.name if plan.world_dir else None,
+        robot=robot,
+        simulation=simulation,
+        versions=dict(software_versions()),
+        once_only=_programs_of(plan) or _unknown(robot, simulation) or _foreign_files(request, robot, variables),
+    )
+
+
+def contents_of_request(request: Mapping[str, Any], service: Service, find: FindApplication | None = None) -> MadeOf:
+    """What a run of a request would be made of now.
+
+    Args:
+        request: the request of a job.
+        service: where worlds and applications are stored.
+        find: finds applications; absent: in the catalog.
+
+    Raises:
+        ResourceNotFoundException: the world or an application does not exist.
+        StorageError: the archive of an application cannot be read.
+    """
+    contents: dict[ApplicationRole, str] = {}
+    program = None
+    for role in _ROLES:
+        for config in (request.get(f"{role}Applications") or ())[:1]:
+            reference, version = config["application"], config.get("applicationVersion")
+            found = find(reference, role, version) if find else find_application(reference, role, version, service)
+            contents[role] = _content_of_application(found, service)
+            program = program or _program_of(role, config, found)
+    robot, simulation = contents.get("robot"), contents.get("simulation")
+    return MadeOf(
+        world=_world(request, service),
+        robot=robot,
+        simulation=simulation,
+        versions=dict(software_versions()),
+        once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot, os.environ),
+    )
+
+
+def _content_of_application(application: Resource, service: Service) -> str:
+    """What an application is now."""
+    document = ApplicationDocument.of(application)
+    if document.sources:
+        source = source_for_this_machine(document.sources)
+        is_pinned = document.version != LATEST
+        return _archive(source.etag if is_pinned else service.store.head(source.s3_bucket, source.s3_key).etag)
+    if (uri := image_of(application)) is not None:
+        return f"image {uri}"
+    module = python_package(document.environment.uri) if document.environment else None
+    return _package(module or "")
+
+
+@cache
+def software_versions() -> Mapping[str, str]:
+    """Versions of what runs simulations; that of this package says its code, which changes while one works on it."""
+    root = Path(__file__).parents[3]
+    code = [digest_of_folder(root / part, ".py") for part in ("tasks/runtime", "schemas/runs")]
+    return {
+        "python": ".".join(platform.python_version_tuple()[:2]),
+        **{name: metadata.version(name) for name in _DISTRIBUTIONS},
+        _OWN: f"{metadata.version(_OWN)} ({''.join(each[:_SHOWN] for each in code)})",
+    }
+
+
+def _content_of_plan(application: ApplicationPlan | None) -> str | None:
+    if application is None:
+        return None
+    if application.path is not None:
+        return _archive(application.path.name)
+    name = application.attribute or application.package
+    return _package(name) if name else "image"
+
+
+def _archive(etag: str) -> str:
+    return f"archive {etag}"
+
+
+def _package(name: str) -> str:
+    """What an installed package is: built in, or the digest of all files of the outermost package; else empty."""
+    if f"{name}.".startswith(f"{PACKAGE}."):
+        return _BUILT_IN  # its code is in the version of this package
+    try:
+        spec = find_spec(name.partition(".")[0])
+        if spec is None:
+            return ""
+        places = [Path(place) for place in spec.submodule_search_locations or ()]
+        if not places:
+            return f"module {hashlib.sha256(Path(spec.origin or '').read_bytes()).hexdigest()}"
+        return " ".join(["package", *map(digest_of_folder, places)])
+    except (ImportError, OSError, ValueError):  # whether it can be run is found out by the run
+        return ""
+
+
+def _world(request: Mapping[str, Any], service: Service) -> str | None:
+    arn = world_arn(request)
+    if arn is None:
+        return None
+    bundle = WorldDocument.of(service.catalog.get(arn, kind="world")).bundle
+    if bundle is None:
+        raise ResourceNotFoundException(f"{arn} has no stored bundle")
+    return bundle.last_part
+
+
+def _program_of(role: ApplicationRole, config: Mapping[str, Any], application: Resource) -> str | None:
+    """Why a configured application is a program, as far as its request tells."""
+    launch = config["launchConfig"]
+    if image_of(application) is not None:
+        return f"the {role} application is a container, whose timing no seed repeats"
+    if launch.get("command") or str(launch.get("launchFile") or "").endswith((".py", ".launch", ".xml")):
+        return f"the {role} application is a program, whose timing no seed repeats"
+    return f"the {role} application has tools, whose timing no seed repeats" if config.get("tools") else None
+
+
+def _programs_of(plan: RunPlan) -> str | None:
+    """Why a plan has programs."""
+    programs = ", ".join(dict.fromkeys(program.name for program in plan.programs))
+    return f"it runs programs ({programs}), whose timing no seed repeats" if programs else None
+
+
+def _unknown(*contents: str | None) -> str | None:
+    """Why the content of an application is not known."""
+    return "the package of an application is not installed, or cannot be read" if "" in contents else None
+
+
+def _foreign_files(request: Mapping[str, Any], robot: str | None, environ: Mapping[str, str]) -> str | None:
+    """Why the robot's files may be others the next time: they are nowhere in what is compared."""
+    given: dict[str, str] = {}
+    for config in (*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())):
+        given |= config["launchConfig"].get("environmentVariables") or {}
+    named = given.get(_ROBOT_VARIABLE, "")
+    brings_its_own = robot not in (None, _BUILT_IN) and named not in BUILTINS
+    if (given.get(_MENAGERIE_ROOT) or environ.get(_MENAGERIE_ROOT)) and (
+        brings_its_own or named.startswith(_MENAGERIE)
+    ):
+        return f"{_MENAGERIE_ROOT} is set, and files from there are not compared"
+    return None

@@ -1,0 +1,59 @@
+"""Worlds of a fixed seed that are there already: found again by what they were made of, not generated anew."""
+
+from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.wire.errors import StorageError
+from ..catalog import Resource
+from ..service.service import Service
+from ..storage import read_manifest
+from .bundles import bundle_held
+from .generation import ORIGIN_LABEL, add_world, origin_of, world_seeds
+
+
+def find_world_again(template_body: str, seeds: tuple[int, int], service: Service) -> Resource | None:
+    """Finds a world that was made of a template's body with these seeds, by the generator there is now.
+
+    Args:
+        template_body: the template's body, to the letter.
+        seeds: floor plan seed and interior seed.
+        service: where worlds are stored.
+
+    Returns:
+        The newest whose bundle is stored; `None`: there is none.
+    """
+    filters = {ORIGIN_LABEL: [origin_of(template_body, seeds)]}
+    world = next(iter(service.catalog.list("world", filters=filters, limit=1).resources), None)
+    bundle = WorldDocument.of(world).bundle if world is not None else None
+    return world if bundle is not None and _is_stored(bundle, service) else None
+
+
+def reuse_world(service: Service, job: Resource, index: int, arn: str) -> bool:
+    """Adds a world to the catalog whose bundle is stored already, of an earlier world of the same origin.
+
+    Args:
+        service: where worlds are stored.
+        job: the generation job.
+        index: which of the job's worlds, from 0.
+        arn: ARN the world gets.
+
+    Returns:
+        Whether there is such a bundle.
+    """
+    document = WorldGenerationJobDocument.of(job)
+    found = find_world_again(document.template_body, world_seeds(document, index), service)
+    bundle = WorldDocument.of(found).bundle if found is not None else None
+    if found is None or bundle is None:
+        return False
+    with bundle_held(bundle, service):
+        if not _is_stored(bundle, service):  # its last world was deleted just now
+            return False
+        add_world(service, job, index, arn, bundle, WorldDocument.of(found).reused_from or found.arn)
+    return True
+
+
+def _is_stored(bundle: StoredPlace, service: Service) -> bool:
+    try:
+        read_manifest(service.store, bundle.bucket, bundle.prefix)
+    except StorageError:
+        return False
+    return True
