@@ -14,11 +14,14 @@ from .simulation_jobs import MadeOf, SimulationJobDocument
 REUSE_LABEL = "reuseKey"
 """Label of a job in the catalog: the key of its inputs."""
 
+Path = tuple[str | int, ...]
+"""Names and places that lead to a value."""
+
 _MOST_CHANGES = 3
 _MOST_CHARACTERS = 40
 _ABSENT = "absent"
 # Who ordered a job, and how it is called. Seed, video, requirements and data are inputs of their own, as resolved.
-_NOT_INPUTS = ("clientRequestToken", "tags", "seed", "video", "requirements", "dataSources")
+_NOT_INPUTS = ("clientRequestToken", "tags", "iamRole", "seed", "video", "requirements", "dataSources")
 # Instead of these names, what they stand for is compared.
 _NAMES = ("application", "applicationVersion", "worldConfigs")
 _ROLES = ("robotApplications", "simulationApplications")
@@ -67,7 +70,7 @@ class ReuseInputs(Model):
 
     def changes_since(self, earlier: "ReuseInputs") -> list[str]:
         """What differs from an earlier job's inputs, in words; empty for the same key."""
-        before, now = (dict(_leaves(inputs.model_dump(mode="json"), "")) for inputs in (earlier, self))
+        before, now = (dict(_leaves(inputs.model_dump(mode="json"), ())) for inputs in (earlier, self))
         paths = [path for path in dict.fromkeys([*before, *now]) if _text(before, path) != _text(now, path)]
         return [_change(path, before, now) for path in paths]
 
@@ -86,26 +89,28 @@ def _compared(request: Mapping[str, Any]) -> dict[str, Any]:
     return compared
 
 
-def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+def _leaves(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
     """The innermost values with their paths; an empty object or list is one, too."""
     if is_mapping(value) and value:
         for name, inner in value.items():
-            yield from _leaves(inner, f"{path}.{name}" if path else name)
+            yield from _leaves(inner, (*path, name))
     elif is_list(value) and value:
         for index, inner in enumerate(value):
-            yield from _leaves(inner, f"{path}[{index}]")
+            yield from _leaves(inner, (*path, index))
     else:
         yield path, value
 
 
-def _text(leaves: Mapping[str, Any], path: str) -> str:
+def _text(leaves: Mapping[Path, Any], path: Path) -> str:
     return json.dumps(leaves[path]) if path in leaves else _ABSENT
 
 
-def _change(path: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    if path in _CONTENTS:
-        return f"{_CONTENTS[path]} has changed"
-    return f"{path.removeprefix('request.')}: {_cut(_text(before, path))} is now {_cut(_text(now, path))}"
+def _change(path: Path, before: Mapping[Path, Any], now: Mapping[Path, Any]) -> str:
+    if path[0] in _CONTENTS:
+        return f"{_CONTENTS[str(path[0])]} has changed"
+    within = path[1:] if path[0] == "request" else path
+    name = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in within).removeprefix(".")
+    return f"{name}: {_cut(_text(before, path))} is now {_cut(_text(now, path))}"
 
 
 def _cut(text: str) -> str:

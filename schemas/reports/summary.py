@@ -52,6 +52,12 @@ class JobCase(Model):
     remarks: list[str] = Field(default=[], description="What it asked for and had to do without, such as a video.")
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
+    reused_from: str | None = Field(
+        default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
+    )
+    earlier: str | None = Field(
+        default=None, description="In a rerun: label and verdict or status of the job that was run again."
+    )
 
 
 class StepSuite(Model):
@@ -84,5 +90,6 @@ class ReportSummary(Model):
     since_last: SinceLastRun | None = Field(
         default=None, description="What changed since the last run of the specification; absent: it was not looked up."
     )
+    rerun_of: str = Field(default="", description="Of which run it is a rerun, and of which jobs, in words.")
     report_path: Path | None = Field(default=None, description="The HTML report.")
     junit_path: Path | None = Field(default=None, description="The JUnit file.")

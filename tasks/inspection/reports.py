@@ -209,7 +209,7 @@ def _rerun_in_words(rerun_of: RerunOf | None) -> str:
     if rerun_of is None:
         return ""
     count, total = sum(map(len, rerun_of.earlier.values())), rerun_of.jobs_total
-    return f"{rerun_of.run_id}: {rerun_of.selection}, {count} of {total} {'job' if total == 1 else 'jobs'}"
+    return f"{rerun_of.run_id}: {count} of {total} {'job' if total == 1 else 'jobs'} ({rerun_of.selection})"
 
 
 def installed_versions() -> dict[str, str]:

@@ -15,6 +15,7 @@ from ...schemas.wire.json_values import is_list, is_object
 from ..catalog import Resource
 from ..reporting.outcomes import Outcome, outcome_of
 from ..service.service import Service
+from ..simulations.planning.run_plans import world_arn
 from .reports import jobs_of, short_name
 
 _FAILED = (Outcome.BROKEN, Outcome.FAILED, Outcome.CANCELED, Outcome.UNFINISHED)
@@ -38,10 +39,10 @@ class Selection:
     @property
     def words(self) -> str:
         """What is selected, in words."""
-        parts = ["failed jobs"] if self.failed else []
-        parts += [f"jobs {', '.join(self.jobs)}"] if self.jobs else []
-        parts += [f"worlds {', '.join(self.worlds)}"] if self.worlds else []
-        return "; ".join(parts) or "all jobs"
+        parts = ["failed"] if self.failed else []
+        parts += [" or ".join(self.jobs)] if self.jobs else []
+        parts += [f"in {' or '.join(self.worlds)}"] if self.worlds else []
+        return ", ".join(parts) or "all"
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,8 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     _check_names(selection, everything, record.run_id)
     chosen = {name: [order for order in found if _is_selected(order.job, selection)] for name, found in orders.items()}
     chosen = {name: found for name, found in chosen.items() if found}
-    if not chosen and not (selection.failed or (selection.jobs and selection.worlds)):
-        raise ConfigurationError(f"the run {record.run_id} has no such jobs: {selection.words}")
     if not chosen and not selection.failed:
-        raise ConfigurationError(f"no job of the run {record.run_id} is in both: {selection.words}")
+        raise ConfigurationError(f"no job of the run {record.run_id} is {selection.words}")
     if not chosen:
         return None
     steps = {step.name: _step(step, chosen[step.name], service) for step in record.steps if step.name in chosen}
@@ -125,8 +124,9 @@ def _orders(step: StepRecord, service: Service) -> list[_Order]:
         elif str(place) in batch.failed and (lost := next(failed, None)) is not None:
             orders.append(_Order(lost, _plain_request(request)))
         else:  # the run was killed before it came to it
-            label, status = f"request {place + 1}", "NotCreated"
-            orders.append(_Order(ReportedJob(label=label, step=step.name, status=status), _plain_request(request)))
+            label, world = f"request {place + 1}", world_arn(request)
+            lost = ReportedJob(label=label, step=step.name, status="NotCreated", world_arn=world)
+            orders.append(_Order(lost, _plain_request(request)))
     return orders
 
 

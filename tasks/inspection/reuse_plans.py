@@ -104,7 +104,7 @@ def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
         plan.outputs[step.name] = {}
         makes_parts = step.operation in ("CreateWorldGenerationJob", "CreateSimulationJob", "StartSimulationJobBatch")
         return [PlannedPart("all", reuse=False, why=f"known only in the run: {error}")] if makes_parts else []
-    arn = plan.service.arn("planned", step.name)
+    arn = plan.service.arn("world-template", f"planned-{step.name}")  # whatever it makes: nothing looks it up
     plan.outputs[step.name] = {"arn": arn}
     if isinstance(request, CreateWorldTemplateRequest) and request.templateBody:
         plan.templates[arn] = unwrapped_text(request.templateBody)
@@ -165,7 +165,7 @@ def _plan_worlds(step: str, request: CreateWorldGenerationJobRequest, plan: _Pla
             why = "no world of this template, seed and generator is there yet" if body else problem
         else:
             arns.append(world.arn)
-            why = f"found as {world.id}"
+            why = f"found in {world.id.rpartition('/')[0]}"
         parts.append(PlannedPart(f"world {index + 1}", reuse=world is not None, why=why))
     plan.outputs[step]["finishedWorldsSummary"] = {"finishedCount": len(arns), "succeededWorlds": arns}
     return parts
@@ -190,7 +190,7 @@ def _plan_job(step: str, index: int, part: str, request: SimulationJobRequestMem
     if results.job is not None:
         earlier = SimulationJobDocument.of(results.job)
         origin = earlier.reused_from.spec_run if earlier.reused_from else earlier.spec_run
-        return PlannedPart(part, reuse=True, why=f"results of {results.job.id}{f' in {origin}' if origin else ''}")
+        return PlannedPart(part, reuse=True, why=f"results of {origin or results.job.id}")
     why = results.why_not or _what_changed(step, index, ReuseInputs.of(document, made_of), plan)
     return PlannedPart(part, reuse=False, why=why)
 

@@ -26,6 +26,7 @@ def summarize(report: Report) -> ReportSummary:
         worlds=by_world(report.jobs, labels),
         rooms=by_room(report.jobs),
         since_last=report.since_last,
+        rerun_of=report.rerun_of,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
     )
 
@@ -102,4 +103,6 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
         remarks=result.remarks if result else [],
         tools=result.tools if result else [],
         metrics=result.metrics if result else {},
+        reused_from=job.reused_from,
+        earlier=job.earlier,
     )

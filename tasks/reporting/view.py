@@ -117,6 +117,16 @@ class Page:
         return [job for job in self.jobs if job.outcome is Outcome.BROKEN]
 
     @property
+    def reused(self) -> int:
+        """How many jobs have taken over the results of earlier ones."""
+        return sum(job.job.reused_from is not None for job in self.jobs)
+
+    @property
+    def origins(self) -> list[str]:
+        """The runs or jobs that those results are from."""
+        return sorted({job.job.reused_from for job in self.jobs if job.job.reused_from})
+
+    @property
     def shared_worlds(self) -> list[Share]:
         """Jobs by world, if any world had more than one."""
         shares = self.numbers.worlds

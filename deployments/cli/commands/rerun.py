@@ -46,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
     selection = Selection(arguments.failed, tuple(arguments.job), tuple(arguments.world))
     rerun = plan_rerun(record, selection, Service.open(settings))
     if rerun is None:
-        sys.stderr.write(f"nothing to run again: no job of the run {record.run_id} failed ({selection.words})\n")
+        sys.stdout.write(f"nothing to run again: no job of the run {record.run_id} is {selection.words}\n")
         return 0
     # The run keeps the text; no file of the user's has it.
     spec = load_spec(rerun.spec_text, f"rerun of {record.run_id}")

@@ -41,7 +41,7 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
     lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
     if rerun := record.rerun_of:
-        lines.append([(f"rerun of {rerun.run_id}: {rerun.selection}", "")])
+        lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])
     if reused := [job for job in record.jobs if job.reused_from]:
         lines.append([(f"{len(reused)} of {len(record.jobs)} results taken over from earlier runs", "")])
     if failed := [step for step in record.steps if step.error]:

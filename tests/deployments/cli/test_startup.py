@@ -1,7 +1,9 @@
 """What a user waits for interactively imports nothing heavy."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from helpers.paths import REPOSITORY
@@ -18,6 +20,14 @@ except SystemExit as end:
 print(*sys.modules, file=sys.stderr)
 sys.exit(code)
 """
+
+
+def test_a_plan_with_reuse_reads_the_catalog_and_imports_neither_prefect_nor_mujoco(tmp_path: Path) -> None:
+    environ = {**os.environ, "ROBOMAKER_HOME": str(tmp_path / "home")}
+    words = [sys.executable, "-c", PROBE, "plan", QUICKSTART, "--reuse"]
+    ended = subprocess.run(words, capture_output=True, text=True, check=True, env=environ)
+    assert "0 of 4 worlds and 0 of 4 simulation jobs are taken over" in ended.stdout
+    assert not set(ended.stderr.split()).intersection(("prefect", "mujoco", "dm_control", "scipy", "starlette"))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,140 @@
+"""Rerun and reuse, as users type them: what failed is run again, what is there already is not."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from helpers.paths import REPOSITORY
+
+from prefect_robomaker.schemas.reports.run_record import RunRecord
+
+Robomaker = Callable[..., subprocess.CompletedProcess[str]]
+CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
+APPLICATIONS = """\
+version: 1
+name: poles
+steps:
+  arena:
+    operation: CreateSimulationApplication
+    ifExists: reuse
+    input:
+      name: arena
+      environment: {uri: "python://my_cartpole.arena"}
+      robotSoftwareSuite: {name: General}
+      simulationSoftwareSuite: {name: SimulationRuntime}
+  agent:
+    operation: CreateRobotApplication
+    ifExists: reuse
+    input: {name: agent, environment: {uri: "python://my_cartpole.agent"}, robotSoftwareSuite: {name: General}}
+  balance:
+    operation: StartSimulationJobBatch
+    needs: [arena, agent]
+    input:
+      createSimulationJobRequests:
+"""
+JOB = """\
+        - maxJobDurationInSeconds: 60
+          seed: SEED
+          robotApplications: [{application: agent, launchConfig: {}}]
+          simulationApplications:
+            - application: arena
+              launchConfig: {environmentVariables: {TIME_LIMIT_S: "0.5"}}
+          requirements:
+            - {name: rule, kind: time_limit, limit_s: MOST}
+"""
+
+
+def jobs(*limits: str) -> str:
+    """A specification with a job for each time limit; what takes half a second misses one of 0.1 s."""
+    each = (JOB.replace("SEED", str(seed)).replace("MOST", limit) for seed, limit in enumerate(limits, 1))
+    return APPLICATIONS + "".join(each)
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """The folder that the example's package is imported from."""
+    return shutil.copytree(CARTPOLE, tmp_path / "package", ignore=shutil.ignore_patterns("__pycache__"))
+
+
+@pytest.fixture
+def robomaker(tmp_path: Path, prefect_server: str, package: Path) -> Robomaker:
+    """Runs the command in a process of its own."""
+    environ = {
+        **os.environ,
+        "ROBOMAKER_HOME": str(tmp_path / "home"),
+        "PREFECT_API_URL": prefect_server,
+        "CI": "true",
+        "PYTHONPATH": str(package),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+
+    def run(*words: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *map(str, words)]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=240)
+
+    return run
+
+
+@pytest.mark.slow
+def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
+    robomaker: Robomaker, package: Path, tmp_path: Path
+) -> None:
+    def record_of(ended: subprocess.CompletedProcess[str]) -> RunRecord:
+        return RunRecord.model_validate_json(ended.stdout)
+
+    spec = tmp_path / "poles.yaml"
+    spec.write_text(jobs("1", "0.1", "1"))
+    first = record_of(robomaker("run", spec, "-o", "json"))
+    assert [job.verdict for job in first.jobs] == ["PASS", "FAIL", "PASS"]
+
+    rerun = robomaker("rerun", "latest", "--failed", "-o", "json")
+    again = record_of(rerun)
+    assert rerun.returncode == 1, rerun.stderr
+    assert [job.verdict for job in again.jobs] == ["FAIL"], "one job, with the same seed and request"
+    assert again.jobs[0].verdict_reason == first.jobs[1].verdict_reason
+    assert again.jobs[0].earlier == f"{first.jobs[1].label}: FAIL"
+    assert again.rerun_of is not None
+    assert (again.rerun_of.run_id, again.rerun_of.jobs_total) == (first.run_id, 3)
+    page = (again.run_dir / "report.html").read_text()
+    assert f"{first.run_id}: 1 of 3 jobs (failed)" in page
+    assert robomaker("report", again.run_id).returncode == 0
+    assert (again.run_dir / "report.html").read_text() == page
+
+    plan = json.loads(robomaker("plan", spec, "--reuse", "-o", "json").stdout)["steps"][2]["parts"]
+    assert [(part["part"], part["reuse"]) for part in plan] == [(f"request {n}", True) for n in (1, 2, 3)]
+    reused = robomaker("run", spec, "--reuse", "-o", "json")
+    assert reused.returncode == 1, "a verdict of FAIL is what the same inputs give again"
+    taken = record_of(reused)
+    assert [job.reused_from for job in taken.jobs] == [first.run_id, again.run_id, first.run_id], "the newest of each"
+    assert [job.metrics for job in taken.jobs] == [job.metrics for job in first.jobs]
+    assert [job.output_uri for job in taken.jobs][::2] == [job.output_uri for job in first.jobs][::2]
+    assert f"results taken over from <code>{first.run_id}</code>" in (taken.run_dir / "report.html").read_text()
+
+    spec.write_text(jobs("1", "2", "1"))
+    (package / "my_cartpole" / "more.py").write_text("# the package has changed\n")
+    lines = robomaker("plan", spec, "--reuse").stdout
+    assert "run    request 1: the robot application has changed; the simulation application has changed\n" in lines
+    (package / "my_cartpole" / "more.py").unlink()
+    lines = robomaker("plan", spec, "--reuse").stdout
+    assert f"reuse  request 1: results of {first.run_id}" in lines
+    assert "run    request 2: requirements[0].limit_s: 0.1 is now 2.0" in lines
+    mixed = record_of(robomaker("run", spec, "--reuse", "-o", "json"))
+    assert [bool(job.reused_from) for job in mixed.jobs] == [True, False, True]
+    assert (mixed.state, [job.verdict for job in mixed.jobs]) == ("succeeded", ["PASS"] * 3)
+
+    nothing = robomaker("rerun", mixed.run_dir, "--failed")
+    assert (nothing.returncode, nothing.stderr) == (0, "")
+    assert f"nothing to run again: no job of the run {mixed.run_id} is failed" in nothing.stdout
+    for words, problem in [
+        (("--job", "sim-none"), f"has no job 'sim-none'; it has {mixed.jobs[0].label}"),
+        (("--world", "world-1"), "has no job in the world 'world-1'; its jobs have no worlds"),
+    ]:
+        refused = robomaker("rerun", "latest", *words)
+        assert refused.returncode == 2
+        assert problem in refused.stderr
+    assert robomaker("rerun", "other").returncode == 2

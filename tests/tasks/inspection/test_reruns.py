@@ -1,0 +1,148 @@
+"""Reruns: which jobs of a run are chosen, and that they are ordered as they were."""
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
+from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.model import resolve_input
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.inspection.reruns import Selection, plan_rerun
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.stored_jobs import store_job
+
+MOMENT = datetime(2026, 3, 2, tzinfo=UTC)
+ODD = {"ROOM": "${{ kitchen }}"}
+
+
+def record_of(**steps: tuple[str, str]) -> RunRecord:
+    """The record of a run whose steps made something of an operation."""
+    made = [
+        StepRecord(name=name, operation=operation, status="Completed", started_at=MOMENT, ended_at=MOMENT, arn=arn)
+        for name, (operation, arn) in steps.items()
+    ]
+    return RunRecord(
+        run_id="night-1", name="night", spec_path="night.yaml", state="canceled", exit_code=4, started_at=MOMENT,
+        ended_at=MOMENT, steps=made, run_dir=Path("/runs/night-1"),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def worlds(service: Service) -> list[str]:
+    """Two worlds without a bundle."""
+    arns = [service.arn("world", f"generation-a/world-{number}") for number in (1, 2)]
+    for arn in arns:
+        world = Resource.new(arn=arn, kind="world", id=arn.split(":world/")[1], status="Active", document={})
+        service.catalog.create(world, token=None)
+    return arns
+
+
+@pytest.fixture
+def batch(service: Service, order: Callable[..., dict[str, Any]], worlds: list[str]) -> tuple[RunRecord, list[str]]:
+    """A run with a batch of three requests: the first has passed, the second was cancelled, the third never begun."""
+    orders = [order(ODD), order(), order(seed=7)]
+    for each, world in zip(orders, [*worlds, worlds[0]], strict=True):
+        each.pop("iamRole")
+        each["simulationApplications"][0]["worldConfigs"] = [{"world": world}]
+    request = {
+        "createSimulationJobRequests": orders,
+        "batchPolicy": {"maxConcurrency": 2},
+        "clientRequestToken": "tonight",
+        "tags": {"night": "1"},
+    }
+    arn = call("StartSimulationJobBatch", request, service)["arn"]
+    jobs = [
+        store_job(SimulationJobRequest.model_validate(each), service, token=None, batch=(arn, index))
+        for index, each in enumerate(orders[:2])
+    ]
+    for event in ("terminate", "complete"):
+        service.catalog.transition(jobs[0].arn, event)
+    call("CancelSimulationJob", {"job": jobs[1].arn}, service)
+    return record_of(drive=("StartSimulationJobBatch", arn)), [job.id for job in jobs]
+
+
+def requests_of(text: str, step: str = "drive") -> list[dict[str, Any]]:
+    """The requests that the specification of a rerun orders."""
+    checked = load_spec(text, "rerun")
+    return resolve_input(checked.steps[step], {})["createSimulationJobRequests"]
+
+
+def test_everything_is_ordered_as_it_was(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
+    record, ids = batch
+    rerun = plan_rerun(record, Selection(), service)
+
+    assert rerun is not None
+    first, second, third = requests_of(rerun.spec_text)
+    seeds = [SimulationJobDocument.of(service.catalog.get(service.arn("simulation-job", each))).seed for each in ids]
+    assert [each["seed"] for each in (first, second, third)] == [*seeds, 7]
+    assert first["simulationApplications"][0]["launchConfig"]["environmentVariables"] == ODD, "no reference to a step"
+    request = json.loads(rerun.spec_text)["steps"]["drive"]["input"]
+    assert (request["batchPolicy"], request["tags"]) == ({"maxConcurrency": 2}, {"night": "1"})
+    assert "clientRequestToken" not in request, "which would give the batch that is there"
+    assert rerun.rerun_of.earlier == {"drive": [f"{ids[0]}: Completed", f"{ids[1]}: Canceled", "request 3: NotCreated"]}
+    assert (rerun.rerun_of.run_id, rerun.rerun_of.selection, rerun.rerun_of.jobs_total) == ("night-1", "all", 3)
+
+
+@pytest.mark.parametrize(
+    ("selection", "places"),
+    [
+        (Selection(failed=True), [1, 2]),
+        (Selection(worlds=("world-1",)), [0, 2]),
+        (Selection(worlds=("generation-a/world-1", "world-2")), [0, 1, 2]),
+        (Selection(failed=True, worlds=("world-1",)), [2]),
+        (Selection(jobs=("request 3",)), [2]),
+        (Selection(failed=True, jobs=("request 3",), worlds=("world-1",)), [2]),
+    ],
+    ids=lambda value: value.words if isinstance(value, Selection) else "",
+)
+def test_options_combine(
+    service: Service, batch: tuple[RunRecord, list[str]], selection: Selection, places: list[int]
+) -> None:
+    record, _ = batch
+    everything = plan_rerun(record, Selection(), service)
+    chosen = plan_rerun(record, selection, service)
+
+    assert everything is not None
+    assert chosen is not None
+    assert requests_of(chosen.spec_text) == [requests_of(everything.spec_text)[place] for place in places]
+
+
+def test_jobs_are_named_by_id_or_arn(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
+    record, ids = batch
+    for name in (ids[1], service.arn("simulation-job", ids[1])):
+        rerun = plan_rerun(record, Selection(jobs=(name,)), service)
+        assert rerun is not None
+        assert rerun.rerun_of.earlier == {"drive": [f"{ids[1]}: Canceled"]}
+
+
+def test_what_is_not_in_the_run_is_told(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
+    record, ids = batch
+    with pytest.raises(ConfigurationError, match=f"the run night-1 has no job 'sim-x'; it has {ids[0]}, {ids[1]}"):
+        plan_rerun(record, Selection(jobs=("sim-x",)), service)
+    with pytest.raises(ConfigurationError, match="no job in the world 'world-3'; it has jobs in generation-a/world-1"):
+        plan_rerun(record, Selection(worlds=("world-3",)), service)
+    with pytest.raises(ConfigurationError, match="no job of the run night-1 is request 3, in world-2"):
+        plan_rerun(record, Selection(jobs=("request 3",), worlds=("world-2",)), service)
+    with pytest.raises(ConfigurationError, match=r"made no simulation jobs; `robomaker run night.yaml` runs all of it"):
+        plan_rerun(record_of(list=("ListWorlds", "")), Selection(failed=True), service)
+
+
+def test_nothing_that_failed_is_nothing_to_run(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
+    record, ids = batch
+    assert plan_rerun(record, Selection(failed=True, jobs=(ids[1],)), service) is not None
+    assert plan_rerun(record, Selection(failed=True, jobs=(ids[0],)), service) is None
+
+
+def test_a_job_that_was_deleted_cannot_be_run_again(service: Service) -> None:
+    gone = service.arn("simulation-job", "sim-gone")
+    with pytest.raises(ResourceNotFoundException, match="there is no resource"):
+        plan_rerun(record_of(drive=("CreateSimulationJob", gone)), Selection(), service)

@@ -1,0 +1,110 @@
+"""What jobs are made of: the same before a run and in it, and another one after any change."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.small_flat import ROLE
+
+from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, SimulationJobDocument
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.planning.job_contents import contents_of_request, software_versions
+
+SUITE = {"name": "General"}
+
+
+def request_of(robot: str, **config: Any) -> dict[str, Any]:
+    return {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": ROLE,
+        "robotApplications": [{"application": robot, "launchConfig": {}, **config}],
+    }
+
+
+def variables(**values: str) -> dict[str, Any]:
+    return {"environmentVariables": values}
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An installed package with a robot, registered as the application `mine`."""
+    folder = tmp_path / "packages" / "my_robot_of_contents"
+    (folder / "arms").mkdir(parents=True)
+    for file in (folder / "__init__.py", folder / "arms" / "__init__.py"):
+        file.write_text("")
+    monkeypatch.syspath_prepend(folder.parent)
+    return folder
+
+
+@pytest.fixture
+def made_of(service: Service) -> Callable[..., MadeOf]:
+    """What a request of a robot application is made of."""
+
+    def tell(robot: str, **config: Any) -> MadeOf:
+        return contents_of_request(request_of(robot, **config), service)
+
+    return tell
+
+
+def register(service: Service, uri: str, name: str = "mine") -> None:
+    call("CreateRobotApplication", {"name": name, "environment": {"uri": uri}, "robotSoftwareSuite": SUITE}, service)
+
+
+def test_a_run_is_made_of_what_its_request_said(swing: Callable[..., dict[str, Any]], service: Service) -> None:
+    job = swing(TIME_LIMIT_S="0.5")
+
+    document = SimulationJobDocument.of(service.catalog.get(job["arn"]))
+    assert document.made_of == contents_of_request(document.request, service)
+    assert document.made_of is not None
+    assert (document.made_of.robot or "").startswith("archive ")
+    assert document.made_of.once_only is None
+
+
+def test_a_package_is_all_of_its_files(service: Service, package: Path, made_of: Callable[..., MadeOf]) -> None:
+    register(service, "python://my_robot_of_contents.arms")
+    before = made_of("mine")
+    (package / "__pycache__").mkdir()
+    (package / "__pycache__" / "byte.pyc").write_bytes(b"code")
+    assert made_of("mine") == before
+
+    (package / "model.xml").write_text("<mujoco/>")
+    assert made_of("mine").robot != before.robot
+    shutil.rmtree(package)
+    assert made_of("mine").once_only == "the package of an application is not installed, or cannot be read"
+
+
+def test_versions_name_what_runs_it() -> None:
+    versions = software_versions()
+    assert set(versions) == {"python", "mujoco", "dm-control", "numpy", "scipy", "prefect-robomaker"}
+    assert versions["mujoco"].startswith("3.")
+    assert "(" in versions["prefect-robomaker"], "with a digest of its code"
+
+
+def test_programs_and_containers_need_not_do_the_same_again(service: Service, made_of: Callable[..., MadeOf]) -> None:
+    register(service, "registry.example.com/robot:latest", "boxed")
+    assert "is a container" in (made_of("boxed").once_only or "")
+    assert "is a program" in (made_of("scout", launchConfig={"command": ["drive"]}).once_only or "")
+    assert "is a program" in (made_of("scout", launchConfig={"packageName": "p", "launchFile": "a.py"}).once_only or "")
+    assert "has tools" in (made_of("scout", tools=[{"name": "t", "command": "true"}]).once_only or "")
+    assert made_of("scout").once_only is None
+
+
+def test_robots_from_elsewhere_are_not_compared(
+    service: Service, package: Path, made_of: Callable[..., MadeOf], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register(service, "python://my_robot_of_contents.arms")
+    monkeypatch.setenv("MENAGERIE_ROOT", "/menagerie")
+    from_menagerie = variables(ROBOMAKER_ROBOT="menagerie:stretch")
+
+    assert made_of("scout").once_only is None
+    assert made_of("mine", launchConfig=variables(ROBOMAKER_ROBOT="walker")).once_only is None
+    told = "MENAGERIE_ROOT is set, and files from there are not compared"
+    assert made_of("mine").once_only == told
+    assert made_of("scout", launchConfig=from_menagerie).once_only == told
+    monkeypatch.delenv("MENAGERIE_ROOT")
+    assert made_of("mine").once_only is None
+    launch = variables(ROBOMAKER_ROBOT="menagerie:stretch", MENAGERIE_ROOT="/other")
+    assert made_of("scout", launchConfig=launch).once_only == told
