@@ -1,4 +1,4 @@
-"""What a run would take over, before it runs: worlds and jobs that steps have not made yet are followed all the same."""
+"""What a run would take over, told before it runs: what steps have not made yet is followed all the same."""
 
 import json
 from collections.abc import Callable
