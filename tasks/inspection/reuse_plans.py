@@ -6,6 +6,7 @@ The steps are followed as a run would take them, with what is there already in t
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from pydantic import ValidationError
@@ -26,8 +27,8 @@ from ...schemas.templates.parsing import unwrapped_text
 from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 from ..catalog import Resource
 from ..service.service import Service
-from ..simulations.planning.applications import LATEST, find_application, with_etag
-from ..simulations.planning.job_contents import contents_of_request
+from ..simulations.planning.applications import LATEST, with_etag
+from ..simulations.planning.job_contents import CurrentApplications, contents_of_request
 from ..simulations.planning.run_plans import world_arn
 from ..simulations.reused_results import find_results
 from ..simulations.stored_jobs import job_document
@@ -62,8 +63,8 @@ class _Plan:
     templates: dict[str, str] = field(default_factory=dict)
     """Bodies of templates that steps would make, by ARN."""
 
-    applications: dict[str, Resource] = field(default_factory=dict)
-    """Applications that steps would make or change, by ARN and by role and name."""
+    planned: dict[str, Resource] = field(default_factory=dict)
+    """Applications that steps would make or change, by ARN, and by role and name."""
 
     new_worlds: set[str] = field(default_factory=set)
     last_steps: list[Mapping[str, StepRecord]] = field(default_factory=list)
@@ -71,12 +72,10 @@ class _Plan:
     jobs: dict[str, Mapping[int, SimulationJobDocument]] = field(default_factory=dict)
     """Jobs of steps of earlier runs by the place of their request, by the ARN of what the step made."""
 
-    def find_application(self, reference: str, role: ApplicationRole, version: str | None) -> Resource:
-        """Finds an application as a run would."""
-        planned = self.applications.get(reference) or self.applications.get(f"{role} {reference}")
-        if planned is not None and version in (None, LATEST):
-            return planned
-        return find_application(reference, role, version, self.service)
+    @cached_property
+    def applications(self) -> CurrentApplications:
+        """Applications as a run would find them."""
+        return CurrentApplications(self.service, self.planned)
 
 
 def plan_reuse(checked: CheckedSpec, service: Service) -> dict[str, list[PlannedPart]]:
@@ -143,7 +142,7 @@ def _plan_application(step: CheckedStep, request: Mapping[str, Any], plan: _Plan
         updated_at=now,
         revision=1,
     )
-    plan.applications |= {arn: application, f"{role} {application.name}": application}
+    plan.planned |= {arn: application, f"{role} {application.name}": application}
     return {"arn": arn, "name": application.name, "version": LATEST}
 
 
@@ -182,8 +181,8 @@ def _plan_job(step: str, index: int, part: str, request: SimulationJobRequestMem
     if world_arn(wire) in plan.new_worlds:
         return PlannedPart(part, reuse=False, why=_NEW_WORLD)
     try:
-        document = job_document(request, plan.service, find=plan.find_application)
-        made_of = contents_of_request(wire, plan.service, plan.find_application)
+        document = job_document(request, plan.service, applications=plan.applications)
+        made_of = contents_of_request(wire, plan.service, plan.applications)
     except RobomakerError as error:
         return PlannedPart(part, reuse=False, why=str(error))
     results = find_results(document, made_of, plan.service)

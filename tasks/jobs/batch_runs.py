@@ -18,6 +18,7 @@ from ..catalog import ClientToken, Resource
 from ..execution.leases import Lease
 from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
+from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import reuse_job, store_job
 from .job_runs import perform_job, stop_idle_job
 
@@ -180,12 +181,14 @@ class BatchRun:
 
     def _reuse_results(self) -> None:
         """Makes jobs of the requests whose results are there already; the others are left to be run."""
+        applications = CurrentApplications(self._service)
         for index in self._waiting():
             if self._why_stop():
                 return
             request, token = self._request(index)
             with suppress(ServiceError, StorageError):  # what is wrong with it is said when it is to be run
-                if reuse_job(request, self._service, token=token, batch=(self._arn, index)):
+                place = (self._arn, index)
+                if reuse_job(request, self._service, token=token, batch=place, applications=applications):
                     self._made.add(index)
         self._report()
 

@@ -16,8 +16,7 @@ from ..service.service import Service
 from .inputs.data_sources import resolve_data_sources
 from .inputs.world_rooms import check_rooms
 from .outputs.locations import check_output_location
-from .planning.applications import find_application
-from .planning.job_contents import FindApplication, contents_of_request
+from .planning.job_contents import CurrentApplications, contents_of_request
 from .planning.run_plans import world_arn
 from .reused_results import find_results, with_results_of
 
@@ -57,6 +56,7 @@ def reuse_job(
     *,
     token: ClientToken | None,
     batch: tuple[str, int] | None = None,
+    applications: CurrentApplications | None = None,
 ) -> Resource | None:
     """Stores one job that has ended already: with the results of an earlier one that had the same inputs.
 
@@ -65,6 +65,7 @@ def reuse_job(
         service: where it is stored.
         token: makes the call repeatable.
         batch: see `store_job`.
+        applications: what applications are; absent: as they are in the catalog.
 
     Returns:
         The job; `None`: there are no results to take over, or the request gives no seed.
@@ -75,10 +76,9 @@ def reuse_job(
     """
     if seed_of(request) is None:
         return None
-    if (earlier := service.find_by_client_token(token)) is not None:
-        return earlier
-    document = job_document(request, service, batch)
-    results = find_results(document, contents_of_request(document.request, service), service)
+    current = applications or CurrentApplications(service)
+    document = job_document(request, service, batch, current)
+    results = find_results(document, contents_of_request(document.request, service, current), service)
     if results.job is None:
         return None
     reused = with_results_of(document, results.job)
@@ -89,7 +89,7 @@ def job_document(
     request: SimulationJobRequestMembers,
     service: Service,
     batch: tuple[str, int] | None = None,
-    find: FindApplication | None = None,
+    applications: CurrentApplications | None = None,
 ) -> SimulationJobDocument:
     """The document of a new job, whose request has been checked against the catalog.
 
@@ -97,14 +97,14 @@ def job_document(
         request: the order, alone or out of a batch.
         service: where applications, world and data are stored.
         batch: see `store_job`.
-        find: finds applications; absent: in the catalog.
+        applications: what applications are; absent: as they are in the catalog.
 
     Raises:
         ServiceError: as for `store_job`.
     """
     wire = request.to_wire()
-    found = find or (lambda name, role, version: find_application(name, role, version, service))
-    robots, simulations = (_applications(wire, role, found) for role in _ROLES)
+    current = applications or CurrentApplications(service)
+    robots, simulations = (_applications(wire, role, current) for role in _ROLES)
     if (world := world_arn(wire)) is not None:
         check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
@@ -149,11 +149,11 @@ def _store(
     )
 
 
-def _applications(request: Mapping[str, Any], role: ApplicationRole, find: FindApplication) -> list[str]:
+def _applications(request: Mapping[str, Any], role: ApplicationRole, current: CurrentApplications) -> list[str]:
     """Names of the applications of a role, all of which can be started."""
     names = []
     for index, config in enumerate(request.get(f"{role}Applications") or []):
-        application = find(config["application"], role, config.get("applicationVersion"))
+        application = current.find(config["application"], role, config.get("applicationVersion"))
         _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
         names.append(application.name)
     return names

@@ -81,6 +81,7 @@ def robomaker(tmp_path: Path, prefect_server: str, package: Path) -> Robomaker:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
     robomaker: Robomaker, package: Path, tmp_path: Path
 ) -> None:
@@ -137,4 +138,3 @@ def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
         refused = robomaker("rerun", "latest", *words)
         assert refused.returncode == 2
         assert problem in refused.stderr
-    assert robomaker("rerun", "other").returncode == 2

@@ -6,7 +6,7 @@ Of a run that is planned it is what the run has; of a request it is what a run w
 import hashlib
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
@@ -33,8 +33,46 @@ _ROBOT_VARIABLE, _MENAGERIE, _MENAGERIE_ROOT = "ROBOMAKER_ROBOT", "menagerie:", 
 _BUILT_IN = "built in"
 _SHOWN = 6
 
-FindApplication = Callable[[str, ApplicationRole, str | None], Resource]
-"""Finds an application by ARN or name, role and version; raises `ResourceNotFoundException`."""
+
+class CurrentApplications:
+    """Applications as they are now, each looked up once however many jobs have it.
+
+    Args:
+        service: where they are stored.
+        planned: by ARN, and by role and name, what takes the place of the catalog's.
+    """
+
+    def __init__(self, service: Service, planned: Mapping[str, Resource] | None = None) -> None:
+        self._service = service
+        self._planned = {} if planned is None else planned
+        self._found: dict[tuple[str, str, str | None], Resource] = {}
+        self._contents: dict[tuple[str, str, str], str] = {}
+
+    def find(self, reference: str, role: ApplicationRole, version: str | None) -> Resource:
+        """Finds an application by ARN or name, or one version of it.
+
+        Raises:
+            ResourceNotFoundException: there is none.
+        """
+        planned = self._planned.get(reference) or self._planned.get(f"{role} {reference}")
+        if planned is not None and version in (None, LATEST):
+            return planned
+        key = (reference, role, version)
+        if key not in self._found:
+            self._found[key] = find_application(reference, role, version, self._service)
+        return self._found[key]
+
+    def content(self, application: Resource) -> str:
+        """What an application is; empty: not known.
+
+        Raises:
+            StorageError: its archive cannot be read.
+        """
+        document = ApplicationDocument.of(application)
+        key = (application.arn, document.version, document.revision_id)
+        if key not in self._contents:
+            self._contents[key] = _content_of_application(application, self._service)
+        return self._contents[key]
 
 
 def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping[str, str] | None = None) -> MadeOf:
@@ -56,25 +94,28 @@ def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping
     )
 
 
-def contents_of_request(request: Mapping[str, Any], service: Service, find: FindApplication | None = None) -> MadeOf:
+def contents_of_request(
+    request: Mapping[str, Any], service: Service, applications: CurrentApplications | None = None
+) -> MadeOf:
     """What a run of a request would be made of now.
 
     Args:
         request: the request of a job.
         service: where worlds and applications are stored.
-        find: finds applications; absent: in the catalog.
+        applications: what applications are; absent: as they are in the catalog.
 
     Raises:
         ResourceNotFoundException: the world or an application does not exist.
         StorageError: the archive of an application cannot be read.
     """
+    current = applications or CurrentApplications(service)
     contents: dict[ApplicationRole, str] = {}
     program = None
     for role in _ROLES:
         for config in (request.get(f"{role}Applications") or ())[:1]:
             reference, version = config["application"], config.get("applicationVersion")
-            found = find(reference, role, version) if find else find_application(reference, role, version, service)
-            contents[role] = _content_of_application(found, service)
+            found = current.find(reference, role, version)
+            contents[role] = current.content(found)
             program = program or _program_of(role, config, found)
     robot, simulation = contents.get("robot"), contents.get("simulation")
     return MadeOf(
