@@ -77,7 +77,7 @@ def publish_report(
         command=shlex.join(command),
         rerun_of=_rerun_in_words(rerun_of),
         versions=dict(versions),
-        since_last=since_last(run, folder.parent),
+        since_last=None if rerun_of else since_last(run, folder.parent),
     )
     return records, _publish(report, records, folder)
 
@@ -103,7 +103,8 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     if record.schema_version == 1 and all(job.status != "Deleted" for job in jobs):
         record = record.model_copy(update={"schema_version": 2, "jobs": jobs})
         write_record(record)
-    report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
+    if record.rerun_of is None:  # a rerun says of each job how it ended before
+        report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
     path = _publish(report, jobs, record.run_dir)
     summary = summarize(report)
     if junit is not None:

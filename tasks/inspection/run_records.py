@@ -54,7 +54,7 @@ def write_record(record: RunRecord) -> None:
 
 
 def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetime | None = None) -> FoundRecords:
-    """Finds the latest runs of a specification.
+    """Finds the latest runs of a specification; reruns of some of its jobs are no nights of it.
 
     Args:
         runs: folder of all runs; their folders are named after their specifications.
@@ -75,7 +75,7 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
         except (ConfigurationError, OSError) as problem:
             unreadable.append(str(problem))
             continue
-        if record.name == name and (before is None or record.started_at < before):
+        if record.name == name and record.rerun_of is None and (before is None or record.started_at < before):
             records.append(record)
     return FoundRecords(sorted(records, key=lambda each: each.started_at), len(paths) - looked_at, unreadable)
 

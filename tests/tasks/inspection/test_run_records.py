@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from helpers.night_records import make_night, store_night
 
+from prefect_robomaker.schemas.reports.run_record import RerunOf
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.inspection.run_records import (
@@ -40,6 +41,12 @@ def test_the_latest_runs_of_one_specification(runs: Path) -> None:
     assert days(runs, "nothing") == []
     assert days(runs / "nowhere") == []
     assert names_of_specifications(runs) == ["nightly", "nightly-long", "other"]
+
+
+def test_reruns_of_some_jobs_are_no_nights(runs: Path) -> None:
+    rerun_of = RerunOf(run_id="nightly-1", selection="failed", jobs_total=2, earlier={"drive": ["sim-1: FAIL"]})
+    store_night(make_night("F", 9, runs=runs).model_copy(update={"rerun_of": rerun_of}))
+    assert days(runs) == [1, 2, 3, 4]
 
 
 def test_records_survive_being_written(runs: Path) -> None:
