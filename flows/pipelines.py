@@ -13,6 +13,7 @@ from typing import Any
 
 from prefect import flow
 from prefect.logging import get_run_logger
+from prefect.runtime import deployment, flow_run
 from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 from prefect.states import Completed, Failed
 
@@ -45,6 +46,7 @@ class RunInterrupted(KeyboardInterrupt):
         self.record = record
 
 
+_NO_FILE = "specification"
 _BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
 # Later steps use the worlds there are, but the run is not what the specification asks for.
 _STATES: dict[str, RunState] = {**_BAD_ENDS, "PartialFailed": "broken"}
@@ -96,15 +98,25 @@ def run_spec(
     return run.record()
 
 
-@flow(name="RunPipeline", flow_run_name="{spec}")
-def RunPipeline(spec: str, reuse: bool = False) -> Any:
-    """Runs the specification in a file.
+def _run_name() -> str:
+    """The name of a flow run of a pipeline: the file that it runs, or that the text it runs came from."""
+    given = flow_run.parameters
+    return str(given.get("spec") or given.get("origin") or _NO_FILE)
+
+
+@flow(name="RunPipeline", flow_run_name=_run_name)
+def RunPipeline(
+    spec: str | None = None, text: str | None = None, origin: str = _NO_FILE, reuse: bool = False
+) -> Any:
+    """Runs a specification: a file, or the text that a deployment keeps.
 
     Args:
-        spec: path of the YAML file.
+        spec: path of a YAML file, where the flow runs; it is run in place of `text`.
+        text: the specification itself, as `robomaker deploy` keeps it.
+        origin: where the text came from.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
     """
-    pipeline = _current.get() or PipelineRun.of_file(Path(spec), reuse=reuse)
+    pipeline = _current.get() or PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
     record = pipeline.run()
     if record.exit_code == 0:
         return Completed(message=pipeline.headline())
@@ -151,23 +163,27 @@ class PipelineRun:
         self._record: RunRecord | None = None
 
     @classmethod
-    def of_file(cls, path: Path, *, reuse: bool = False) -> "PipelineRun":
-        """A run of a file, without a listener for its progress.
+    def of_parameters(
+        cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False
+    ) -> "PipelineRun":
+        """A run of what the flow's parameters say, without a listener for its progress.
 
         Raises:
-            ConfigurationError: there is no such file.
+            ConfigurationError: there is no such file, or neither file nor text.
             SpecError: the specification has problems.
         """
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except OSError as error:
-            raise ConfigurationError(f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}") from error
-        checked = load_spec(text, str(path))
+        if spec is not None:
+            text, origin = _read(Path(spec)), spec
+        if text is None:
+            raise ConfigurationError("there is nothing to run: give `spec`, the path of a file, or `text`")
+        checked = load_spec(text, origin)
         service = Service.current()
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service)
-        command = ["robomaker", "run", str(path), *(["--reuse"] if reuse else [])]
-        return cls(checked, service, _log, str(path), command, reuse=reuse)
+        command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
+        if name := deployment.name:
+            command = ["prefect", "deployment", "run", f"RunPipeline/{name}", *(["--param=reuse=true"] if reuse else [])]
+        return cls(checked, service, _log, origin, command, reuse=reuse)
 
     def run(self) -> RunRecord:
         """Runs all steps; a failed one keeps the later ones from starting."""
@@ -357,6 +373,16 @@ class PipelineRun:
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigurationError(
+            f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}; a deployment that is made by "
+            "`robomaker deploy` keeps the specification itself"
+        ) from error
 
 
 def _reason(output: dict[str, Any]) -> str | None:

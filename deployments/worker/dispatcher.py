@@ -22,10 +22,10 @@ from ...tasks.execution.claims import run_under_lease
 from ...tasks.execution.retry_limit import fail_job
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
+from ..deploying.deployables import deployment_name
 from .pools import JobPool
 from .prefect_watch import PrefectWatch
 
-DEPLOYMENT = "robomaker"
 MOST_RUNS = 3
 
 _AT_ONCE = 1000
@@ -56,7 +56,7 @@ class Dispatcher:
         service: where the jobs are.
         pools: which jobs; how many at once is for the work pool to limit.
         prefect: watches the server.
-        deployment: the name that the deployments have.
+        deployment: the name that the deployments have; absent: that of `robomaker deploy --operations`.
         check_s: how often a run that was handed over is looked at.
     """
 
@@ -66,7 +66,7 @@ class Dispatcher:
         pools: Sequence[JobPool],
         prefect: PrefectWatch,
         *,
-        deployment: str = DEPLOYMENT,
+        deployment: str | None = None,
         check_s: float = CHECK_S,
     ) -> None:
         self._service = service
@@ -87,7 +87,8 @@ class Dispatcher:
         missing = []
         with get_client(sync_client=True) as client:
             for pool in self._pools:
-                name = f"{registry()[pool.operation].perform_name}/{self._deployment}"
+                flow = registry()[pool.operation].perform_name
+                name = f"{flow}/{self._deployment or deployment_name(flow)}"
                 try:
                     self._deployments[pool.kind] = client.read_deployment_by_name(name).id
                 except ObjectNotFound:
@@ -97,7 +98,7 @@ class Dispatcher:
         if missing:
             raise ConfigurationError(
                 f"Prefect has no deployment {', '.join(missing)}; make them with "
-                "`prefect --no-prompt deploy --all --prefect-file deployments/prefect.yaml`"
+                "`robomaker deploy --operations --pool POOL`"
             )
 
     def look(self) -> None:

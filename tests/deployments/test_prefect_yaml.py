@@ -61,19 +61,20 @@ SPEC = {
 def test_every_operation_has_a_deployment_that_leads_to_its_flow() -> None:
     declared = YAML(typ="safe").load(FILE)["deployments"]
 
-    names = {entry["entrypoint"].rpartition(":")[2] for entry in declared}
-    workers = {entry.perform_name for entry in registry().values() if entry.run_job}
-    assert names == {*registry(), *workers, "RunPipeline"}
+    names = {entry["entrypoint"].rpartition(".")[2] for entry in declared}
+    performers = {entry.perform_name for entry in registry().values() if entry.run_job}
+    assert names == {*registry(), *performers}
     for entry in declared:
-        module, _, name = entry["entrypoint"].partition(":")
+        module, _, name = entry["entrypoint"].rpartition(".")
         assert getattr(__import__(module, fromlist=[name]), name).name == name
-        if "parameters" in entry:
-            assert (REPOSITORY / entry["parameters"]["spec"]).is_file()
+    assert len({entry["name"] for entry in declared}) == len(declared), "each has a name of its own"
 
 
 @pytest.mark.slow
 @pytest.mark.deep
 def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Settings, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
     environ = {
         "PREFECT_API_URL": prefect_server,
         "PREFECT_HOME": str(tmp_path / "prefect"),
@@ -84,17 +85,22 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
 
     spec = tmp_path / "tiny.yaml"
     spec.write_text(json.dumps(SPEC))
-    prefect(environ, "work-pool", "create", "robomaker", "--type", "process")
-    prefect(environ, "--no-prompt", "deploy", "--all", "--prefect-file", "deployments/prefect.yaml")
-    the_nightly_run_is_scheduled()
+    run_module(environ, elsewhere, "prefect", "work-pool", "create", "robomaker", "--type", "process")
+    for name in ("create-world-template", "list-worlds"):
+        words = ("--no-prompt", "deploy", "--name", name, "--prefect-file", str(FILE))
+        run_module(environ, elsewhere, "prefect", *words)
+    command = "prefect_robomaker.deployments.cli.main"
+    run_module(environ, elsewhere, command, "deploy", str(spec), "--pool", "robomaker")
+    spec.unlink()  # the deployment keeps it
     with pytest.raises(PrefectHTTPStatusError, match="name"):
-        create_run("CreateWorldTemplate/robomaker", {"name": 7, "templateBody": "{}"})
+        create_run("CreateWorldTemplate/create-world-template", {"name": 7, "templateBody": "{}"})
 
     with process_worker("robomaker", environ, tmp_path / "worker.log"):
+        bad = {"name": "refused", "templateBody": '{"Bildings": []}'}
         runs = [
-            create_run("CreateWorldTemplate/robomaker", {"name": "empty", "templateBody": "{}"}),
-            create_run("CreateWorldTemplate/robomaker", {"name": "refused", "templateBody": '{"Bildings": []}'}),
-            create_run("RunPipeline/quickstart", {"spec": str(spec)}),
+            create_run("CreateWorldTemplate/create-world-template", {"name": "empty", "templateBody": "{}"}),
+            create_run("CreateWorldTemplate/create-world-template", bad),
+            create_run("RunPipeline/tiny", {}),
         ]
         created, refused, pipeline = (ended(run) for run in runs)
 
@@ -109,29 +115,13 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
     the_pipeline_shows_artifacts(runs[2])
 
 
-def prefect(environ: Mapping[str, str], *words: str) -> None:
-    """Runs Prefect's command in the repository's root."""
-    command = [sys.executable, "-m", "prefect", *words]
+def run_module(environ: Mapping[str, str], folder: Path, *words: str) -> None:
+    """Runs a module's command in a folder."""
+    command = [sys.executable, "-m", *words]
     run = subprocess.run(
-        command, env={**os.environ, **environ}, cwd=REPOSITORY, capture_output=True, text=True, check=False, timeout=120
+        command, env={**os.environ, **environ}, cwd=folder, capture_output=True, text=True, check=False, timeout=240
     )
     assert run.returncode == 0, run.stdout + run.stderr
-
-
-def the_nightly_run_is_scheduled() -> None:
-    """Checks the schedule, and takes the deployment away, so that no test runs it at two o'clock."""
-    from prefect.client.orchestration import get_client
-    from prefect.client.schemas.schedules import CronSchedule
-
-    with get_client(sync_client=True) as client:
-        nightly = client.read_deployment_by_name("RunPipeline/nightly")
-        client.delete_deployment(nightly.id)
-    (schedule,) = nightly.schedules
-    assert schedule.active
-    assert isinstance(schedule.schedule, CronSchedule)
-    assert (schedule.schedule.cron, schedule.schedule.timezone) == ("0 2 * * *", "UTC")
-    assert nightly.parameters == {"spec": "deployments/specs/nightly.yaml"}
-    assert nightly.work_pool_name == "robomaker"
 
 
 def create_run(deployment: str, parameters: dict[str, Any]) -> UUID:

@@ -1,7 +1,9 @@
 """The list of all operations' flows: the module that users import them from, and their Prefect deployments."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 
+from prefect_robomaker.deployments.deploying.deployables import Deployable, operation_deployables
 from prefect_robomaker.schemas.operations.resources import RESOURCES
 from prefect_robomaker.tasks.operations.registry import registry
 
@@ -60,9 +62,14 @@ def with_deployments(text: str) -> str:
     before, mark, _ = text.partition(_MARK)
     if not mark:
         raise ValueError(f"prefect.yaml has no line {_MARK.strip()!r}")
-    entries = [
-        f"  - <<: *operation\n    entrypoint: prefect_robomaker.flows.{module}:{name}\n"
-        for module, names in flows_by_module().items()
-        for name in names
-    ]
-    return before + mark + "".join(entries)
+    entries = [line for each in operation_deployables() for line in _entry(each)]
+    return before + mark + "\n".join(entries) + "\n"
+
+
+def _entry(made: Deployable) -> Iterator[str]:
+    # Texts are written as JSON, which YAML reads.
+    yield f"  - name: {made.name}"
+    yield f"    entrypoint: {made.entrypoint}"
+    yield f"    description: {json.dumps(made.description, ensure_ascii=False)}"
+    yield f"    tags: [{', '.join(made.tags)}]"
+    yield "    work_pool: *work_pool"

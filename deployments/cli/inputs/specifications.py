@@ -9,6 +9,9 @@ from ....schemas.specs.model import CheckedSpec
 from ....schemas.specs.world_counts import check_world_counts
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 
+_SHIPPED = Path(__file__).parents[2] / "specs"
+"""Folder of the specifications that come with this package."""
+
 
 class InputFileError(ConfigurationError):
     """A file that the user named cannot be read."""
@@ -33,10 +36,15 @@ def read_text(path: str) -> str:
 def read_spec(path: str) -> CheckedSpec:
     """Reads and checks a specification.
 
+    Args:
+        path: a file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
+
     Raises:
         InputFileError: it cannot be opened.
         SpecError: it has problems.
     """
-    spec = load_spec(read_text(path), path)
+    shipped = _SHIPPED / f"{path}.yaml"
+    is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
+    spec = load_spec(read_text(str(shipped) if is_shipped else path), path)
     check_world_counts(spec, max_worlds_per_job(os.environ))
     return spec

@@ -82,7 +82,9 @@ def runs_of(client: Any, arn: str) -> list[Any]:
 def test_missing_deployments_are_named(service: Service, prefect_server: str) -> None:
     dispatcher = Dispatcher(service, job_pools(1), PrefectWatch(service.settings), deployment="nowhere")
 
-    with pytest.raises(ConfigurationError, match=r"no deployment PerformSimulationJob/nowhere, .*prefect --no-prompt"):
+    with pytest.raises(
+        ConfigurationError, match=r"no deployment PerformSimulationJob/nowhere, .*robomaker deploy --operations"
+    ):
         dispatcher.prepare()
 
 

@@ -1,0 +1,125 @@
+"""The blocks. Each knows the variables of the environment that it stands for.
+
+`_block_type_slug` is part of what deployments keep (`deploying/job_variables.py`): renaming one breaks them.
+"""
+
+from typing import TYPE_CHECKING, ClassVar
+
+from prefect.blocks.core import Block
+from pydantic import Field, SecretStr
+
+if TYPE_CHECKING:
+    from ...tasks.service.service import Service
+
+_PAGE = "https://pypi.org/project/prefect-robomaker/"
+
+
+class RobomakerCredentials(Block):
+    """Access key of an S3 object store.
+
+    Members have the names that prefect-aws's `AwsCredentials` has, whose blocks do as well wherever a deployment takes
+    settings from blocks.
+
+    Example:
+        ```python
+        from prefect_robomaker.deployments.blocks import RobomakerCredentials
+
+        credentials = RobomakerCredentials.load("BLOCK_NAME")
+        ```
+    """
+
+    _block_type_name = "RoboMaker Credentials"
+    _block_type_slug = "robomaker-credentials"
+    _documentation_url: ClassVar[str] = _PAGE  # pyright: ignore[reportIncompatibleVariableOverride] - sent as text
+
+    aws_access_key_id: str = Field(description="The access key's id.")
+    aws_secret_access_key: SecretStr = Field(description="The access key itself.")
+    aws_session_token: SecretStr | None = Field(default=None, description="Token of a temporary access key.")
+
+    def environment(self) -> dict[str, str]:
+        """The variables it stands for, secrets in clear."""
+        found = {
+            "AWS_ACCESS_KEY_ID": self.aws_access_key_id,
+            "AWS_SECRET_ACCESS_KEY": self.aws_secret_access_key.get_secret_value(),
+        }
+        if self.aws_session_token:
+            found["AWS_SESSION_TOKEN"] = self.aws_session_token.get_secret_value()
+        return found
+
+
+class RobomakerObjectStore(Block):
+    """Where worlds, application archives and outputs are kept.
+
+    Example:
+        ```python
+        from prefect_robomaker.deployments.blocks import RobomakerObjectStore
+
+        store = RobomakerObjectStore.load("BLOCK_NAME")
+        ```
+    """
+
+    _block_type_name = "RoboMaker Object Store"
+    _block_type_slug = "robomaker-object-store"
+    _documentation_url: ClassVar[str] = _PAGE  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    address: str = Field(description="URL of an S3 endpoint, `aws`, or a folder that all workers reach.")
+    bucket: str | None = Field(default=None, description="Bucket for worlds, and for outputs that name none.")
+    region: str | None = Field(default=None, description="Region in ARNs and for S3.")
+    credentials: RobomakerCredentials | None = Field(
+        default=None, description="Access key; without one, S3 clients look where they always do."
+    )
+
+    def environment(self) -> dict[str, str]:
+        """The variables it stands for, secrets in clear."""
+        given = {
+            "ROBOMAKER_OBJECT_STORE": self.address,
+            "ROBOMAKER_BUCKET": self.bucket,
+            "ROBOMAKER_REGION": self.region,
+        }
+        found = {name: value for name, value in given.items() if value}
+        return found | (self.credentials.environment() if self.credentials else {})
+
+
+class RobomakerCatalog(Block):
+    """Where jobs, worlds and applications are recorded.
+
+    Example:
+        ```python
+        from prefect_robomaker.deployments.blocks import RobomakerCatalog
+
+        catalog = RobomakerCatalog.load("BLOCK_NAME")
+        ```
+    """
+
+    _block_type_name = "RoboMaker Catalog"
+    _block_type_slug = "robomaker-catalog"
+    _documentation_url: ClassVar[str] = _PAGE  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    url: SecretStr = Field(description="SQLAlchemy URL, such as `postgresql+psycopg://user:password@host/catalog`.")
+
+    def environment(self) -> dict[str, str]:
+        """The variables it stands for, secrets in clear."""
+        return {"ROBOMAKER_CATALOG_URL": self.url.get_secret_value()}
+
+
+def open_service(*blocks: RobomakerCatalog | RobomakerObjectStore | RobomakerCredentials) -> "Service":
+    """Opens the service that blocks describe; what they leave open, the environment says.
+
+    ```python
+    with open_service(RobomakerObjectStore.load("lab"), RobomakerCatalog.load("lab")).activated():
+        CreateSimulationJob(...)
+    ```
+
+    Raises:
+        ConfigurationError: a setting leads nowhere.
+        StorageError: the object store does not answer.
+    """
+    import os
+
+    from ...schemas.settings import Settings
+    from ...tasks.service.service import Service
+
+    environ = dict(os.environ)
+    for block in blocks:
+        environ |= block.environment()
+    return Service.open(Settings.from_environment(environ), environ)

@@ -1,0 +1,86 @@
+"""What a deployment's runs get from their work pool: an image, and variables of the environment.
+
+Settings are `ROBOMAKER_…` variables wherever flows run. A block of Prefect gives them by reference: the deployment
+keeps `{{ prefect.blocks.… }}`, and the Prefect worker puts the value in when it starts a run. So a secret stays in the
+server's encrypted store, a changed block counts from the next run on, and the machine of the flow needs neither the
+block's package nor a setting of its own.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ...schemas.wire.errors import ConfigurationError
+from ...schemas.wire.request_problems import nearest
+
+_STORE_CREDENTIALS = {
+    "AWS_ACCESS_KEY_ID": "credentials.aws_access_key_id",
+    "AWS_SECRET_ACCESS_KEY": "credentials.aws_secret_access_key",
+    "AWS_SESSION_TOKEN": "credentials.aws_session_token",
+}
+# Variable of the environment by block type: the path of its value in the block. The last two are prefect-aws's.
+BLOCK_VARIABLES: Mapping[str, Mapping[str, str]] = {
+    "robomaker-object-store": {
+        "ROBOMAKER_OBJECT_STORE": "address",
+        "ROBOMAKER_BUCKET": "bucket",
+        "ROBOMAKER_REGION": "region",
+        **_STORE_CREDENTIALS,
+    },
+    "robomaker-catalog": {"ROBOMAKER_CATALOG_URL": "url"},
+    "robomaker-credentials": {name: path.partition(".")[2] for name, path in _STORE_CREDENTIALS.items()},
+    "aws-credentials": {name: path.partition(".")[2] for name, path in _STORE_CREDENTIALS.items()},
+    "minio-credentials": {"AWS_ACCESS_KEY_ID": "minio_root_user", "AWS_SECRET_ACCESS_KEY": "minio_root_password"},
+}
+
+ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
+"""The content of a block by its type's slug and its name, without secrets; `None`: there is none."""
+
+
+def environment_of_words(words: Sequence[str]) -> dict[str, str]:
+    """Variables given as `NAME=VALUE`.
+
+    Raises:
+        ConfigurationError: a word is none.
+    """
+    variables = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+            raise ConfigurationError(f"--env is {word!r}; NAME=VALUE would be right")
+        variables[name] = value
+    return variables
+
+
+def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, str]:
+    """Variables whose values the worker takes from blocks.
+
+    Args:
+        blocks: each `TYPE/NAME`, as `prefect block ls` shows them.
+        read: reads a block.
+
+    Raises:
+        ConfigurationError: there is no such block, or none of a type that settings can be taken from.
+    """
+    variables = {}
+    for word in blocks:
+        slug, _, name = word.partition("/")
+        if slug not in BLOCK_VARIABLES or not name:
+            advice = nearest(slug, tuple(BLOCK_VARIABLES)) or f"; TYPE is one of {', '.join(BLOCK_VARIABLES)}"
+            raise ConfigurationError(f"--block is {word!r}; TYPE/NAME would be right{advice}")
+        content = read(slug, name)
+        if content is None:
+            raise ConfigurationError(
+                f"--block is {word!r}; the Prefect server has no such block: `prefect block ls` lists those it has"
+            )
+        for variable, path in BLOCK_VARIABLES[slug].items():
+            if _has(content, path):
+                variables[variable] = f"{{{{ prefect.blocks.{slug}.{name}.{path} }}}}"
+    return variables
+
+
+def _has(content: Mapping[str, Any], path: str) -> bool:
+    """Whether a block has a value there; secrets are hidden, not absent."""
+    found: Any = content
+    for key in path.split("."):
+        found = found.get(key) if isinstance(found, Mapping) else None
+    return found is not None

@@ -1,0 +1,84 @@
+"""Blocks: Prefect's own suite for them, and that what they keep comes back."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from prefect.blocks.core import Block
+from prefect.testing.standard_test_suites import BlockStandardTestSuite
+from pydantic import SecretStr
+
+from prefect_robomaker.deployments.blocks import (
+    RobomakerCatalog,
+    RobomakerCredentials,
+    RobomakerObjectStore,
+    open_service,
+)
+from prefect_robomaker.deployments.deploying.job_variables import BLOCK_VARIABLES
+
+BLOCKS = (RobomakerCatalog, RobomakerCredentials, RobomakerObjectStore)
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+class TestBlocks(BlockStandardTestSuite):
+    @pytest.fixture
+    def block(self, request: pytest.FixtureRequest) -> type[Block]:
+        return request.param
+
+    def test_has_a_valid_image(self, block: type[Block]) -> None:
+        """A block type takes pictures from the web only, and a private server's pages should ask nobody for one."""
+        assert block._logo_url is None
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_deployments_take_every_member_of_a_block(block: type[Block]) -> None:
+    slug = block._block_type_slug
+    assert slug is not None
+    assert {path.partition(".")[0] for path in BLOCK_VARIABLES[slug].values()} == set(block.model_fields)
+
+
+def test_a_saved_block_comes_back_as_the_variables_that_it_stands_for(prefect_server: str) -> None:
+    credentials = RobomakerCredentials(aws_access_key_id="id", aws_secret_access_key=SecretStr("hidden"))
+    RobomakerObjectStore(address="http://127.0.0.1:9000", bucket="runs", credentials=credentials).save("lab")
+    RobomakerCatalog(url=SecretStr("postgresql+psycopg://u:p@h/c")).save("lab")
+
+    assert RobomakerObjectStore.load("lab").environment() == {  # type: ignore[union-attr] # sync here
+        "ROBOMAKER_OBJECT_STORE": "http://127.0.0.1:9000",
+        "ROBOMAKER_BUCKET": "runs",
+        "AWS_ACCESS_KEY_ID": "id",
+        "AWS_SECRET_ACCESS_KEY": "hidden",
+    }
+    assert RobomakerCatalog.load("lab").environment() == {"ROBOMAKER_CATALOG_URL": "postgresql+psycopg://u:p@h/c"}  # type: ignore[union-attr]
+
+
+def test_a_service_opens_with_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOMAKER_HOME", str(tmp_path / "home"))
+
+    service = open_service(
+        RobomakerObjectStore(address=str(tmp_path / "objects"), bucket="runs"),
+        RobomakerCatalog(url=SecretStr(f"sqlite:///{tmp_path}/elsewhere.db")),
+    )
+
+    assert (service.settings.bucket, service.settings.object_store) == ("runs", str(tmp_path / "objects"))
+    assert (tmp_path / "elsewhere.db").exists()
+    service.catalog.close()
+
+
+@pytest.mark.slow
+def test_prefect_finds_the_blocks_and_registers_them(prefect_server: str, tmp_path: Path) -> None:
+    found: Any = subprocess.run(
+        [sys.executable, "-c", "import prefect.plugins as p; print(p.load_prefect_collections()['prefect_robomaker'])"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "module 'prefect_robomaker.deployments.blocks'" in found.stdout
+
+    command = [sys.executable, "-m", "prefect", "block", "register", "-m", "prefect_robomaker.deployments.blocks"]
+    environ = {**os.environ, "PREFECT_API_URL": prefect_server, "PREFECT_HOME": str(tmp_path)}
+    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+
+    assert "Successfully registered 3 blocks" in done.stdout, done.stderr

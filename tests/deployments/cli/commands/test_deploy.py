@@ -1,0 +1,265 @@
+"""deploy and pool-template: what they make on a real Prefect server, and what they say of what they cannot make."""
+
+import json
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SPEC = """\
+version: 1
+name: {name}
+description: Looks at a flat.
+steps:
+  flat: {{operation: CreateWorldTemplate, input: {{name: flat, templateBody: "{{}}"}}}}
+"""
+Robomaker = Callable[..., Any]
+
+
+@pytest.fixture
+def client(prefect_server: str, robomaker: Robomaker, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A client of the server that the command uses."""
+    from prefect.client.orchestration import get_client
+
+    monkeypatch.setenv("PREFECT_API_URL", prefect_server)
+    with get_client(sync_client=True) as made:
+        yield made
+
+
+@pytest.fixture
+def pool(client: Any) -> str:
+    """A work pool that no other test uses."""
+    from prefect.client.schemas.actions import WorkPoolCreate
+
+    name = f"pool-{uuid.uuid4().hex[:8]}"
+    from prefect.workers.process import ProcessWorker
+
+    client.create_work_pool(
+        WorkPoolCreate(name=name, type="process", base_job_template=ProcessWorker.get_default_base_job_template())
+    )
+    return name
+
+
+@pytest.fixture
+def named(tmp_path: Path) -> Path:
+    """A specification whose name no other test uses."""
+    path = tmp_path / "flats.yaml"
+    path.write_text(SPEC.format(name=f"flats-{uuid.uuid4().hex[:8]}"))
+    return path
+
+
+def deployed(client: Any, path: Path) -> Any:
+    name = path.read_text().splitlines()[1].removeprefix("name: ")
+    return client.read_deployment_by_name(f"RunPipeline/{name}")
+
+
+def test_a_specification_becomes_a_deployment_that_keeps_it(
+    robomaker: Robomaker, client: Any, pool: str, named: Path
+) -> None:
+    ended = robomaker("deploy", named, "--pool", pool, "--tag", "lab", "--env", "ROBOMAKER_BUCKET=runs")
+
+    made = deployed(client, named)
+    assert (ended.code, ended.out) == (0, f"RunPipeline/{made.name}  created\n")
+    assert made.parameters == {"text": named.read_text(), "origin": str(named)}
+    assert made.description.startswith("Looks at a flat.\n\n1. `flat`: CreateWorldTemplate")
+    assert made.tags == ["robomaker", "specification", "lab"]
+    assert made.work_pool_name == pool
+    assert made.job_variables == {"env": {"ROBOMAKER_BUCKET": "runs"}}
+    assert made.entrypoint == "prefect_robomaker.flows.pipelines.RunPipeline"
+    assert not made.pull_steps
+    assert f"prefect deployment run RunPipeline/{made.name}" in ended.err
+    assert f"prefect worker start --pool {pool}" in ended.err
+
+
+def test_deploying_again_changes_it_in_place_and_keeps_its_schedule(
+    robomaker: Robomaker, client: Any, pool: str, named: Path
+) -> None:
+    at_two = ("--schedule", "0 2 * * *", "--timezone", "Europe/Berlin")
+    first = robomaker("deploy", named, "--pool", pool, *at_two)
+    before = deployed(client, named)
+    named.write_text(named.read_text() + "# changed\n")
+
+    again = robomaker("deploy", named, "--pool", pool)
+
+    after = deployed(client, named)
+    assert first.out.endswith("created, runs at 0 2 * * * Europe/Berlin\n")
+    assert again.out.endswith("updated, runs at 0 2 * * * Europe/Berlin\n")
+    assert after.id == before.id
+    assert after.version != before.version
+    assert after.parameters["text"].endswith("# changed\n")
+    (schedule,) = after.schedules
+    assert (schedule.schedule.cron, schedule.schedule.timezone, schedule.active) == (
+        "0 2 * * *",
+        "Europe/Berlin",
+        True,
+    )
+
+    without = robomaker("deploy", named, "--pool", pool, "--no-schedule", "-o", "json")
+
+    (row,) = json.loads(without.out)["deployments"]
+    assert (row["id"], row["change"], row["schedules"]) == (str(after.id), "updated", [])
+    assert deployed(client, named).schedules == []
+
+
+def test_a_schedule_that_was_paused_stays_paused(robomaker: Robomaker, client: Any, pool: str, named: Path) -> None:
+    robomaker("deploy", named, "--pool", pool, "--schedule", "0 2 * * *")
+    made = deployed(client, named)
+    client.update_deployment_schedule(made.id, made.schedules[0].id, active=False)
+
+    again = robomaker("deploy", named, "--pool", pool)
+
+    assert again.out.endswith("  updated\n")
+    assert [each.active for each in deployed(client, named).schedules] == [False]
+
+
+def test_settings_come_from_blocks_by_reference(robomaker: Robomaker, client: Any, pool: str, named: Path) -> None:
+    from pydantic import SecretStr
+
+    from prefect_robomaker.deployments.blocks import RobomakerCatalog
+
+    RobomakerCatalog(url=SecretStr("sqlite:////data/c.db")).save(pool)
+
+    ended = robomaker("deploy", named, "--pool", pool, "--block", f"robomaker-catalog/{pool}")
+
+    reference = f"{{{{ prefect.blocks.robomaker-catalog.{pool}.url }}}}"
+    assert ended.code == 0, ended.err
+    assert deployed(client, named).job_variables == {"env": {"ROBOMAKER_CATALOG_URL": reference}}
+    missing = robomaker("deploy", named, "--pool", pool, "--block", "robomaker-catalog/nowhere")
+    assert (missing.code, "has no such block" in missing.err) == (2, True)
+
+
+def test_what_comes_with_the_package_is_deployed_by_its_name(
+    robomaker: Robomaker, client: Any, pool: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    ended = robomaker("deploy", "quickstart", "--pool", pool, "--name", pool)
+
+    assert ended.code == 0, ended.err
+    made = client.read_deployment_by_name(f"RunPipeline/{pool}")
+    assert "\nname: quickstart\n" in made.parameters["text"]
+
+
+def test_a_bundle_that_the_store_lacks_is_told(robomaker: Robomaker, client: Any, pool: str, tmp_path: Path) -> None:
+    path = tmp_path / "rover.yaml"
+    path.write_text(
+        f"""\
+version: 1
+name: {pool}
+steps:
+  rover:
+    operation: CreateRobotApplication
+    input:
+      name: rover
+      sources: [{{s3Bucket: robomaker, s3Key: applications/rover.tar.gz}}]
+      robotSoftwareSuite: {{name: General}}
+"""
+    )
+
+    ended = robomaker("deploy", path, "--pool", pool)
+
+    assert ended.code == 0
+    assert "has no s3://robomaker/applications/rover.tar.gz in the object store (step rover)" in ended.err
+    assert (
+        "- s3://robomaker/applications/rover.tar.gz"
+        in client.read_deployment_by_name(f"RunPipeline/{pool}").description
+    )
+
+
+def test_all_operations_are_deployed_one_by_one(robomaker: Robomaker, client: Any, pool: str) -> None:
+    ended = robomaker("deploy", "--operations", "--pool", pool)
+
+    assert ended.code == 0, ended.err
+    assert len(ended.out.splitlines()) == 61
+    found = client.read_deployment_by_name("CreateWorldTemplate/create-world-template")
+    assert found.work_pool_name == pool
+    assert found.tags == ["robomaker", "operation", "world-templates"]
+    assert set(found.parameter_openapi_schema["properties"]) >= {"name", "templateBody", "templateLocation", "tags"}
+
+
+def test_a_pool_that_is_not_there_is_told_with_what_makes_it(
+    robomaker: Robomaker, client: Any, pool: str, named: Path
+) -> None:
+    ended = robomaker("deploy", named, "--pool", pool[:-1])
+
+    assert ended.code == 2
+    assert f"--pool is '{pool[:-1]}'" in ended.err
+    assert f"`prefect work-pool create {pool[:-1]} --type process` makes one; did you mean '{pool}'?" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--schedule", "0 2 * *"), "--schedule is '0 2 * *'; five fields would be right"),
+        (("--schedule", "0 2 * * *", "--timezone", "Berlin"), "--timezone is 'Berlin'; an IANA name such as UTC"),
+        (("--image", "lab/robots:1"), "is of type process, whose runs have no image"),
+        (("--timezone", "UTC"), "--timezone is 'UTC'; it is of use with --schedule only"),
+        (("--env", "nothing"), "--env is 'nothing'; NAME=VALUE would be right"),
+        (("--name", "a b"), "--name is 'a b'; letters, digits, - and _ would be right"),
+    ],
+)
+def test_what_cannot_be_deployed_is_told(
+    robomaker: Robomaker, client: Any, pool: str, named: Path, words: tuple[str, ...], message: str
+) -> None:
+    ended = robomaker("deploy", named, "--pool", pool, *words)
+
+    assert (ended.code, ended.out) == (2, "")
+    assert message in ended.err
+
+
+def test_problems_of_all_specifications_are_told_with_their_places(robomaker: Robomaker, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.yaml").write_text(SPEC.format(name=name).replace("CreateWorldTemplate", "MakeWorld"))
+
+    ended = robomaker("deploy", tmp_path / "one.yaml", tmp_path / "two.yaml", "--pool", "any")
+
+    assert ended.code == 2
+    for name in ("one", "two"):
+        assert f"{tmp_path / name}.yaml:5:21: steps.flat.operation: there is no operation 'MakeWorld'" in ended.err
+
+
+def test_two_specifications_of_one_name_are_not_deployed(robomaker: Robomaker, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.yaml").write_text(SPEC.format(name="same"))
+
+    ended = robomaker("deploy", tmp_path / "one.yaml", tmp_path / "two.yaml", "--pool", "any")
+
+    assert ended.code == 2
+    assert "are both named 'same'; give one another name" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "there is nothing to deploy; name a SPEC, or --operations"),
+        (("--operations", "--schedule", "0 2 * * *"), "are for a SPEC"),
+        (("a.yaml", "b.yaml", "--name", "x"), "--name is 'x'; it is for one SPEC, not 2"),
+    ],
+)
+def test_words_that_do_not_fit_each_other_are_told(robomaker: Robomaker, words: tuple[str, ...], message: str) -> None:
+    ended = robomaker("deploy", *words, "--pool", "any")
+
+    assert ended.code == 2
+    assert message in ended.err
+
+
+def test_a_server_that_does_not_answer_is_told(
+    robomaker: Robomaker, named: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
+
+    ended = robomaker("deploy", named, "--pool", "any")
+
+    assert ended.code == 2
+    assert "PREFECT_API_URL is 'http://127.0.0.1:1/api', and nothing healthy answers there" in ended.err
+
+
+def test_the_template_of_a_pool_is_printed(robomaker: Robomaker) -> None:
+    ended = robomaker("pool-template", "process", "--env", "ROBOMAKER_BUCKET=runs")
+
+    environment = json.loads(ended.out)["variables"]["properties"]["env"]["default"]
+    assert environment["PREFECT_FLOWS_HEARTBEAT_FREQUENCY"] == "30"
+    assert environment["ROBOMAKER_BUCKET"] == "runs"
+    assert robomaker("pool-template", "docker").code == 2
