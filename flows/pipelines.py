@@ -105,9 +105,7 @@ def _run_name() -> str:
 
 
 @flow(name="RunPipeline", flow_run_name=_run_name)
-def RunPipeline(
-    spec: str | None = None, text: str | None = None, origin: str = _NO_FILE, reuse: bool = False
-) -> Any:
+def RunPipeline(spec: str | None = None, text: str | None = None, origin: str = _NO_FILE, reuse: bool = False) -> Any:
     """Runs a specification: a file, or the text that a deployment keeps.
 
     Args:
@@ -163,9 +161,7 @@ class PipelineRun:
         self._record: RunRecord | None = None
 
     @classmethod
-    def of_parameters(
-        cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False
-    ) -> "PipelineRun":
+    def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
         """A run of what the flow's parameters say, without a listener for its progress.
 
         Raises:
@@ -182,7 +178,13 @@ class PipelineRun:
         check_preconditions(checked, service)
         command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
         if name := deployment.name:
-            command = ["prefect", "deployment", "run", f"RunPipeline/{name}", *(["--param=reuse=true"] if reuse else [])]
+            command = [
+                "prefect",
+                "deployment",
+                "run",
+                f"RunPipeline/{name}",
+                *(["--param=reuse=true"] if reuse else []),
+            ]
         return cls(checked, service, _log, origin, command, reuse=reuse)
 
     def run(self) -> RunRecord:

@@ -4,11 +4,16 @@ Prefect shows the tasks of a flow run by name. A write has `validate` and `recor
 kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a read is answered without a task.
 """
 
+import logging
 from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec
 
+import httpx
 from prefect import Flow, flow, task
 from prefect.cache_policies import NO_CACHE
+from prefect.client.orchestration import get_client
+from prefect.context import FlowRunContext
+from prefect.exceptions import PrefectException
 from prefect.runtime import flow_run
 
 from ..schemas.operations.registry import OPERATIONS
@@ -18,6 +23,8 @@ from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 
 Parameters = ParamSpec("Parameters")
+
+_logger = logging.getLogger(__name__)
 
 
 def operation_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
@@ -67,6 +74,7 @@ def carry_out(operation: str, arn: str) -> dict[str, Any]:
     Returns:
         The job's final description.
     """
+    _name_run_after(arn)
     with shown_progress(Service.current(), f"{operation}: {arn}") as watched, watched.activated():
         return registry()[operation].perform(arn, watched)
 
@@ -78,3 +86,20 @@ def _present(members: Mapping[str, Any]) -> dict[str, Any]:
 def _job_id() -> str:
     """The name of a flow run that carries out a job: the id at the end of the job's ARN."""
     return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]
+
+
+def _name_run_after(arn: str) -> None:
+    """Names a subflow run after the job that it has made, which has no id yet when the run begins.
+
+    A run that its caller has named keeps that name, and so does one that is no subflow.
+    """
+    context = FlowRunContext.get()
+    if context is None or context.flow_run is None or context.flow_run.parent_task_run_id is None:
+        return
+    if context.flow is None or context.flow.flow_run_name is not None:
+        return
+    try:
+        with get_client(sync_client=True) as client:
+            client.update_flow_run(context.flow_run.id, name=arn.rsplit("/", 1)[-1])
+    except (httpx.HTTPError, PrefectException) as error:
+        _logger.warning("the flow run of %s keeps a name of chance: %s", arn, error)

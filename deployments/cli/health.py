@@ -82,6 +82,8 @@ def check_packages() -> Finding:
 
     from packaging.requirements import Requirement
 
+    from .version_conflicts import conflicts_among
+
     wrong = []
     for line in requires("prefect-robomaker") or []:
         requirement = Requirement(line)
@@ -94,9 +96,23 @@ def check_packages() -> Finding:
             continue
         if installed not in requirement.specifier:
             wrong.append(f"{requirement.name} is {installed}, not {requirement.specifier}")
+    conflicts = list(conflicts_among(_version_of))
+    if conflicts:
+        remedies = " ".join(f"'{conflict.remedy}'" for conflict in conflicts)
+        texts = "\n".join([*(conflict.text for conflict in conflicts), *wrong])
+        return Finding("packages", "broken", texts, f"install what works together: pip install {remedies}")
     if wrong:
         return Finding("packages", "broken", "; ".join(wrong), "install again: uv sync --frozen")
     return Finding("packages", "ok", ", ".join(f"{name} {version(name)}" for name in _SHOWN_PACKAGES))
+
+
+def _version_of(package: str) -> str | None:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def check_physics() -> Finding:

@@ -3,6 +3,7 @@
 import importlib.metadata
 import platform
 import shlex
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -29,6 +30,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..comparison.nights import NightRun
 from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
+from ..execution.events import tell_of_report
 from ..reporting import case_names, junit_xml, summarize, write_report
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
@@ -406,3 +408,4 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
     show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
     for world in report.worlds[:1]:
         show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.label)
+    tell_of_report(report.run_id, report.state, path, Counter(job.verdict or job.status for job in jobs))

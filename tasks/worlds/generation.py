@@ -14,6 +14,7 @@ from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError,
 from ...schemas.wire.ids import world_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
+from ..execution.events import tell_of_world
 from ..execution.steps import RunStep
 from ..service.service import Service
 from ..simulations.outputs.locations import prepare_bucket
@@ -130,3 +131,4 @@ def add_world(
     )
     with suppress(ResourceAlreadyExistsException):  # made by the job worker that took over from one that was held up
         service.catalog.create(world, token=None)
+    tell_of_world(arn, service.store.uri(bundle.bucket, bundle.prefix), request.template)

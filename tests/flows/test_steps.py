@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from helpers.small_flat import ROLE
+from prefect import flow
 
 from prefect_robomaker.flows.lookup import find_flow
 from prefect_robomaker.tasks.service.service import Service
@@ -74,6 +75,34 @@ def test_a_simulation_is_prepared_run_and_uploaded(shown_tasks: ShownTasks, orde
 
     assert job["status"] == "Completed"
     assert tasks == {"validate": 1, "record": 1, "prepare": 1, "simulate": 1, "upload": 1}
+
+
+@pytest.mark.slow
+def test_subflows_of_a_users_flow_are_named_after_their_jobs(
+    service: Service, prefect_server: str, order: Callable[..., Any]
+) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import (
+        FlowRunFilter,
+        FlowRunFilterParentFlowRunId,
+    )
+
+    create = find_flow("CreateSimulationJob")
+    request = order({"DURATION_S": "0.1"})
+
+    @flow(name="night")
+    def night() -> list[str]:
+        named = create.with_options(flow_run_name="mine")
+        return [each(**request)["arn"].rsplit("/", 1)[-1] for each in (create, named)]
+
+    with service.activated():
+        state = night(return_state=True)
+    first, _ = state.result()
+
+    parent = FlowRunFilterParentFlowRunId(any_=[state.state_details.flow_run_id])
+    with get_client(sync_client=True) as client:
+        runs = client.read_flow_runs(flow_run_filter=FlowRunFilter(parent_flow_run_id=parent))
+    assert {run.name for run in runs} == {first, "mine"}
 
 
 def test_a_batch_has_one_task_for_each_request(shown_tasks: ShownTasks, order: Callable[..., Any]) -> None:

@@ -1,11 +1,15 @@
 """doctor and server, on this machine."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
+from packaging.requirements import Requirement
 
 from prefect_robomaker.deployments.cli import health
+from prefect_robomaker.deployments.cli.version_conflicts import CONFLICTS, Conflict, conflicts_among
 from prefect_robomaker.schemas.settings import Settings
 
 
@@ -58,6 +62,38 @@ def test_wrong_package_versions_are_found(monkeypatch) -> None:
     assert "not >=900" in finding.found
     assert "no-such-package-anywhere is missing" in finding.found
     assert "numpy" not in finding.found
+
+
+def test_versions_that_do_not_work_together_are_told_with_what_users_see_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in an environment of one's own, where pip put another SQLAlchemy beside the wheel."""
+    other = tmp_path / "sqlalchemy-2.1.9.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: SQLAlchemy\nVersion: 2.1.9\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    finding = health.check_packages()
+
+    assert finding.health == "broken"
+    assert (
+        "with sqlalchemy 2.1.9: the server's scheduler fails at each look, and no schedule ever fires" in finding.found
+    )
+    assert "pip install 'sqlalchemy>=2.0.40,<2.1'" in finding.remedy
+
+
+@pytest.mark.parametrize("conflict", CONFLICTS, ids=lambda conflict: conflict.second)
+def test_conflicts_are_kept_apart_by_the_bounds_of_this_package(conflict: Conflict) -> None:
+    """A remedy is the bound that `pyproject.toml` has, and versions within it are no conflict."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    assert conflict.remedy in project["dependencies"]
+
+    first, second, remedy = (Requirement(text) for text in (conflict.first, conflict.second, conflict.remedy))
+    lowest = {each.name: min(clause.version for clause in each.specifier) for each in (first, second)}
+    (found,) = conflicts_among(lowest.get)
+    assert found.text.startswith(f"{first.name} {lowest[first.name]} with {second.name} {lowest[second.name]}: ")
+    assert not remedy.specifier.contains(lowest[second.name])
+    assert list(conflicts_among({first.name: lowest[first.name]}.get)) == []
 
 
 @pytest.mark.parametrize("action", ["status", "stop"])

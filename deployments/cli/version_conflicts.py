@@ -1,0 +1,70 @@
+"""Versions of packages that are known not to work together, though each would install beside the other.
+
+Bounds of this package keep them apart; they meet where somebody changes an environment by hand, or another package
+asks for what it needs. `robomaker doctor` tells of them.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from packaging.requirements import Requirement
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Two ranges of versions that do not work together."""
+
+    first: str
+    second: str
+    effect: str
+    """What users see of it."""
+
+    remedy: str
+    """Requirement that ends it."""
+
+
+CONFLICTS = (
+    Conflict(
+        first="prefect>=3.8,<3.9",
+        second="sqlalchemy>=2.1",
+        effect="the server's scheduler fails at each look, and no schedule ever fires",
+        remedy="sqlalchemy>=2.0.40,<2.1",
+    ),
+    Conflict(
+        first="prefect>=3.8,<3.9",
+        second="fastapi>=0.155",
+        effect="Prefect's server does not start, nor do flows without one",
+        remedy="fastapi>=0.139,<0.151",
+    ),
+    Conflict(
+        first="dm-control==1.0.50",
+        second="mujoco>=4",
+        effect="both import, and every simulation fails when it begins",
+        remedy="mujoco>=3.17,<4",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A conflict in an environment."""
+
+    text: str
+    remedy: str
+
+
+def conflicts_among(version_of: Callable[[str], str | None]) -> Iterator[Found]:
+    """Finds the conflicts of an environment.
+
+    Args:
+        version_of: version of a package there; `None` if it is missing.
+    """
+    for conflict in CONFLICTS:
+        pair = [Requirement(text) for text in (conflict.first, conflict.second)]
+        versions = [version_of(each.name) for each in pair]
+        if all(
+            version is not None and each.specifier.contains(version, prereleases=True)
+            for each, version in zip(pair, versions, strict=True)
+        ):
+            names = " with ".join(f"{each.name} {version}" for each, version in zip(pair, versions, strict=True))
+            yield Found(f"{names}: {conflict.effect}", conflict.remedy)

@@ -1,0 +1,15 @@
+"""What a Prefect server's log says went wrong."""
+
+import re
+
+# SQLite under load; the server tries again.
+_KNOWN = "database is locked"
+_TRACEBACK = re.compile(
+    r"Traceback \(most recent call last\).*?^(?![ \t]|\s*$)(?P<error>[^\n]+)$", re.DOTALL | re.MULTILINE
+)
+
+
+def tracebacks(log: str) -> list[str]:
+    """The last line of each traceback in a log, but for what a loaded SQLite is known to do."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
+    return [match["error"] for match in _TRACEBACK.finditer(plain) if _KNOWN not in match["error"]]
