@@ -15,6 +15,7 @@ from helpers.processes import process_worker, wait_for
 from helpers.small_flat import BODY, ROLE
 from ruamel.yaml import YAML
 
+from prefect_robomaker.deployments.blocks import RobomakerObjectStore
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
@@ -90,7 +91,9 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
         words = ("--no-prompt", "deploy", "--name", name, "--prefect-file", str(FILE))
         run_module(environ, elsewhere, "prefect", *words)
     command = "prefect_robomaker.deployments.cli.main"
-    run_module(environ, elsewhere, command, "deploy", str(spec), "--pool", "robomaker")
+    RobomakerObjectStore(address=str(tmp_path / "store")).save("of-the-block")
+    block = ("--block", "robomaker-object-store/of-the-block")
+    run_module(environ, elsewhere, command, "deploy", str(spec), "--pool", "robomaker", *block)
     spec.unlink()  # the deployment keeps it
     with pytest.raises(PrefectHTTPStatusError, match="name"):
         create_run("CreateWorldTemplate/create-world-template", {"name": 7, "templateBody": "{}"})
@@ -111,6 +114,7 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
     assert "Bildings" in refused.message
     assert pipeline.type.value == "COMPLETED", f"{pipeline.message}\n{log}"
     assert pipeline.message.startswith("succeeded: 1 of 1 verdicts pass")
+    assert list((tmp_path / "store").rglob("recording.mcap")), "the worker set what the block says"
     the_catalog_has_what_the_runs_made(settings)
     the_pipeline_shows_artifacts(runs[2])
 

@@ -86,7 +86,7 @@ def environ(tmp_path: Path) -> Iterator[dict[str, str]]:
 def documented() -> tuple[str, list[str], str]:
     """How a shell finds the server, what makes the deployment, and what starts a worker: as the page has them."""
     blocks = re.findall(r"^```console\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
-    (block,) = [block for block in blocks if "robomaker deploy nightly.yaml" in block]
+    (block,) = [block for block in blocks if "robomaker pool-template process" in block]
     setup, *making, worker = [line.removeprefix("$ ") for line in block.splitlines()]
     assert worker.startswith("prefect worker start")
     return setup, making, worker

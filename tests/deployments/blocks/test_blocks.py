@@ -1,5 +1,6 @@
 """Blocks: Prefect's own suite for them, and that what they keep comes back."""
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -8,7 +9,9 @@ from typing import Any
 
 import pytest
 from prefect.blocks.core import Block
+from prefect.client.orchestration import get_client
 from prefect.testing.standard_test_suites import BlockStandardTestSuite
+from prefect.utilities.templating import resolve_block_document_references
 from pydantic import SecretStr
 
 from prefect_robomaker.deployments.blocks import (
@@ -17,7 +20,8 @@ from prefect_robomaker.deployments.blocks import (
     RobomakerObjectStore,
     open_service,
 )
-from prefect_robomaker.deployments.deploying.job_variables import BLOCK_VARIABLES
+from prefect_robomaker.deployments.deploying.job_variables import BLOCK_VARIABLES, environment_of_blocks
+from prefect_robomaker.deployments.deploying.registration import read_block
 
 BLOCKS = (RobomakerCatalog, RobomakerCredentials, RobomakerObjectStore)
 
@@ -52,6 +56,23 @@ def test_a_saved_block_comes_back_as_the_variables_that_it_stands_for(prefect_se
         "AWS_SECRET_ACCESS_KEY": "hidden",
     }
     assert RobomakerCatalog.load("lab").environment() == {"ROBOMAKER_CATALOG_URL": "postgresql+psycopg://u:p@h/c"}  # type: ignore[union-attr]
+
+
+def test_what_a_worker_makes_of_a_deployments_references_is_what_the_block_stands_for(prefect_server: str) -> None:
+    credentials = RobomakerCredentials(
+        aws_access_key_id="id", aws_secret_access_key=SecretStr("hidden"), aws_session_token=SecretStr("brief")
+    )
+    block = RobomakerObjectStore(address="http://127.0.0.1:9000", region="eu-west-1", credentials=credentials)
+    block.save("references")
+
+    with get_client(sync_client=True) as client:
+        kept = environment_of_blocks(
+            ["robomaker-object-store/references"], lambda slug, name: read_block(client, slug, name)
+        )
+    resolved = asyncio.run(resolve_block_document_references(kept))
+
+    assert "hidden" not in str(kept)
+    assert resolved == block.environment()
 
 
 def test_a_service_opens_with_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
