@@ -99,6 +99,7 @@ def test_subflows_of_a_users_flow_are_named_after_their_jobs(
         state = night(return_state=True)
     first, _ = state.result()
 
+    assert state.state_details.flow_run_id is not None
     parent = FlowRunFilterParentFlowRunId(any_=[state.state_details.flow_run_id])
     with get_client(sync_client=True) as client:
         runs = client.read_flow_runs(flow_run_filter=FlowRunFilter(parent_flow_run_id=parent))

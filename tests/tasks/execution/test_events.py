@@ -25,10 +25,8 @@ def test_events_reach_the_server_with_the_flow_run_that_they_are_about(prefect_s
 
     state: Any = makes(return_state=True)
 
-    world, report = (
-        wait_for(lambda resource=resource: event_of(resource), f"the event of {resource}")
-        for resource in (f"robomaker.world.generation-{name}/world-1", f"robomaker.report.{name}-1")
-    )
+    world = event_of(f"robomaker.world.generation-{name}/world-1")
+    report = event_of(f"robomaker.report.{name}-1")
     assert world["event"] == "robomaker.world.generated"
     assert world["resource"]["robomaker.arn"] == arn
     assert world["payload"] == {"uri": "s3://robomaker/worlds/1", "template": "arn:template"}
@@ -45,11 +43,14 @@ def test_no_event_is_sent_outside_a_flow_run(monkeypatch: pytest.MonkeyPatch) ->
     tell_of_world(WORLD.format(name="x"), "s3://robomaker/worlds/1", "arn:template")
 
 
-def event_of(resource_id: str) -> dict[str, Any] | None:
+def event_of(resource_id: str) -> dict[str, Any]:
     """The event about a resource, once the server has it."""
     from prefect.client.orchestration import get_client
 
     wanted = {"filter": {"any_resource": {"id": [resource_id]}}}
     with get_client(sync_client=True) as client:
-        found = client.request("POST", "/events/filter", json=wanted).json()["events"]
-    return found[0] if found else None
+
+        def found() -> list[dict[str, Any]]:
+            return client.request("POST", "/events/filter", json=wanted).json()["events"]
+
+        return wait_for(found, f"the event of {resource_id}")[0]
