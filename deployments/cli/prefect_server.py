@@ -7,6 +7,9 @@ import time
 from ...schemas.settings import Settings
 from ..local_server import ServerStatus, ensure_server, server_status
 
+SHELL_SETUP = "export PREFECT_API_URL=$(robomaker server start)"
+"""What makes the `prefect` command of a shell use the local server."""
+
 
 def use_server(settings: Settings) -> str:
     """Finds or starts the Prefect server; must come before Prefect is imported.
@@ -35,6 +38,11 @@ def use_server(settings: Settings) -> str:
         # Our own progress tells what happens; Prefect's lines go to its server only.
         os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
     return url
+
+
+def uses_local_server(settings: Settings) -> bool:
+    """Whether `use_server`, which has not been called yet, will use this home's own server."""
+    return not server_status(settings).configured_elsewhere
 
 
 def described(status: ServerStatus) -> str:

@@ -29,6 +29,10 @@ from .job_variables import environment_of_blocks
 _PAGE = 200  # the most that the server gives at once
 
 
+class NoSuchPoolError(ConfigurationError):
+    """The Prefect server has no work pool of that name; the message says how to make one."""
+
+
 @dataclass(frozen=True)
 class Target:
     """Where deployments go, and what their runs get there."""
@@ -64,7 +68,8 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
     """Makes or changes deployments on the server that Prefect's settings name.
 
     Raises:
-        ConfigurationError: there is no such work pool or block, or the server does not answer or refuses.
+        NoSuchPoolError: there is no such work pool.
+        ConfigurationError: there is no such block, or the server does not answer or refuses.
     """
     with _told(), get_client(sync_client=True) as client:
         pool = _pool(target.pool, client)
@@ -147,7 +152,7 @@ def _pool(name: str, client: SyncPrefectClient) -> WorkPool:
         return client.read_work_pool(name)
     except ObjectNotFound as error:
         known = sorted(pool.name for pool in client.read_work_pools())
-        raise ConfigurationError(
+        raise NoSuchPoolError(
             f"--pool is {name!r}; the Prefect server at {str(client.api_url).rstrip('/')} has no such work pool; "
             f"`prefect work-pool create {name} --type process` makes one{nearest(name, known)}"
         ) from error

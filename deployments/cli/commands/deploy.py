@@ -9,7 +9,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from ....schemas.wire.errors import ConfigurationError, Problem, SpecError
@@ -52,7 +52,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ....schemas.settings import Settings
     from ...deploying.deployables import operation_deployables
     from ...deploying.job_variables import environment_of_words
-    from ..prefect_server import use_server
+    from ..prefect_server import SHELL_SETUP, use_server, uses_local_server
 
     _check_usage(arguments)
     specs = _read(arguments.specs)
@@ -61,9 +61,10 @@ def execute(arguments: argparse.Namespace) -> int:
     settings = Settings.from_environment(os.environ)
     for warning in _warnings(specs, settings):
         sys.stderr.write(f"robomaker: {warning}\n")
+    is_local = uses_local_server(settings)
     api_url = use_server(settings)
 
-    from ...deploying.registration import Target, register
+    from ...deploying.registration import NoSuchPoolError, Target, register
     from ...deploying.schedules import cron_schedule
 
     schedule = cron_schedule(arguments.schedule, arguments.timezone or "UTC") if arguments.schedule else None
@@ -75,17 +76,22 @@ def execute(arguments: argparse.Namespace) -> int:
         environment=environment,
         blocks=tuple(arguments.block),
     )
-    registered = register(deployables, target)
-    if arguments.operations:
-        # They have no schedule: each wants a request.
-        without = Target(target.pool, image=target.image, environment=target.environment, blocks=target.blocks)
-        registered += register(operation_deployables(), without)
+    try:
+        registered = register(deployables, target)
+        if arguments.operations:
+            # They have no schedule: each wants a request.
+            registered += register(operation_deployables(), replace(target, schedule=None))
+    except NoSuchPoolError as error:
+        if is_local:
+            raise ConfigurationError(f"{error}; before it, so that it finds this server: {SHELL_SETUP}") from error
+        raise
     if arguments.output == "json":
         document = {"schema_version": 1, "deployments": [asdict(each) for each in registered]}
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write("\n".join(_lines(registered)) + "\n")
-        sys.stderr.write("\n".join(_next_steps(registered, api_url)) + "\n")
+        first = [f"In each terminal:  {SHELL_SETUP}"] if is_local else []
+        sys.stderr.write("\n".join([*first, *_next_steps(registered, api_url)]) + "\n")
     return 0
 
 
@@ -166,7 +172,7 @@ def _lines(registered: "Sequence[Registered]") -> list[str]:
 def _next_steps(registered: "Sequence[Registered]", api_url: str) -> list[str]:
     first = registered[0]
     return [
-        f"Runs now:     prefect deployment run {first.name}" + (" --watch" if "RunPipeline" in first.name else ""),
-        f"Runs at all:  prefect worker start --pool {first.pool}",
-        f"On its page:  {api_url.removesuffix('/api')}/deployments/deployment/{first.id}",
+        f"Start a worker:    prefect worker start --pool {first.pool}",
+        f"Run it now:        prefect deployment run {first.name} --watch",
+        f"See its page:      {api_url.removesuffix('/api')}/deployments/deployment/{first.id}",
     ]

@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.prefect_server import server_settings
+
+from prefect_robomaker.deployments.cli.prefect_server import SHELL_SETUP
 
 SPEC = """\
 version: 1
@@ -187,6 +190,20 @@ def test_a_pool_that_is_not_there_is_told_with_what_makes_it(
     assert ended.code == 2
     assert f"--pool is '{pool[:-1]}'" in ended.err
     assert f"`prefect work-pool create {pool[:-1]} --type process` makes one; did you mean '{pool}'?" in ended.err
+
+
+def test_a_server_of_ones_own_is_told_how_shells_find_it(
+    robomaker: Robomaker, client: Any, pool: str, named: Path, prefect_server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOMAKER_HOME", str(server_settings().home))
+    monkeypatch.delenv("PREFECT_API_URL")
+    refused = robomaker("deploy", named, "--pool", pool[:-1])
+    monkeypatch.delenv("PREFECT_API_URL")
+    made = robomaker("deploy", named, "--pool", pool)
+
+    assert (refused.code, made.code) == (2, 0), refused.err + made.err
+    assert SHELL_SETUP in refused.err
+    assert f"In each terminal:  {SHELL_SETUP}" in made.err
 
 
 @pytest.mark.parametrize(
