@@ -11,6 +11,7 @@ __all__ = [
     "inputs",
     "progress",
     "report",
+    "retention",
     "run_record",
     "states",
     "summary",

@@ -63,6 +63,7 @@ class ReportedJob(Model):
     result: RunResult | None = Field(default=None, description="Content of result.json, when there is one.")
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
+    removed_files: int = Field(default=0, description="How many more were published and have been removed since.")
     duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
     inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
     reused_from: str | None = Field(

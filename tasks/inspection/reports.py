@@ -35,7 +35,7 @@ from ..reporting import case_names, junit_xml, summarize, write_report
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
-from ..storage import read_manifest
+from ..storage import read_manifest, removed_before
 from .job_inputs import inputs_of_request, with_inputs
 from .run_records import since_last, write_record
 
@@ -222,7 +222,7 @@ def installed_versions() -> dict[str, str]:
 
 def _reported_job(job: Resource, service: Service) -> ReportedJob:
     document = SimulationJobDocument.of(job)
-    files, result, poster = _outputs(document.outputs, service)
+    files, result, poster, removed = _outputs(document.outputs, service)
     duration = document.simulation_time_millis
     return ReportedJob(
         label=job.id,
@@ -237,6 +237,7 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         result=result,
         poster_png=poster,
         files=files,
+        removed_files=removed,
         duration_s=None if duration is None else duration / 1000,
         reused_from=_origin(document.reused_from),
     )
@@ -257,28 +258,29 @@ def _application(request: Mapping[str, Any]) -> str | None:
         return said or None
 
 
-def _outputs(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes]:
-    """Files, result and poster of a run; nothing of outputs that cannot be read any more."""
+def _outputs(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes, int]:
+    """Files, result and poster of a run, and how many files were removed; nothing of outputs that cannot be read."""
     if place is None:
-        return [], None, b""
+        return [], None, b"", 0
     bucket, prefix = place.bucket, place.prefix
     try:
-        entries = read_manifest(service.store, bucket, prefix).files
+        manifest = read_manifest(service.store, bucket, prefix)
+        entries = manifest.files
         names = {entry.path for entry in entries}
         result = service.store.get_bytes(bucket, f"{prefix}/result.json") if "result.json" in names else None
         poster = service.store.get_bytes(bucket, f"{prefix}/poster.png") if "poster.png" in names else b""
         parsed = RunResult.model_validate_json(result) if result else None
     except ObjectNotFoundError:
-        return _unfinished(bucket, prefix, service), None, b""
+        return _unfinished(bucket, prefix, service), None, b"", 0
     except (StorageError, ValidationError):
-        return [], None, b""
+        return [], None, b"", 0
     files = [
         ReportedFile(
             name=entry.path, uri=service.store.uri(bucket, f"{prefix}/{entry.path}"), size_bytes=entry.size_bytes
         )
         for entry in entries
     ]
-    return files, parsed, poster
+    return files, parsed, poster, removed_before(manifest)[0]
 
 
 def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:

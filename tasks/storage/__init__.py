@@ -8,6 +8,7 @@ from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
 from .publication import fetch, publish, read_manifest, store_unfinished, unpublish
+from .thinning import removed_before, thin
 
 __all__ = [
     "ArchiveLimits",
@@ -21,7 +22,9 @@ __all__ = [
     "pack_tar_gz",
     "publish",
     "read_manifest",
+    "removed_before",
     "store_unfinished",
+    "thin",
     "unpack",
     "unpublish",
 ]

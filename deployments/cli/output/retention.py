@@ -1,0 +1,64 @@
+"""What `robomaker gc` says: a table of what goes, why the rest stays, and what it comes to."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rich.filesize import decimal
+
+from ....schemas.reports.retention import GcItem, GcReport
+
+_TITLES = ("", "what", "ended", "state", "objects", "size", "")
+_RIGHT = (4, 5)
+_LOSES = "its report loses its recordings, videos and logs, and says so"
+
+
+def report_lines(report: GcReport) -> list[str]:
+    """The answer, line by line."""
+    gone = report.removed
+    rows = [_row(item) for item in gone]
+    lines = _table([_TITLES, *rows]) if rows else []
+    lines += [f"! {problem}" for problem in report.problems]
+    lines += [f"kept: {count} x {reason}" for reason, count in _kept(report.items)]
+    lines += [note for note in (*report.notes, report.flow_runs.note) if note]
+    return [*lines, _total(report, gone)]
+
+
+def _row(item: GcItem) -> Sequence[str]:
+    ended = f"{item.ended_at.astimezone():%Y-%m-%d %H:%M}" if item.ended_at else ""
+    loses = [_LOSES] if item.action == "thin" and item.kind == "run" else []
+    remark = "; ".join([*loses, *([item.reason] if item.reason else [])])
+    return item.action, _name(item), ended, item.state, str(item.objects), decimal(item.size_bytes), remark
+
+
+def _name(item: GcItem) -> str:
+    """A run's id, or the part of an ARN that tells it apart."""
+    return item.id if item.kind == "run" else item.id.split(":", 5)[-1]
+
+
+def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
+    """Why items stay, the most frequent reason first."""
+    return Counter(item.reason for item in items if item.action == "keep").most_common()
+
+
+def _total(report: GcReport, gone: Sequence[GcItem]) -> str:
+    counts = Counter(item.kind for item in gone)
+    words = {"run": ("run", "runs"), "jobs": ("order of an SDK", "orders of SDKs"), "world": ("world", "worlds")}
+    parts = [f"{counts[kind]} {words[kind][counts[kind] != 1]}" for kind in ("run", "jobs", "world") if counts[kind]]
+    if flow_runs := report.flow_runs.count:
+        parts.append(f"{flow_runs} flow {'run' if flow_runs == 1 else 'runs'} of Prefect")
+    if not parts:
+        return "Nothing to remove."
+    size = decimal(sum(item.size_bytes for item in gone))
+    done = "Would free" if report.dry_run else "Freed, but for what is told above," if report.problems else "Freed"
+    return f"{done} {size} in {sum(item.objects for item in gone)} objects: {', '.join(parts)}."
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return [
+        "  ".join(
+            cell.rjust(width) if column in _RIGHT else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,92 @@
+"""Old flow runs of the local Prefect server, removed through its API with their task runs, logs and artifacts.
+
+Only runs of this package's flows go, and only on the server that this package started: what else is run there, and any
+other server, belongs to somebody.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from typing import Any
+
+from ..schemas.reports.retention import GcFlowRuns, RetentionPolicy
+from ..schemas.settings import Settings
+from ..tasks.operations.registry import registry
+from .local_server import server_status
+
+_NO_PROFILE = {"PREFECT_PROFILES_PATH": os.devnull}
+_PAGE = 50
+"""The most that Prefect removes at once."""
+
+
+def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime, *, act: bool) -> GcFlowRuns:
+    """Counts the flow runs that ended before a policy's age, and removes them.
+
+    Args:
+        settings: whose local server.
+        policy: what is kept; without an age everything is.
+        now: the time.
+        act: whether they are removed.
+
+    Returns:
+        How many, or why none were looked at.
+    """
+    if policy.older_than is None:
+        return GcFlowRuns(note="flow runs of Prefect go by age; --older-than was not given")
+    status = server_status(settings, _NO_PROFILE)
+    if not status.running:
+        return GcFlowRuns(note="the local Prefect server does not run, so its flow runs were not looked at")
+    chosen = _filters(policy, now - policy.older_than)
+    count = 0
+    try:
+        with _client(str(status.api_url)) as client:
+            count = client.count_flow_runs(**chosen)
+            if act:
+                _remove(client, chosen)
+    except Exception as error:  # whatever Prefect's client raises: what else was removed is told all the same
+        return GcFlowRuns(count=count, problem=f"{type(error).__name__}: {error}")
+    note = "the space in Prefect's database is used again, its file does not shrink" if count else ""
+    return GcFlowRuns(count=count, note=note)
+
+
+def _filters(policy: RetentionPolicy, before: datetime) -> dict[str, Any]:
+    from prefect.client.schemas import filters
+    from prefect.client.schemas.objects import TERMINAL_STATES, StateType
+    from prefect.types import DateTime
+
+    kept = {StateType.FAILED, StateType.CRASHED} if policy.keep_failures else set[StateType]()
+    states = filters.FlowRunFilterStateType(any_=sorted(TERMINAL_STATES - kept))
+    ended = filters.FlowRunFilterEndTime(before_=DateTime.fromisoformat(before.isoformat()))
+    return {
+        "flow_filter": filters.FlowFilter(name=filters.FlowFilterName(any_=sorted(_flow_names()))),
+        "flow_run_filter": filters.FlowRunFilter(state=filters.FlowRunFilterState(type=states), end_time=ended),
+    }
+
+
+def _flow_names() -> set[str]:
+    operations = registry().values()
+    performing = {entry.perform_name for entry in operations if entry.performer}
+    return {"RunPipeline", *performing, *(entry.name for entry in operations)}
+
+
+def _remove(client: Any, chosen: dict[str, Any]) -> None:
+    """Removes them page by page: artifacts first, which nothing would find without their flow runs."""
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
+
+    while runs := client.read_flow_runs(**chosen, limit=_PAGE):
+        page = FlowRunFilter(id=FlowRunFilterId(any_=[run.id for run in runs]))
+        while artifacts := client.read_artifacts(flow_run_filter=page):
+            for artifact in artifacts:
+                client.delete_artifact(artifact.id)
+        body = {"flow_runs": page.model_dump(mode="json", exclude_unset=True), "limit": _PAGE}
+        client.request("POST", "/flow_runs/bulk_delete", json=body).raise_for_status()
+
+
+@contextmanager
+def _client(api_url: str) -> Iterator[Any]:
+    from prefect.client.orchestration import get_client
+    from prefect.settings import PREFECT_API_URL, temporary_settings
+
+    with temporary_settings({PREFECT_API_URL: api_url}), get_client(sync_client=True) as client:
+        yield client

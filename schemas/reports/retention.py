@@ -1,0 +1,82 @@
+"""What `robomaker gc` removes, or would remove: its policy and its answer."""
+
+from datetime import datetime, timedelta
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+from ..wire.errors import ConfigurationError
+
+GcAction = Literal["remove", "thin", "keep"]
+GcKind = Literal["run", "jobs", "world"]
+
+
+class RetentionPolicy(Model):
+    """What is kept. What no rule keeps is removed."""
+
+    older_than: timedelta | None = Field(default=None, description="Everything younger is kept.")
+    keep_runs: int | None = Field(default=None, ge=0, description="The newest of each specification that are kept.")
+    keep_failures: bool = Field(default=False, description="Whether runs that did not succeed are kept.")
+    keep_results: bool = Field(
+        default=False, description="Whether only recordings, videos and logs go, and records, reports and results stay."
+    )
+    sdk_jobs: bool = Field(default=False, description="Whether jobs that no run of a specification made go too.")
+    orphaned_worlds: bool = Field(default=False, description="Whether worlds go that nothing kept names.")
+
+    def check(self) -> None:
+        """Refuses a policy that would remove everything, or whose rules say nothing.
+
+        Raises:
+            ConfigurationError: names the option and what would be right.
+        """
+        if self.older_than is None and self.keep_runs is None:
+            raise ConfigurationError("nothing says what is to be removed; --older-than 30d or --keep-runs 20 would")
+        for option, asked in (("--sdk-jobs", self.sdk_jobs), ("--orphaned-worlds", self.orphaned_worlds)):
+            if asked and self.older_than is None:
+                raise ConfigurationError(f"{option} goes by age: add --older-than 30d, for example")
+
+
+class GcItem(Model):
+    """A run, the jobs of one order, or a world, and what happens to it."""
+
+    kind: GcKind = Field(description="`run` of a specification, `jobs` that an SDK ordered, or `world`.")
+    id: str = Field(description="Id of the run; ARN of jobs and worlds.")
+    name: str = Field(default="", description="Name of the specification.")
+    ended_at: datetime | None = Field(default=None, description="When it ended, or was made; UTC.")
+    state: str = Field(default="", description="How it ended.")
+    action: GcAction = Field(description="`remove`; `thin`: recordings, videos and logs go; or `keep`.")
+    reason: str = Field(default="", description="Why it is kept, or what of it is kept.")
+    objects: int = Field(default=0, description="Objects of the store, and files of the home, that go.")
+    size_bytes: int = Field(default=0, description="Their size.")
+    problem: str | None = Field(default=None, description="What could not be removed, and why.")
+
+
+class GcFlowRuns(Model):
+    """Flow runs of the local Prefect server."""
+
+    count: int = Field(default=0, description="How many go, with their task runs, logs and artifacts.")
+    note: str = Field(default="", description="Why none are looked at, or what is to be known.")
+    problem: str | None = Field(default=None, description="Why they could not be removed.")
+
+
+class GcReport(Model):
+    """What was removed, or would be."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    dry_run: bool = Field(description="Whether nothing was removed.")
+    policy: RetentionPolicy = Field(description="What was asked for.")
+    items: list[GcItem] = Field(default=[], description="Runs, jobs and worlds, oldest first.")
+    flow_runs: GcFlowRuns = Field(default=GcFlowRuns(), description="Flow runs of the local Prefect server.")
+    notes: list[str] = Field(default=[], description="What else is to be known.")
+
+    @property
+    def removed(self) -> list[GcItem]:
+        """What goes, or lost its recordings."""
+        return [item for item in self.items if item.action != "keep"]
+
+    @property
+    def problems(self) -> list[str]:
+        """What did not work."""
+        told = [f"{item.id}: {item.problem}" for item in self.items if item.problem]
+        return [*told, *([f"Prefect: {self.flow_runs.problem}"] if self.flow_runs.problem else [])]

@@ -1,0 +1,187 @@
+"""Collecting what is not needed any more: decides, measures, and removes unless it is only to look."""
+
+import fcntl
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from pydantic import ValidationError
+
+from ...schemas.reports.retention import GcAction, GcItem, GcReport, RetentionPolicy
+from ...schemas.runs.plan import RunResult
+from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceUnavailableException, StorageError
+from ..catalog import Resource
+from ..runtime.episode.results import RESULT_FILE
+from ..service.service import Service
+from ..storage.naming import join_key
+from .inventory import (
+    Unit,
+    find_orders,
+    find_runs,
+    find_worlds,
+    with_failure,
+    worlds_of_jobs,
+)
+from .policy import named_by, why_kept
+from .removal import (
+    Amount,
+    job_places,
+    measure,
+    measure_world,
+    remove_unit,
+    remove_world,
+    spared_jobs,
+    thin_unit,
+)
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """What was decided."""
+
+    units: list[Unit]
+    reasons: Mapping[str, str]
+    """Why those that are kept are kept."""
+    holders: Mapping[str, str]
+    """By ARN, what names it that is kept."""
+    worlds: list[Resource]
+    """Worlds that go."""
+    notes: list[str]
+
+
+def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
+    """Says what would be removed, and removes nothing.
+
+    Raises:
+        ConfigurationError: the policy would remove everything.
+    """
+    return _collect(policy, service, act=False)
+
+
+def collect(policy: RetentionPolicy, service: Service) -> GcReport:
+    """Removes what no rule keeps; what does not work is in the answer, and the rest is removed all the same.
+
+    Raises:
+        ConfigurationError: the policy would remove everything, or another collection is going on.
+    """
+    with _alone(service):
+        return _collect(policy, service, act=True)
+
+
+def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcReport:
+    policy.check()
+    chosen = _choose(policy, service)
+    units = sorted(chosen.units, key=lambda unit: (unit.candidate.ended_at, unit.candidate.id))
+    items = [_item(unit, policy, chosen, service, act=act) for unit in units]
+    items += [_world_item(world, service, act=act) for world in chosen.worlds]
+    return GcReport(dry_run=not act, policy=policy, items=items, notes=chosen.notes)
+
+
+def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
+    runs, notes = find_runs(service), list[str]()
+    units = list(runs)
+    # A run whose record cannot be read may name anything.
+    readable = all(run.record is not None or run.state != "unknown" for run in runs)
+    if not readable and (policy.sdk_jobs or policy.orphaned_worlds):
+        notes.append("a run's record cannot be read, so jobs of SDKs and worlds are left: it may name them")
+    if policy.sdk_jobs and readable:
+        units += [_judged(unit, policy, service) for unit in find_orders(service, runs)]
+    reasons = why_kept((unit.candidate for unit in units), policy, service.clock())
+    names = {unit.candidate.id: unit.names for unit in units}
+    chosen = _Chosen(units, reasons, named_by(names, reasons.keys()), [], notes)
+    return replace(chosen, worlds=_orphans(policy, service, runs, chosen)) if readable else chosen
+
+
+def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
+    """Whether a unit that no rule keeps is only thinned; what is not whole any more is removed."""
+    return policy.keep_results and not unit.candidate.begun and (unit.record is not None or unit.folder is None)
+
+
+def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen: _Chosen) -> list[Resource]:
+    """Worlds that are old enough and that nothing names which stays."""
+    if not policy.orphaned_worlds or policy.older_than is None:
+        return []
+    gone = [unit for unit in chosen.units if unit.candidate.id not in chosen.reasons and not _thins(unit, policy)]
+    removed = {arn for unit in gone for arn in unit.jobs} - chosen.holders.keys()
+    stay = {unit.candidate.id for unit in chosen.units} - {unit.candidate.id for unit in gone}
+    named = named_by({unit.candidate.id: unit.names for unit in chosen.units}, stay).keys()
+    spared = named | worlds_of_jobs(service, removed)
+    before = service.clock() - policy.older_than
+    return [world for world in find_worlds(service, runs) if world.created_at < before and world.arn not in spared]
+
+
+def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
+    """The same unit; where it matters, its jobs' verdicts say whether it failed."""
+    if not policy.keep_failures or unit.candidate.failed:
+        return unit
+    for job in unit.jobs.values():
+        for place in job_places(job, service):
+            try:
+                result = service.store.get_bytes(place.bucket, join_key(place.prefix, RESULT_FILE))
+                if RunResult.model_validate_json(result).verdict in ("FAIL", "ERROR"):
+                    return with_failure(unit)
+            except (StorageError, ValidationError):
+                continue
+    return unit
+
+
+def _item(unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service, *, act: bool) -> GcItem:
+    candidate = unit.candidate
+    about = GcItem(
+        kind="run" if unit.folder is not None else "jobs",
+        id=candidate.id,
+        name=candidate.group or "",
+        ended_at=candidate.ended_at,
+        state=unit.state,
+        action="keep",
+    )
+    if reason := chosen.reasons.get(candidate.id):
+        return about.model_copy(update={"reason": reason})
+    thins = _thins(unit, policy)
+    spared = spared_jobs(unit, chosen.holders)
+    action: GcAction = "thin" if thins else "remove"
+    amount, problem = _done(
+        lambda: measure(unit, spared.keys(), service, results_stay=thins),
+        (lambda: (thin_unit if thins else remove_unit)(unit, spared.keys(), service)) if act else None,
+    )
+    if thins and amount == Amount() and not problem:
+        return about.model_copy(update={"reason": "only its results are left"})
+    holder = next(iter(spared.values()), "")
+    reason = f"{len(spared)} of its jobs stay: {holder} names them" if spared else ""
+    return about.model_copy(update={"action": action, "reason": reason, "problem": problem, **_sizes(amount)})
+
+
+def _world_item(world: Resource, service: Service, *, act: bool) -> GcItem:
+    amount, problem = _done(
+        lambda: measure_world(world, service), (lambda: remove_world(world, service)) if act else None
+    )
+    about = GcItem(kind="world", id=world.arn, ended_at=world.created_at, action="remove", problem=problem)
+    return about.model_copy(update=_sizes(amount))
+
+
+def _sizes(amount: Amount) -> dict[str, int]:
+    return {"objects": amount.objects, "size_bytes": amount.size_bytes}
+
+
+def _done(measured: Callable[[], Amount], remove: Callable[[], None] | None) -> tuple[Amount, str | None]:
+    """Measures, then removes; what goes wrong is told."""
+    amount = Amount()
+    try:
+        amount = measured()
+        if remove is not None:
+            remove()
+    except ServiceUnavailableException:
+        raise  # without the catalog nothing goes on
+    except (RobomakerError, OSError) as error:
+        return amount, str(error)
+    return amount, None
+
+
+@contextmanager
+def _alone(service: Service) -> Iterator[None]:
+    with (service.settings.home / "gc.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigurationError(f"another `robomaker gc` is going on in {service.settings.home}") from None
+        yield

@@ -1,0 +1,187 @@
+"""What there is that may be removed: runs of specifications, jobs that SDKs ordered, worlds; and what each names."""
+
+import re
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.run_record import RunRecord
+from ..catalog import Resource
+from ..service.service import Service
+from .policy import Candidate
+
+RECORD, REMOVING = "run.json", "run.removing.json"
+"""A run's record, and what it is called once its removal has begun: no reader takes the rest for a whole run."""
+
+JOB, BATCH, EXPORT = "simulation-job", "simulation-job-batch", "world-export-job"
+_UNRECORDED_FOR = timedelta(days=14)
+"""For how long a run without a record may still be going on: as long as a job may last."""
+_PAGE = 500
+_WORLD = re.compile(r"arn:[^\s\"]*:world/[^\s\"]+")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Something that is removed, thinned or kept as one: a run with its jobs, or an order of an SDK with its jobs."""
+
+    candidate: Candidate
+    state: str
+    folder: Path | None = None
+    """The run's; None: there is none."""
+    record: RunRecord | None = None
+    orders: tuple[str, ...] = ()
+    """ARNs of the jobs and batches that it made, or names."""
+    jobs: Mapping[str, Resource] = field(default_factory=dict[str, Resource])
+    """Those of them that exist, and the jobs in batches, by ARN; a batch comes after its jobs."""
+
+    @property
+    def names(self) -> set[str]:
+        """ARNs of everything that it names."""
+        worlds = {world for job in self.jobs.values() for world in worlds_in(job.document)}
+        steps = self.record.steps if self.record else []
+        return worlds | {*self.orders, *self.jobs} | {arn for step in steps for arn in worlds_in(step.output)}
+
+
+def find_runs(service: Service) -> list[Unit]:
+    """All runs of specifications in the data home; of those without a record little is known."""
+    folders = sorted(path for path in (service.settings.home / "runs").glob("*") if path.is_dir())
+    return [_run(folder, service) for folder in folders]
+
+
+def find_orders(service: Service, runs: list[Unit]) -> list[Unit]:
+    """Jobs and batches that have ended and that no run names.
+
+    Args:
+        service: where they are stored.
+        runs: all runs.
+    """
+    ours = {name for run in runs for name in run.orders} | {arn for run in runs for arn in run.jobs}
+    since = open_since(runs)
+    found = (each for each in _all(service, (JOB, BATCH, EXPORT)) if not (each.parent and each.kind == JOB))
+    return [_order(each, service) for each in found if each.arn not in ours and not _is_since(each, since)]
+
+
+def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
+    """All worlds but those that a run may just have made.
+
+    Args:
+        service: where they are stored.
+        runs: all runs.
+    """
+    since = open_since(runs)
+    return [world for world in _all(service, ("world",)) if not _is_since(world, since)]
+
+
+def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
+    """ARNs of the worlds that jobs and batches name, whether they have ended or not.
+
+    Args:
+        service: where they are stored.
+        besides: ARNs of those that do not count.
+    """
+    named = (job for job in _all(service, (JOB, BATCH, EXPORT)) if job.arn not in besides)
+    return {world for job in named for world in worlds_in(job.document)}
+
+
+def open_since(runs: list[Unit]) -> datetime | None:
+    """When the first of the runs that may be going on began: what was made since may be theirs."""
+    return min((_begun(run) for run in runs if run.record is None), default=None)
+
+
+def _is_since(resource: Resource, since: datetime | None) -> bool:
+    return since is not None and resource.created_at >= since
+
+
+def worlds_in(document: Any) -> set[str]:
+    """ARNs of worlds anywhere in a document."""
+    if isinstance(document, str):
+        return set(_WORLD.findall(document))
+    parts = document.values() if isinstance(document, dict) else document if isinstance(document, list) else ()
+    return {world for part in parts for world in worlds_in(part)}
+
+
+def why_busy(jobs: Mapping[str, Resource], service: Service) -> str:
+    """Why jobs cannot be removed now; empty when they can."""
+    for job in jobs.values():
+        if not is_terminal(job.kind, job.status):
+            return f"{job.kind} {job.id} is {job.status}"
+        owner, has_run_out = service.catalog.lease_of(job.arn)
+        if owner is not None and not has_run_out:
+            return f"{job.kind} {job.id} is in use by {owner}"
+    return ""
+
+
+def _run(folder: Path, service: Service) -> Unit:
+    begun = not (folder / RECORD).exists() and (folder / REMOVING).exists()
+    try:
+        record = RunRecord.model_validate_json((folder / (REMOVING if begun else RECORD)).read_bytes())
+    except FileNotFoundError:
+        return _unrecorded(folder, service)
+    except (ValidationError, OSError) as error:
+        busy = f"its record cannot be read: {type(error).__name__}"
+        return Unit(Candidate(folder.name, datetime.now(UTC), busy=busy), "unknown", folder)
+    arns = [*(step.arn for step in record.steps), *(job.arn for job in record.jobs)]
+    orders = tuple(dict.fromkeys(arn for arn in arns if arn and _kind(arn) in (JOB, BATCH, EXPORT)))
+    jobs = _with_children(orders, service)
+    candidate = Candidate(
+        folder.name,
+        record.ended_at,
+        record.name,
+        failed=record.state != "succeeded",
+        busy=why_busy(jobs, service),
+        begun=begun,
+    )
+    return Unit(candidate, record.state, folder, record, orders, jobs)
+
+
+def _unrecorded(folder: Path, service: Service) -> Unit:
+    changed = datetime.fromtimestamp(folder.stat().st_mtime, UTC)
+    fresh = changed > service.clock() - _UNRECORDED_FOR
+    busy = f"it has no record and may be running; after {_UNRECORDED_FOR.days} days it counts as dead" if fresh else ""
+    return Unit(Candidate(folder.name, changed, failed=True, busy=busy), "unfinished", folder)
+
+
+def _begun(run: Unit) -> datetime:
+    """When a run without a record began: its folder was made then, and its name says so."""
+    try:
+        return datetime.strptime(run.candidate.id.rpartition("-")[2] + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
+    except ValueError:
+        return run.candidate.ended_at - _UNRECORDED_FOR
+
+
+def _order(resource: Resource, service: Service) -> Unit:
+    jobs = _with_children([resource.arn], service)
+    failed = resource.status != "Completed"
+    candidate = Candidate(resource.arn, resource.updated_at, failed=failed, busy=why_busy(jobs, service))
+    return Unit(candidate, resource.status, orders=(resource.arn,), jobs=jobs)
+
+
+def with_failure(unit: Unit) -> Unit:
+    """The same unit, known to have failed."""
+    return replace(unit, candidate=replace(unit.candidate, failed=True))
+
+
+def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dict[str, Resource]:
+    found: dict[str, Resource] = {}
+    for arn, resource in service.catalog.get_many(orders).items():
+        if resource.kind == BATCH:
+            found |= {job.arn: job for job in service.catalog.children(arn, JOB)}
+    return found | service.catalog.get_many(orders)
+
+
+def _kind(arn: str) -> str:
+    return arn.split(":", 5)[-1].partition("/")[0]
+
+
+def _all(service: Service, kinds: tuple[str, ...]) -> Iterator[Resource]:
+    after = None
+    while True:
+        page = service.catalog.list(kinds, limit=_PAGE, after=after, scope="gc")
+        yield from page.resources
+        if (after := page.next_token) is None:
+            return

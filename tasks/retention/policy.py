@@ -1,0 +1,86 @@
+"""Which runs are kept: a pure function of what is known of them, the rules and the time."""
+
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass
+from datetime import datetime
+
+from ...schemas.reports.retention import RetentionPolicy
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What is known of something that may be removed."""
+
+    id: str
+    ended_at: datetime
+    group: str | None = None
+    """What it is a run of; None: of nothing, so that it goes by its age only."""
+    failed: bool = False
+    """Whether it did not succeed."""
+    busy: str = ""
+    """Why it cannot be removed now; empty when it can."""
+    begun: bool = False
+    """Whether its removal has begun, so that nothing but being in use keeps it."""
+
+
+def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: datetime) -> dict[str, str]:
+    """Says of each candidate why it is kept.
+
+    A candidate is removed only if no rule keeps it: it is older than `older_than`, is not among the newest `keep_runs`
+    of its group, and did not fail if failures are kept. What is in use is always kept; what is removed already in part
+    is removed.
+
+    Args:
+        candidates: what there is; their ids differ.
+        policy: the rules.
+        now: the time.
+
+    Returns:
+        By id the reason; those that are removed are absent.
+    """
+    each = list(candidates)
+    newest = _newest(each, policy.keep_runs)
+    reasons: dict[str, str] = {}
+    for candidate in each:
+        if reason := _reason(candidate, policy, now, newest):
+            reasons[candidate.id] = reason
+    return reasons
+
+
+def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
+    """Says of everything that something kept names, which of those names it; the first by id.
+
+    Args:
+        names: by id, what each names.
+        kept: ids of those that are kept.
+    """
+    found: dict[str, str] = {}
+    for holder in sorted(kept & names.keys()):
+        for name in names[holder]:
+            found.setdefault(name, holder)
+    return found
+
+
+def _newest(candidates: list[Candidate], keep_runs: int | None) -> Set[str]:
+    """Ids of the newest of each group; of several that ended at once the ids decide."""
+    seen: dict[str, int] = {}
+    newest: set[str] = set()
+    whole = [each for each in candidates if not each.begun]
+    for candidate in sorted(whole, key=lambda each: (each.ended_at, each.id), reverse=True):
+        if candidate.group is not None:
+            seen[candidate.group] = seen.get(candidate.group, 0) + 1
+            if seen[candidate.group] <= (keep_runs or 0):
+                newest.add(candidate.id)
+    return newest
+
+
+def _reason(candidate: Candidate, policy: RetentionPolicy, now: datetime, newest: Set[str]) -> str:
+    if candidate.busy or candidate.begun:
+        return candidate.busy
+    if candidate.id in newest:
+        return f"one of the newest {policy.keep_runs} of {candidate.group}"
+    if policy.keep_failures and candidate.failed:
+        return "it did not succeed"
+    if policy.older_than is None:
+        return "" if candidate.group is not None and policy.keep_runs is not None else "no age was given"
+    return "" if candidate.ended_at < now - policy.older_than else "not old enough"

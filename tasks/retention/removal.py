@@ -1,0 +1,249 @@
+"""Removing a run, its jobs and their outputs, in an order that leaves nothing half removed that looks whole."""
+
+import uuid
+from collections.abc import Iterator, Mapping, Set
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.wire.errors import (
+    BucketNotFoundError,
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    RobomakerError,
+    StorageError,
+)
+from ..catalog import Resource
+from ..inspection.reports import rebuild_report
+from ..runtime.agents.action_log import ACTIONS_FILE
+from ..runtime.episode.results import RESULT_FILE
+from ..runtime.states.digest import DIGEST_FILE
+from ..runtime.states.provenance import PROVENANCE_FILE
+from ..runtime.video.video_files import POSTER_FILE
+from ..service.service import Service
+from ..simulations.containers.cleanup import remove_containers_of_job, remove_run
+from ..simulations.environment.folders import remove
+from ..simulations.outputs.locations import output_place
+from ..storage import thin, unpublish
+from ..storage.naming import join_key
+from ..worlds.archive_places import archive_place
+from ..worlds.bundles import BUNDLE_LABEL, bundle_label, delete_world
+from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit
+
+KEPT_RESULTS = frozenset((RESULT_FILE, PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, POSTER_FILE))
+"""What reports, `verify` and `repro` need of a run."""
+
+_LEASE_S = 120.0
+
+
+class StillInUse(RobomakerError):
+    """Something has begun to use what was to be removed."""
+
+
+@dataclass(frozen=True)
+class Amount:
+    """How much is removed."""
+
+    objects: int = 0
+    size_bytes: int = 0
+
+    def __add__(self, other: "Amount") -> "Amount":
+        return Amount(self.objects + other.objects, self.size_bytes + other.size_bytes)
+
+
+def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: bool) -> Amount:
+    """How much of a unit would be removed.
+
+    Args:
+        unit: the unit.
+        spared: ARNs of the jobs that stay.
+        service: where they are stored.
+        results_stay: whether it would only be thinned.
+
+    Raises:
+        StorageError: the store does not answer.
+    """
+    total = Amount()
+    for job in unit.jobs.values():
+        if job.arn not in spared:
+            total += _measured(job, service, results_stay=results_stay)
+    return total if results_stay or unit.folder is None else total + _on_disk(unit.folder)
+
+
+def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
+    """Removes a unit. An interrupted removal is begun again by the next: the run's record tells, under another name.
+
+    Args:
+        unit: the unit.
+        spared: ARNs of the jobs that stay, as something that is kept names them.
+        service: where they are stored.
+
+    Raises:
+        StillInUse: a job is used by somebody.
+        StorageError: something cannot be removed.
+        OSError: the same, on this machine.
+    """
+    if unit.folder is not None and (unit.folder / RECORD).exists():
+        (unit.folder / RECORD).replace(unit.folder / REMOVING)
+    for job in unit.jobs.values():
+        if job.arn not in spared and not (job.kind == BATCH and spared & unit.jobs.keys()):
+            _remove_job(job, service)
+    if unit.folder is not None:
+        for path in unit.folder.iterdir():
+            if path.name != REMOVING:
+                remove(path)
+        (unit.folder / REMOVING).unlink(missing_ok=True)
+        unit.folder.rmdir()
+
+
+def thin_unit(unit: Unit, spared: Set[str], service: Service) -> None:
+    """Removes recordings, videos, logs and uploads of a run, and writes its report again, which tells so.
+
+    Raises:
+        StillInUse: a job is used by somebody.
+        StorageError: something cannot be removed.
+        OSError: the report cannot be written.
+    """
+    for job in unit.jobs.values():
+        if job.kind == JOB and job.arn not in spared:
+            with _held(job, service):
+                for place in job_places(job, service):
+                    _thin(place, service)
+    if unit.record is not None:
+        rebuild_report(unit.record, service)
+
+
+def remove_world(world: Resource, service: Service) -> None:
+    """Removes a world, and this machine's copy of its bundle if no other world shares it.
+
+    Raises:
+        StorageError: its bundle cannot be removed.
+    """
+    with suppress(ResourceNotFoundException):
+        delete_world(world, service)
+    if (bundle := WorldDocument.of(world).bundle) is not None:
+        sharing = service.catalog.list("world", filters={BUNDLE_LABEL: [bundle_label(bundle)]}, limit=1).resources
+        if not sharing:
+            remove(_copy(bundle, service))
+
+
+def measure_world(world: Resource, service: Service) -> Amount:
+    """How much a world has stored, here and in the store; worlds of one content share it."""
+    bundle = WorldDocument.of(world).bundle
+    return Amount() if bundle is None else _stored(bundle, service) + _on_disk(_copy(bundle, service))
+
+
+def _remove_job(job: Resource, service: Service) -> None:
+    with _held(job, service):
+        for place in job_places(job, service):
+            with suppress(BucketNotFoundError):
+                unpublish(service.store, place.bucket, place.prefix)
+        if job.kind == EXPORT:
+            with suppress(BucketNotFoundError):
+                service.store.delete(*archive_place(job))
+        if job.kind == JOB:
+            _remove_folder(service.settings.home / "jobs" / job.id)
+        with suppress(ResourceNotFoundException):
+            service.catalog.delete(job.arn)
+
+
+def _remove_folder(folder: Path) -> None:
+    """Removes the folder of a job; raises when a container of it is left, which the folder has to tell of."""
+    if not folder.is_dir():
+        return
+    remove_containers_of_job(folder)
+    left = [run for run in folder.iterdir() if not remove_run(run)]
+    if left:
+        raise StorageError(f"{left[0]} has containers that cannot be removed; the engine has to answer")
+    folder.rmdir()
+
+
+def _thin(place: StoredPlace, service: Service) -> None:
+    try:
+        thin(service.store, place.bucket, place.prefix, KEPT_RESULTS.__contains__)
+    except BucketNotFoundError:
+        return
+    except ObjectNotFoundError:  # of a crashed run, which nothing takes for whole
+        for info in list(service.store.list(place.bucket, join_key(place.prefix, ""))):
+            if _name(info.key, place) not in KEPT_RESULTS:
+                service.store.delete(place.bucket, info.key)
+
+
+@contextmanager
+def _held(job: Resource, service: Service) -> Iterator[None]:
+    """Holds a job's lease, so that nobody else changes it meanwhile."""
+    owner = f"gc:{uuid.uuid4().hex}"
+    try:
+        claimed = service.catalog.claim(job.arn, owner, _LEASE_S)
+    except ResourceNotFoundException:
+        claimed = True  # it is gone, and its outputs go too
+    if not claimed:
+        raise StillInUse(f"{job.kind} {job.id} is in use")
+    try:
+        yield
+    finally:
+        with suppress(ResourceNotFoundException):
+            service.catalog.release(job.arn, owner)
+
+
+def job_places(job: Resource, service: Service) -> list[StoredPlace]:
+    """Where the runs of a job have stored something: only folders that are named after the job and the run."""
+    if job.kind != JOB:
+        return []
+    document = SimulationJobDocument.of(job)
+    places = [document.outputs, *(run.outputs for run in document.earlier_runs)]
+    run_ids = [document.run_id, *(run.run_id for run in document.earlier_runs)]
+    computed = [output_place(job, run_id, service) for run_id in run_ids if run_id]
+    places += [StoredPlace(bucket=bucket, prefix=prefix) for bucket, prefix in computed]
+    ours = {(place.bucket, place.prefix): place for place in places if place is not None}
+    return [place for place in ours.values() if place.prefix.split("/")[-2:] == [job.id, place.last_part]]
+
+
+def _measured(job: Resource, service: Service, *, results_stay: bool) -> Amount:
+    total = Amount()
+    for place in job_places(job, service):
+        total += _stored(place, service, results_stay=results_stay)
+    if job.kind == EXPORT and not results_stay:
+        with suppress(ObjectNotFoundError, BucketNotFoundError):
+            total += Amount(1, service.store.head(*archive_place(job)).size_bytes)
+    folder = service.settings.home / "jobs" / job.id
+    return total if results_stay or job.kind != JOB else total + _on_disk(folder)
+
+
+def _stored(place: StoredPlace, service: Service, *, results_stay: bool = False) -> Amount:
+    kept = KEPT_RESULTS | {"manifest.json"} if results_stay else frozenset[str]()
+    try:
+        found = [
+            info
+            for info in service.store.list(place.bucket, join_key(place.prefix, ""))
+            if _name(info.key, place) not in kept
+        ]
+    except BucketNotFoundError:
+        return Amount()
+    return Amount(len(found), sum(info.size_bytes for info in found))
+
+
+def _name(key: str, place: StoredPlace) -> str:
+    return key.removeprefix(join_key(place.prefix, ""))
+
+
+def _copy(bundle: StoredPlace, service: Service) -> Path:
+    return service.settings.home / "cache" / "worlds" / bundle.last_part
+
+
+def _on_disk(folder: Path) -> Amount:
+    """Files below a folder; those that vanish or may not be read do not count."""
+    total = Amount()
+    for path in folder.rglob("*"):
+        with suppress(OSError):
+            about = path.lstat()
+            if not path.is_dir() or path.is_symlink():
+                total += Amount(1, about.st_size)
+    return total
+
+
+def spared_jobs(unit: Unit, holders: Mapping[str, str]) -> dict[str, str]:
+    """The jobs of a unit that something kept names, and what that is."""
+    return {arn: holders[arn] for arn in unit.jobs if arn in holders}

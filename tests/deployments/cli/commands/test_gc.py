@@ -1,0 +1,112 @@
+"""gc: what it says, asks, and refuses."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.reports.retention import GcReport
+from prefect_robomaker.schemas.reports.run_record import RunRecord
+
+
+@pytest.fixture
+def old_run(home: Path) -> Path:
+    """A run without jobs, of long ago."""
+    folder, ended = home / "runs" / "night-1", datetime.now(UTC) - timedelta(days=40)
+    folder.mkdir(parents=True)
+    record = RunRecord(
+        run_id="night-1", name="night", spec_path="night.yaml", state="succeeded", exit_code=0, started_at=ended,
+        ended_at=ended, steps=[], run_dir=folder,
+    )  # fmt: skip
+    (folder / "run.json").write_text(record.model_dump_json())
+    (folder / "report.html").write_text("a report")
+    return folder
+
+
+def test_a_dry_run_shows_and_removes_nothing(robomaker: Any, old_run: Path) -> None:
+    told = robomaker("gc", "--older-than", "30d", "--dry-run")
+
+    assert told.code == 0, told.err
+    assert "night-1" in told.out
+    assert "Would free" in told.out
+    assert "1 run." in told.out
+    assert old_run.exists()
+
+
+def test_yes_removes_without_asking(robomaker: Any, old_run: Path) -> None:
+    told = robomaker("gc", "--older-than", "4w2d", "--yes", "-o", "json")
+
+    assert told.code == 0, told.err
+    report = GcReport.model_validate_json(told.out)
+    assert not report.dry_run
+    assert [(item.id, item.action) for item in report.items] == [("night-1", "remove")]
+    assert not old_run.exists()
+    assert robomaker("gc", "--older-than", "30d", "--yes").out.splitlines()[-1] == "Nothing to remove."
+
+
+def test_what_stays_is_told_with_its_reason(robomaker: Any, old_run: Path) -> None:
+    told = robomaker("gc", "--keep-runs", "1", "--dry-run")
+
+    assert "kept: 1 x one of the newest 1 of night" in told.out
+    assert told.out.splitlines()[-1] == "Nothing to remove."
+
+
+def test_nobody_to_ask_is_an_error(robomaker: Any, old_run: Path) -> None:
+    told = robomaker("gc", "--older-than", "30d")
+
+    assert (told.code, told.out) == (2, "")
+    assert "nobody can be asked here; --yes removes, --dry-run only shows" in told.err
+    assert old_run.exists()
+
+
+@pytest.mark.parametrize(("answer", "stays"), [("n", True), ("", True), ("y", False), ("YES", False)])
+def test_it_asks_on_a_terminal(
+    robomaker: Any, old_run: Path, monkeypatch: pytest.MonkeyPatch, answer: str, stays: bool
+) -> None:
+    class Terminal:
+        def isatty(self) -> bool:
+            return True
+
+        def readline(self) -> str:
+            return f"{answer}\n"
+
+    monkeypatch.setattr("sys.stdin", Terminal())
+    told = robomaker("gc", "--older-than", "30d")
+
+    assert told.code == 0
+    assert "Remove them? [y/N]" in told.err
+    assert old_run.exists() == stays
+    assert ("Freed" in told.out) != stays
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ([], "--older-than 30d or --keep-runs 20"),
+        (["--older-than", "30"], "--older-than is '30'; a time such as 30d, 12h or 1d12h would be right"),
+        (["--older-than", "999999999w"], "--older-than is '999999999w'"),
+        (["--older-than", ""], "--older-than is ''"),
+        (["--keep-runs", "-1"], "--keep-runs is -1; it has to be a whole number from 0"),
+        (["--keep-runs", "3", "--orphaned-worlds"], "--orphaned-worlds goes by age"),
+    ],
+)
+def test_bad_usage_is_told(robomaker: Any, words: list[str], error: str) -> None:
+    told = robomaker("gc", *words, "--dry-run")
+
+    assert told.code == 2
+    assert error in told.err
+
+
+def test_what_cannot_be_removed_is_told_and_ends_with_3(
+    robomaker: Any, old_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("prefect_robomaker.tasks.retention.collection.remove_unit", refuse)
+    told = robomaker("gc", "--older-than", "30d", "--yes")
+
+    assert told.code == 3
+    assert "! night-1: [Errno 30] Read-only file system" in told.out
+    assert "Freed, but for what is told above," in told.out

@@ -1,0 +1,320 @@
+"""What is collected: of runs and jobs that are stored as real ones are, in a directory and on S3."""
+
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.s3_server import S3Server
+
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.documents.worlds import StoredPlace
+from prefect_robomaker.schemas.reports.report import RunState
+from prefect_robomaker.schemas.reports.retention import GcItem, RetentionPolicy
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.runs.plan import RunResult
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageUnavailableError
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.retention import removal
+from prefect_robomaker.tasks.retention.collection import collect, plan_collection
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.storage import publish
+
+BUCKET = "their-own-bucket"
+RESULT = RunResult(
+    verdict="PASS", sim_time_s=1.0, wall_time_s=0.1, real_time_factor=10.0, ended_by="agent", seed=1
+).model_dump_json().encode()  # fmt: skip
+MONTH = RetentionPolicy(older_than=timedelta(days=30))
+MakeRun = Callable[..., RunRecord]
+
+
+@pytest.fixture(params=["directory", pytest.param("s3", marks=pytest.mark.slow)])
+def service(request: pytest.FixtureRequest, settings: Settings) -> Service:
+    """An empty service on each kind of store, whose bucket has something that is not ours."""
+    if request.param == "s3":
+        server: S3Server = request.getfixturevalue("s3_server")
+        environ = server.environ()
+        settings = settings.model_copy(update={"object_store": environ["ROBOMAKER_OBJECT_STORE"]})
+        service = Service.open(settings, environ)
+    else:
+        service = Service.open(settings, {})
+    service.store.ensure_bucket(BUCKET)
+    for info in list(service.store.list(BUCKET)):
+        service.store.delete(BUCKET, info.key)
+    service.store.put_bytes(BUCKET, "nights/their.txt", b"not ours")
+    return service
+
+
+@pytest.fixture
+def job(service: Service, tmp_path: Path) -> Callable[..., Resource]:
+    """Stores a job that has ended, with its outputs."""
+
+    def make(job_id: str, status: str = "Completed", parent: str | None = None) -> Resource:
+        arn, run_id = service.arn("simulation-job", job_id), f"run-{job_id}"
+        place = StoredPlace(bucket=BUCKET, prefix=f"nights/{job_id}/{run_id}")
+        outputs = tmp_path / "outputs" / job_id
+        for name, content in {"result.json": RESULT, "recording.mcap": b"x" * 1000, "logs/a.log": b"said"}.items():
+            (outputs / name).parent.mkdir(parents=True, exist_ok=True)
+            (outputs / name).write_bytes(content)
+        publish(service.store, BUCKET, place.prefix, outputs, about={}, created_at=service.clock())
+        location = {"s3Bucket": BUCKET, "s3Prefix": "nights"}
+        document = SimulationJobDocument(request={"outputLocation": location}, seed=1, run_id=run_id, outputs=place)
+        new = Resource.new(arn=arn, kind="simulation-job", id=job_id, status=status, parent=parent, document=document)
+        service.catalog.create(new, token=None)
+        return service.catalog.get(arn)
+
+    return make
+
+
+@pytest.fixture
+def night(service: Service) -> MakeRun:
+    """Stores a run of a specification that made, or names, some jobs."""
+
+    def make(run_id: str, jobs: list[Resource], days: int, state: RunState = "succeeded") -> RunRecord:
+        ended = service.clock() - timedelta(days=days)
+        steps = [
+            StepRecord(name=job.id, operation="CreateSimulationJob", status="Completed", arn=job.arn) for job in jobs
+        ]
+        folder = service.folder("runs", run_id)
+        record = RunRecord(
+            run_id=run_id, name="night", spec_path="night.yaml", state=state, exit_code=0, started_at=ended,
+            ended_at=ended, steps=steps, run_dir=folder, report_path=folder / "report.html",
+            jobs=[JobRecord(arn=job.arn, label=job.id, status="Completed") for job in jobs],
+        )  # fmt: skip
+        (folder / "run.json").write_text(record.model_dump_json())
+        (folder / "report.html").write_text("a report")
+        return record
+
+    return make
+
+
+def keys(service: Service) -> set[str]:
+    return {info.key for info in service.store.list(BUCKET)} - {"nights/their.txt"}
+
+
+def runs(service: Service) -> set[str]:
+    return {path.name for path in (service.settings.home / "runs").iterdir()}
+
+
+def by_id(items: list[GcItem]) -> dict[str, GcItem]:
+    return {item.id: item for item in items}
+
+
+def everything(service: Service) -> tuple[set[str], set[str], dict[str, dict[str, int]]]:
+    return keys(service), runs(service), service.catalog.count()
+
+
+def test_looking_changes_nothing_and_says_what_goes(service: Service, job: Any, night: MakeRun) -> None:
+    night("night-1", [job("sim-1")], days=40)
+    night("night-2", [job("sim-2")], days=3)
+    before = everything(service)
+
+    items = by_id(plan_collection(MONTH, service).items)
+
+    assert everything(service) == before
+    assert items["night-1"].action == "remove"
+    stored = sum(info.size_bytes for info in service.store.list(BUCKET, "nights/sim-1/"))
+    local = sum(path.stat().st_size for path in (service.settings.home / "runs" / "night-1").iterdir())
+    assert (items["night-1"].objects, items["night-1"].size_bytes) == (4 + 2, stored + local)
+    assert (items["night-2"].action, items["night-2"].reason) == ("keep", "not old enough")
+
+
+def test_a_run_goes_with_its_outputs_jobs_and_folders(service: Service, job: Any, night: MakeRun) -> None:
+    night("night-1", [job("sim-1")], days=40)
+    night("night-2", [job("sim-2"), job("sim-22")], days=3)
+    service.folder("jobs", "sim-1", "run-sim-1", "output")
+
+    report = collect(MONTH, service)
+
+    assert report.problems == []
+    assert runs(service) == {"night-2"}
+    assert {key.split("/")[1] for key in keys(service)} == {"sim-2", "sim-22"}
+    assert not (service.settings.home / "jobs" / "sim-1").exists()
+    assert service.catalog.get_many([service.arn("simulation-job", "sim-1")]) == {}
+    assert service.store.get_bytes(BUCKET, "nights/their.txt") == b"not ours"
+    assert collect(MONTH, service).removed == []
+
+
+def test_what_a_kept_report_names_stays_and_is_told(service: Service, job: Any, night: MakeRun) -> None:
+    shared, own = job("sim-shared"), job("sim-own")
+    night("night-1", [shared, own], days=40)
+    night("night-2", [shared], days=3)
+
+    item = by_id(collect(MONTH, service).items)["night-1"]
+
+    assert (item.action, item.reason) == ("remove", "1 of its jobs stay: night-2 names them")
+    assert {key.split("/")[1] for key in keys(service)} == {"sim-shared"}
+    assert service.catalog.get(shared.arn).status == "Completed"
+
+
+def test_results_that_stay_are_whole_and_the_report_says_what_went(
+    service: Service, job: Any, night: MakeRun, prefect_server: str
+) -> None:
+    night("night-1", [job("sim-1")], days=40)
+
+    report = collect(MONTH.model_copy(update={"keep_results": True}), service)
+
+    assert report.problems == []
+    (item,) = report.items
+    assert (item.action, item.objects, item.size_bytes) == ("thin", 2, 1004)
+    prefix = "nights/sim-1/run-sim-1"
+    assert keys(service) == {f"{prefix}/result.json", f"{prefix}/manifest.json"}
+    page = (service.settings.home / "runs" / "night-1" / "report.html").read_text()
+    assert "2 more files were removed to free space" in page
+    assert "recording.mcap" not in page
+    again = plan_collection(MONTH.model_copy(update={"keep_results": True}), service)
+    assert [(item.action, item.reason) for item in again.items] == [("keep", "only its results are left")]
+
+
+@pytest.mark.parametrize("status", ["Running", "Terminating"])
+def test_what_runs_stays(service: Service, job: Any, night: MakeRun, status: str) -> None:
+    night("night-1", [job("sim-1", status)], days=40)
+    before = everything(service)
+
+    (item,) = collect(MONTH, service).items
+
+    assert (item.action, item.reason) == ("keep", f"simulation-job sim-1 is {status}")
+    assert everything(service) == before
+
+
+def test_a_job_whose_lease_is_held_stays(service: Service, job: Any, night: MakeRun) -> None:
+    held = job("sim-1")
+    night("night-1", [held], days=40)
+    assert service.catalog.claim(held.arn, "somebody", 60)
+    before = everything(service)
+
+    (item,) = collect(MONTH, service).items
+
+    assert (item.action, item.reason) == ("keep", "simulation-job sim-1 is in use by somebody")
+    assert everything(service) == before
+
+
+def test_a_lease_that_is_taken_after_the_look_keeps_the_job(service: Service, job: Any, night: MakeRun) -> None:
+    held = job("sim-1")
+    night("night-1", [held], days=40)
+    (unit,) = removal_units(service)
+    assert service.catalog.claim(held.arn, "somebody", 60)
+
+    with pytest.raises(removal.StillInUse):
+        removal.remove_unit(unit, set(), service)
+
+    assert len(keys(service)) == 4
+
+
+def removal_units(service: Service) -> list[Any]:
+    from prefect_robomaker.tasks.retention.inventory import find_runs
+
+    return find_runs(service)
+
+
+class Failing:
+    """A store that stops answering after some deletions."""
+
+    def __init__(self, store: Any, left: int) -> None:
+        self._store, self._left = store, left
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "delete":
+            self._left -= 1
+            if self._left < 0:
+                raise StorageUnavailableError("no answer")
+        return getattr(self._store, name)
+
+
+@pytest.mark.parametrize("deletions", range(5))
+def test_an_interrupted_removal_looks_whole_to_nobody_and_is_finished_by_the_next(
+    service: Service, job: Any, night: MakeRun, deletions: int
+) -> None:
+    night("night-1", [job("sim-1")], days=40)
+    store: Any = Failing(service.store, deletions)
+
+    report = collect(MONTH, replace(service, store=store))
+
+    assert (report.problems == []) == (deletions > 3)
+    folder = service.settings.home / "runs" / "night-1"
+    assert not (folder / "run.json").exists()
+    if deletions:
+        assert "nights/sim-1/run-sim-1/manifest.json" not in keys(service)
+    # What was begun is finished, whatever the next policy keeps.
+    assert collect(RetentionPolicy(keep_runs=5), service).problems == []
+    assert (keys(service), runs(service)) == (set(), set())
+
+
+def test_the_newest_and_the_failed_stay(service: Service, job: Any, night: MakeRun) -> None:
+    night("night-1", [job("sim-1")], days=40, state="failed")
+    for number in (2, 3, 4):
+        night(f"night-{number}", [job(f"sim-{number}")], days=40 - number)
+
+    items = by_id(collect(RetentionPolicy(keep_runs=1, keep_failures=True), service).items)
+
+    assert runs(service) == {"night-1", "night-4"}
+    assert items["night-1"].reason == "it did not succeed"
+    assert items["night-4"].reason == "one of the newest 1 of night"
+
+
+def test_jobs_of_sdks_go_only_when_asked_and_never_those_of_a_run_that_may_go_on(
+    service: Service, job: Any, night: MakeRun
+) -> None:
+    early = job("sim-early")
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
+    assert collect(MONTH, later).removed == []
+    running = service.folder("runs", f"night-{datetime.now(UTC):%Y%m%dT%H%M%S%f}"[:-3])
+    job("sim-late")
+    os.utime(running, (later.clock().timestamp(), later.clock().timestamp()))
+
+    report = collect(MONTH.model_copy(update={"sdk_jobs": True}), later)
+
+    assert [item.id for item in report.removed] == [early.arn]
+    assert {key.split("/")[1] for key in keys(service)} == {"sim-late"}
+    assert running.exists()
+
+
+def test_a_record_that_cannot_be_read_keeps_what_it_may_name(service: Service, job: Any) -> None:
+    job("sim-1")
+    (service.folder("runs", "night-1") / "run.json").write_text("{")
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
+
+    report = collect(MONTH.model_copy(update={"sdk_jobs": True, "orphaned_worlds": True}), later)
+
+    assert report.removed == []
+    assert "its record cannot be read" in report.items[0].reason
+    assert "left" in report.notes[0]
+
+
+def test_outputs_elsewhere_than_a_runs_own_folder_are_left(service: Service, job: Any, night: MakeRun) -> None:
+    """A document that names another place, by a mistake or on purpose, removes nothing there."""
+    odd = job("sim-1")
+    service.catalog.update(odd.arn, lambda document: {**document, "outputs": {"bucket": BUCKET, "prefix": "nights"}})
+    night("night-1", [odd], days=40)
+
+    assert collect(MONTH, service).problems == []
+
+    assert service.store.get_bytes(BUCKET, "nights/their.txt") == b"not ours"
+
+
+def test_two_at_once_are_refused(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    from prefect_robomaker.tasks.retention import collection
+
+    inside, go_on = threading.Event(), threading.Event()
+    find_runs = collection.find_runs
+
+    def slow(service: Service) -> Any:
+        inside.set()
+        assert go_on.wait(30)
+        return find_runs(service)
+
+    monkeypatch.setattr(collection, "find_runs", slow)
+    first = threading.Thread(target=collect, args=(MONTH, service))
+    first.start()
+    try:
+        assert inside.wait(30)
+        with pytest.raises(ConfigurationError, match="another `robomaker gc` is going on"):
+            collect(MONTH, service)
+    finally:
+        go_on.set()
+        first.join()
