@@ -5,6 +5,7 @@ for a caller in this process who watches.
 """
 
 import logging
+import os
 from collections.abc import Sequence
 from contextvars import ContextVar
 from datetime import datetime
@@ -25,8 +26,10 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec, resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ..tasks.execution.nights import skipped_night
 from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.preflight import check_preconditions
+from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Progress, Service
 from .lookup import find_perform_flow
@@ -114,6 +117,8 @@ def RunPipeline(spec: str | None = None, text: str | None = None, origin: str = 
         origin: where the text came from.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
     """
+    if _current.get() is None and (skipped := skipped_night(Settings.from_environment(os.environ))) is not None:
+        return skipped
     pipeline = _current.get() or PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
     record = pipeline.run()
     if record.exit_code == 0:
@@ -329,6 +334,7 @@ class PipelineRun:
         )
         (self._folder / "spec.yaml").write_text(self._checked.text)
         write_record(record)
+        notify_of(record, self._service, self._listener)
         return record
 
     def _report(self, ended_at: datetime, versions: dict[str, str]) -> tuple[list[JobRecord], Path | None]:

@@ -13,6 +13,9 @@
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
+| `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
+| `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | nobody |
+| `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
 
@@ -20,6 +23,7 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal, get_args
 from urllib.parse import quote
 
 import platformdirs
@@ -33,9 +37,15 @@ from .wire.request_problems import problems_of
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
+NotifyWhen = Literal["failure", "recovery", "change", "always"]
+"""Of which runs somebody is told: that did not succeed; the first good one after bad ones; that ended otherwise than
+the one before; all."""
+
 DEFAULT_MAX_JOB_DISK_GB = DISK_BYTES // 10**9
 DEFAULT_MAX_WORLDS_PER_JOB = 50
 """What the service allowed."""
+DEFAULT_MAX_LATE_HOURS = 6
+"""A night begins before people come to work, or not at all."""
 
 
 class Settings(Model):
@@ -66,6 +76,16 @@ class Settings(Model):
         description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
     )
 
+    max_late_hours: int = Field(
+        default=DEFAULT_MAX_LATE_HOURS, ge=1, description="How late a scheduled run may begin; a later one is skipped."
+    )
+    notify: tuple[str, ...] = Field(
+        default=(), repr=False, description="Addresses of apprise that are told how runs ended; they may hold secrets."
+    )
+    notify_when: frozenset[NotifyWhen] = Field(
+        default=frozenset({"failure", "recovery"}), description="Of which runs they are told."
+    )
+
     @classmethod
     def from_environment(cls, environ: Mapping[str, str]) -> "Settings":
         """Reads the settings.
@@ -85,8 +105,13 @@ class Settings(Model):
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
             "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
             "max_worlds_per_job": max_worlds_per_job(environ),
+            "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
         }
+        if channels := environ.get("ROBOMAKER_NOTIFY"):
+            values["notify"] = tuple(channels.split())
+        if when := environ.get("ROBOMAKER_NOTIFY_WHEN"):
+            values["notify_when"] = _notify_when(when)
         for name in ("region", "account", "bucket"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
@@ -109,6 +134,16 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
         ConfigurationError: the variable has a value that cannot be used.
     """
     return _number(environ, "ROBOMAKER_MAX_WORLDS_PER_JOB", DEFAULT_MAX_WORLDS_PER_JOB)
+
+
+def _notify_when(given: str) -> frozenset[str]:
+    chosen = frozenset(word.strip() for word in given.split(","))
+    if not chosen <= set(get_args(NotifyWhen)):
+        known = ", ".join(get_args(NotifyWhen))
+        raise ConfigurationError(
+            f"ROBOMAKER_NOTIFY_WHEN is {given!r}; it has to be some of {known}, with commas between"
+        )
+    return chosen
 
 
 def _switch(environ: Mapping[str, str], name: str) -> bool:

@@ -12,6 +12,7 @@ pytest_plugins = [
     "helpers.job_worker_process",
     "helpers.prefect_server",
     "helpers.real_engine",
+    "helpers.receivers",
     "helpers.s3_server",
     "helpers.service_fixtures",
     "helpers.swing_fixtures",

@@ -39,8 +39,13 @@ class Finding:
     """What to do, if anything is to be done."""
 
 
-def examine(settings: Settings) -> list[Finding]:
-    """Runs all checks; what a check raises becomes its finding."""
+def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
+    """Runs all checks; what a check raises becomes its finding.
+
+    Args:
+        settings: what is examined.
+        notify: whether a test message is sent to those who are told how runs ended.
+    """
     checks: dict[str, Callable[[], Finding]] = {
         "python": check_python,
         "packages": check_packages,
@@ -53,6 +58,8 @@ def examine(settings: Settings) -> list[Finding]:
         "extras": check_extras,
         "containers": lambda: check_containers(settings),
     }
+    if settings.notify or notify:
+        checks["notifications"] = lambda: check_notifications(settings, notify=notify)
     return [_examined(subject, check) for subject, check in checks.items()]
 
 
@@ -226,3 +233,25 @@ def check_containers(settings: Settings) -> Finding:
         remedy = "start any simulation job here, which removes them; the engine has to answer"
         return Finding("containers", "warning", "\n".join(("runs whose job worker died left some:", *left)), remedy)
     return Finding("containers", "ok", "no run that is over has left any")
+
+
+def check_notifications(settings: Settings, *, notify: bool) -> Finding:
+    """Whether those who are told how runs ended can be; a test message is the only way to be sure."""
+    from ...tasks.notifications.messages import Message
+    from ...tasks.notifications.sending import send, unknown_channels
+
+    channels = settings.notify
+    if not channels:
+        remedy = "set ROBOMAKER_NOTIFY to addresses such as json://host/path or mailtos://…"
+        return Finding("notifications", "broken", "nobody is told how runs ended", remedy)
+    when = ", ".join(sorted(settings.notify_when))
+    if notify:
+        body = "Robomaker's doctor sent this to see whether you can be told how runs end."
+        problems = send(channels, Message("robomaker: a test", body, good=True), {})
+    else:
+        problems = unknown_channels(channels)
+    if problems:
+        remedy = "mend ROBOMAKER_NOTIFY; github.com/caronc/apprise says what addresses look like"
+        return Finding("notifications", "broken", "\n".join(problems), remedy)
+    told = "took a test message" if notify else "known, not tried: `robomaker doctor --notify` sends a test message"
+    return Finding("notifications", "ok", f"channels: {len(channels)}, {told}; told of: {when}")

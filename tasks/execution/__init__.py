@@ -4,4 +4,15 @@ May import: `schemas`, `tasks.catalog`, `tasks.service`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["artifacts", "claims", "events", "held_leases", "leases", "retry_limit", "slots", "steps", "task_pool"]
+__all__ = [
+    "artifacts",
+    "claims",
+    "events",
+    "held_leases",
+    "leases",
+    "nights",
+    "retry_limit",
+    "slots",
+    "steps",
+    "task_pool",
+]

@@ -18,6 +18,7 @@ _MARKS: dict[str, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
+    parser.add_argument("--notify", action="store_true", help="send a test message to the channels of ROBOMAKER_NOTIFY")
     add_output(parser, "text", "json")
 
 
@@ -26,7 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ....schemas.settings import Settings
     from ..health import examine
 
-    findings = examine(Settings.from_environment(os.environ))
+    findings = examine(Settings.from_environment(os.environ), notify=arguments.notify)
     if arguments.output == "json":
         document = {"schema_version": 1, "findings": [asdict(finding) for finding in findings]}
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")

@@ -1,0 +1,3 @@
+"""Units of systemd that keep server, worker, serve and gc running: show, install."""
+
+__all__: list[str] = []

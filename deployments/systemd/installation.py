@@ -1,0 +1,62 @@
+"""Writing the units where systemd looks for a user's own."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ...schemas.wire.errors import ConfigurationError
+
+_FOLDER = Path(__file__).parent
+_SETTINGS = "environment"
+
+
+def units(programs: Path) -> dict[str, str]:
+    """The units by their files' names.
+
+    Args:
+        programs: folder of `robomaker` and `prefect`.
+
+    Raises:
+        ConfigurationError: systemd cannot take its path.
+    """
+    if any(character in str(programs) for character in " \t\n\"'\\%$"):
+        raise ConfigurationError(
+            f"{programs} cannot be in a unit: a path without blanks, quotes, \\, % and $ would be right"
+        )
+    paths = sorted([*_FOLDER.glob("*.service"), *_FOLDER.glob("*.timer")])
+    return {path.name: path.read_text().replace("@BIN@", str(programs)) for path in paths}
+
+
+def places(environ: Mapping[str, str]) -> tuple[Path, Path]:
+    """The folder of a user's units, and the file of their settings."""
+    configuration = Path(environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+    return configuration / "systemd" / "user", configuration / "robomaker" / _SETTINGS
+
+
+def install(programs: Path, environ: Mapping[str, str]) -> list[Path]:
+    """Writes the units, and the file of settings unless there is one.
+
+    Args:
+        programs: folder of `robomaker` and `prefect`.
+        environ: environment variables, which say where configurations are.
+
+    Returns:
+        What was written.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    folder, settings = places(environ)
+    written: list[Path] = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in units(programs).items():
+            (folder / name).write_text(text)
+            written.append(folder / name)
+        settings.parent.mkdir(parents=True, exist_ok=True)
+        if not settings.exists():
+            settings.touch(mode=0o600)
+            settings.write_text((_FOLDER / _SETTINGS).read_text())
+            written.append(settings)
+    except OSError as error:
+        raise ConfigurationError(f"the units cannot be written: {error.filename}: {error.strerror}") from error
+    return written

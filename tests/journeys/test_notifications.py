@@ -1,0 +1,112 @@
+"""Somebody is told: a real run fails, and the webhook has the failure, its picture and the line to run it again."""
+
+import base64
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from helpers.receivers import Webhook
+from helpers.small_flat import BODY, ROLE
+
+from prefect_robomaker.flows.pipelines import run_spec
+from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent
+from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.service.service import Service
+
+Run = Callable[..., RunRecord]
+COUNT = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+QUICK = {
+    "template": {"operation": "CreateWorldTemplate", "input": {"name": "flat", "templateBody": BODY}},
+    "list": {"operation": "ListWorlds", "needs": ["template"]},
+}
+MISSING = {"operation": "DescribeWorld", "input": {"world": "arn:aws:robomaker:us-east-1:000000000000:world/none"}}
+
+
+def drive(limit_s: float) -> dict[str, Any]:
+    job = {
+        "maxJobDurationInSeconds": 120,
+        "iamRole": ROLE,
+        "seed": 3,
+        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+        "simulationApplications": [
+            {
+                "application": "indoor-navigation",
+                "launchConfig": {},
+                "worldConfigs": [{"world": "${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}"}],
+            }
+        ],
+        "requirements": [{"name": "be-quick", "kind": "time_limit", "limit_s": limit_s}],
+    }
+    generation = {"template": "${{ template.arn }}", "worldCount": COUNT, "seed": 7}
+    return {
+        "template": QUICK["template"],
+        "worlds": {"operation": "CreateWorldGenerationJob", "input": generation},
+        "job": {"operation": "CreateSimulationJob", "input": job},
+    }
+
+
+@pytest.fixture
+def events() -> list[ProgressEvent]:
+    return []
+
+
+@pytest.fixture
+def run(settings: Settings, webhook: Webhook, prefect_server: str, events: list[ProgressEvent]) -> Run:
+    def start(steps: dict[str, Any], name: str = "nightly", **chosen: Any) -> RunRecord:
+        checked = load_spec(json.dumps({"version": 1, "name": name, "steps": steps}), "nightly.yaml")
+        told = settings.model_copy(update={"notify": (f"json://{webhook.address}/hook",), **chosen})
+        return run_spec(checked, told, events.append, spec_path="nightly.yaml")
+
+    return start
+
+
+def test_a_verdict_that_fails_is_told_with_its_picture(run: Run, webhook: Webhook, service: Service) -> None:
+    record = run(drive(limit_s=0.5))
+
+    assert record.state == "failed"
+    (got,) = webhook.got
+    assert got["title"] == "nightly: failed, 0 pass, 1 fail of 1 job"
+    lines = got["message"].splitlines()
+    world = record.jobs[0].world
+    assert lines[2].startswith(f"1. {record.jobs[0].label} in {world}: be-quick: ")
+    assert f"Report: {record.report_path}" in lines
+    assert f"Run these again: robomaker rerun {record.run_id} --failed" in lines
+    (picture,) = got["attachments"]
+    assert base64.b64decode(picture["base64"]).startswith(b"\x89PNG")
+
+
+def test_bad_nights_and_the_first_good_one_are_told(run: Run, webhook: Webhook) -> None:
+    broken = {**QUICK, "list": MISSING}
+    for steps in (QUICK, broken, broken, QUICK, QUICK):
+        run(steps)
+    run(QUICK, name="nightly-of-others")
+
+    assert [got["title"] for got in webhook.got] == [
+        "nightly: broken",
+        "nightly: broken",
+        "nightly: succeeded, good again",
+    ]
+
+
+def test_a_message_that_does_not_arrive_changes_no_run(run: Run, webhook: Webhook, events: list[ProgressEvent]) -> None:
+    webhook.status = 503
+
+    record = run(QUICK, notify_when=frozenset({"always"}))
+
+    assert (record.state, record.exit_code) == ("succeeded", 0)
+    (note,) = [event.text for event in events if isinstance(event, Note)]
+    assert note.startswith("not notified: channel 1 of ROBOMAKER_NOTIFY, json://127.0.0.1")
+
+
+def test_nobody_is_told_unless_asked_and_apprise_is_not_loaded(run: Run, webhook: Webhook) -> None:
+    run({**QUICK, "list": MISSING}, notify=())
+
+    assert webhook.got == []
+    code = "import sys; import prefect_robomaker.tasks.notifications.notices; print('apprise' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "False"

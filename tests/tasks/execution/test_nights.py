@@ -1,0 +1,140 @@
+"""The policy of nights, and what Prefect really does: overlapping runs, missed ones, the two odd nights of the year."""
+
+import os
+import sqlite3
+import subprocess
+import sys
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import pytest
+import yaml
+from helpers.paths import REPOSITORY
+from helpers.prefect_server import server_settings
+from prefect.client.orchestration import SyncPrefectClient, get_client
+from prefect.client.schemas.objects import FlowRun
+from prefect.server.schemas.schedules import CronSchedule
+from prefect.states import Completed, Pending, Running, Scheduled
+
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.execution.nights import OVERLAP, RUNS_AT_ONCE, skipped_night
+
+SPEC = '{"version": 1, "name": "tiny", "steps": {"list": {"operation": "ListWorlds"}}}'
+BERLIN = ZoneInfo("Europe/Berlin")
+MakeNight = Callable[[], FlowRun]
+
+
+@pytest.fixture
+def client(prefect_server: str) -> Iterator[SyncPrefectClient]:
+    with get_client(sync_client=True) as client:
+        yield client
+
+
+@pytest.fixture
+def night(client: SyncPrefectClient, tmp_path: Path) -> Iterator[MakeNight]:
+    """Makes runs of one deployment, due now."""
+    spec = tmp_path / "tiny.yaml"
+    spec.write_text(SPEC)
+    deployment = client.create_deployment(
+        flow_id=client.create_flow_from_name("RunPipeline"),
+        name=f"night-{uuid.uuid4().hex}",
+        entrypoint="prefect_robomaker.flows.pipelines:RunPipeline",
+        parameters={"spec": str(spec)},
+        concurrency_limit=RUNS_AT_ONCE,
+        concurrency_options=OVERLAP,
+    )
+
+    yield lambda: client.create_flow_run_from_deployment(deployment, state=Scheduled())
+    client.delete_deployment(deployment)
+
+
+def test_a_night_waits_for_the_last_one_and_keeps_its_time(client: SyncPrefectClient, night: MakeNight) -> None:
+    first, second = night(), night()
+    for state in (Pending(), Running()):
+        assert client.set_flow_run_state(first.id, state).status.value == "ACCEPT"
+
+    answer = client.set_flow_run_state(second.id, Pending())
+
+    assert (answer.status.value, answer.state and answer.state.name) == ("REJECT", "AwaitingConcurrencySlot")
+    waiting = client.read_flow_run(second.id)
+    assert waiting.expected_start_time == second.expected_start_time, "lateness counts from when it was due"
+    client.set_flow_run_state(first.id, Completed())
+    assert client.set_flow_run_state(second.id, Pending(), force=False).status.value == "ACCEPT"
+
+
+def scheduled_at(run: FlowRun, due: datetime) -> None:
+    """Makes a run one that a schedule made for a time in the past; Prefect takes no such thing from clients."""
+    with closing(sqlite3.connect(server_settings().home / "prefect" / "prefect.db", timeout=60)) as database, database:
+        change = "UPDATE flow_run SET auto_scheduled = 1, expected_start_time = ? WHERE id = ?"
+        assert database.execute(change, (f"{due:%Y-%m-%d %H:%M:%S.%f}", str(run.id))).rowcount == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("late_h", "state"), [(7, "Skipped"), (5, "Completed")])
+def test_a_night_that_was_missed_is_skipped_or_made_up_for(
+    client: SyncPrefectClient, night: MakeNight, prefect_server: str, tmp_path: Path, late_h: int, state: str
+) -> None:
+    run = night()
+    scheduled_at(run, datetime.now(UTC) - timedelta(hours=late_h))
+    environ = {**os.environ, "PREFECT_API_URL": prefect_server, "ROBOMAKER_HOME": str(tmp_path / "home")}
+
+    # What a process worker starts for a flow run.
+    command = [sys.executable, "-m", "prefect", "flow-run", "execute", str(run.id)]
+    ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=240)
+
+    after = client.read_flow_run(run.id)
+    assert after.state is not None, ended.stderr
+    assert after.state.name == state, ended.stderr
+    assert after.state.is_final()
+    assert (tmp_path / "home" / "runs").exists() == (state == "Completed")
+    if state == "Skipped":
+        assert after.state.is_cancelled()
+        assert "begun 7.0 h later; at most 6 h are allowed (ROBOMAKER_MAX_LATE_HOURS)" in (after.state.message or "")
+
+
+def test_what_nobody_scheduled_is_never_late(settings: Settings) -> None:
+    assert skipped_night(settings) is None
+
+
+def test_the_schedule_that_is_shipped_has_the_policy() -> None:
+    declared = yaml.safe_load((REPOSITORY / "deployments" / "prefect.yaml").read_text())["deployments"]
+    scheduled = [deployment for deployment in declared if deployment.get("schedules")]
+
+    assert scheduled
+    policy = {"limit": RUNS_AT_ONCE, "collision_strategy": OVERLAP.collision_strategy.value}
+    assert all(deployment["concurrency_limit"] == policy for deployment in scheduled)
+
+
+async def dates(cron: str, timezone: str, year: int) -> list[datetime]:
+    start = datetime(year, 1, 1, tzinfo=ZoneInfo(timezone))
+    schedule = CronSchedule(cron=cron, timezone=timezone)  # type: ignore[arg-type]
+    return [each.astimezone(UTC) for each in await schedule.get_dates(365, start=start)]
+
+
+@pytest.mark.parametrize("cron", ["0 2 * * *", "30 2 * * *", "0 3 * * *", "0 1 * * *"])
+def test_each_night_of_a_year_has_one_run_also_the_two_odd_ones(cron: str) -> None:
+    found = run_async(dates(cron, "Europe/Berlin", 2026))
+
+    nights: list[date] = [each.astimezone(BERLIN).date() for each in found]
+    assert nights == [date(2026, 1, 1) + timedelta(days=day) for day in range(365)]
+
+
+def test_times_that_a_night_lacks_or_has_twice() -> None:
+    """What the documentation says: an hour early in spring, the first of both in autumn, UTC is always the same."""
+    berlin = run_async(dates("30 2 * * *", "Europe/Berlin", 2026))
+    utc = run_async(dates("30 2 * * *", "UTC", 2026))
+
+    assert datetime(2026, 3, 29, 0, 30, tzinfo=UTC) in berlin, "01:30 in winter's time; there is no 02:30"
+    assert datetime(2026, 10, 25, 0, 30, tzinfo=UTC) in berlin, "02:30 in summer's time; there are two"
+    assert {each.strftime("%H:%M") for each in utc} == {"02:30"}
+
+
+def run_async(work: Any) -> Any:
+    import asyncio
+
+    return asyncio.run(work)

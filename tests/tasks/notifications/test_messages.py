@@ -1,0 +1,127 @@
+"""What a message says and when one is due."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.reports.report import RunState
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.schemas.settings import NotifyWhen, Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.notifications.messages import Failure, failed_jobs, is_due, message_of, worst_first
+
+MOMENT = datetime(2026, 11, 23, tzinfo=UTC)
+
+
+def record(state: RunState, jobs: list[JobRecord] | None = None, **members: Any) -> RunRecord:
+    return RunRecord(
+        run_id="night-1", name="night", spec_path="night.yaml", state=state, exit_code=0, started_at=MOMENT,
+        ended_at=MOMENT, run_dir=Path("/runs/night-1"), report_path=Path("/runs/night-1/report.html"),
+        jobs=jobs or [], **{"steps": [], **members},
+    )  # fmt: skip
+
+
+def missed(count: int) -> tuple[Requirement, ...]:
+    return tuple(
+        Requirement(name=f"goal-{number}", satisfied=False, detail=f"{number} of 9") for number in range(count)
+    )
+
+
+@pytest.mark.parametrize(
+    ("when", "state", "before", "due"),
+    [
+        ("failure", "failed", None, True),
+        ("failure", "broken", "failed", True),
+        ("failure", "timed out", "succeeded", True),
+        ("failure", "succeeded", "failed", False),
+        ("failure", "canceled", "succeeded", False),
+        ("recovery", "succeeded", "failed", True),
+        ("recovery", "succeeded", "succeeded", False),
+        ("recovery", "succeeded", None, False),
+        ("recovery", "failed", "succeeded", False),
+        ("change", "failed", None, True),
+        ("change", "failed", "succeeded", True),
+        ("change", "broken", "failed", False),
+        ("change", "succeeded", "broken", True),
+        ("change", "succeeded", "succeeded", False),
+        ("always", "succeeded", "succeeded", True),
+        ("always", "canceled", None, True),
+    ],
+)
+def test_when_somebody_is_told(when: NotifyWhen, state: RunState, before: RunState | None, due: bool) -> None:
+    last = None if before is None else record(before)
+
+    assert is_due(frozenset({when}), record(state), last) == due
+
+
+def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
+    jobs = [
+        JobRecord(label="sim-a", status="Completed", verdict="PASS"),
+        JobRecord(label="sim-b", status="Completed", verdict="FAIL", world="flat/world-2"),
+        JobRecord(label="sim-c", status="Completed", verdict="FAIL", world="flat/world-3"),
+        JobRecord(label="sim-d", status="Failed", failure_code="SimulationApplicationCrash", failure_reason="it\nfell"),
+        JobRecord(label="sim-e", status="Completed", verdict="FAIL", verdict_reason="x" * 1000),
+        JobRecord(label="sim-f", status="Canceled", verdict="FAIL"),
+    ]
+    run = record("broken", jobs)
+    assert [job.label for job in failed_jobs(run)] == ["sim-b", "sim-c", "sim-d", "sim-e"]
+    failures = worst_first([Failure(job, missed(2 if job.label == "sim-c" else 1)) for job in failed_jobs(run)])
+
+    message = message_of(run, failures, None)
+
+    assert message.title == "night: broken, 1 pass, 3 fail, 1 broke, 1 canceled of 6 jobs"
+    assert not message.good
+    assert message.body.splitlines() == [
+        "1 pass, 3 fail, 1 broke, 1 canceled of 6 jobs.",
+        "",
+        "1. sim-d: SimulationApplicationCrash: it fell",
+        "2. sim-c in flat/world-3: goal-0: 0 of 9; goal-1: 1 of 9",
+        "3. sim-b in flat/world-2: goal-0: 0 of 9",
+        "and 1 more",
+        "",
+        "Report: /runs/night-1/report.html",
+        "Run these again: robomaker rerun night-1 --failed",
+    ]
+
+
+def test_a_good_night_after_bad_ones_says_so() -> None:
+    message = message_of(
+        record("succeeded", [JobRecord(label="a", status="Completed", verdict="PASS")]), [], record("failed")
+    )
+
+    assert message.title == "night: succeeded, good again, 1 pass of 1 job"
+    assert message.good
+    assert "rerun" not in message.body
+
+
+def test_a_step_that_failed_is_told() -> None:
+    step = StepRecord(name="worlds", operation="CreateWorldGenerationJob", status="Failed", error="no walls\nmet")
+
+    message = message_of(record("broken", steps=[step]), [], None)
+
+    assert message.title == "night: broken"
+    assert "Step worlds (CreateWorldGenerationJob): no walls met" in message.body.splitlines()
+
+
+def test_long_reasons_are_cut() -> None:
+    failure = Failure(JobRecord(label="a", status="Failed", failure_reason="y" * 1000 + "\nLast lines of the log:\nz"))
+
+    assert len(max(message_of(record("broken"), [failure], None).body.splitlines(), key=len)) < 320
+
+
+def test_settings_say_who_is_told_and_when() -> None:
+    settings = Settings.from_environment(
+        {"ROBOMAKER_NOTIFY": "json://a/b \n mailto://c.d", "ROBOMAKER_NOTIFY_WHEN": "change, always"}
+    )
+
+    assert settings.notify == ("json://a/b", "mailto://c.d")
+    assert settings.notify_when == {"change", "always"}
+    assert "json://" not in repr(settings), "addresses hold secrets"
+    assert Settings.from_environment({}).notify_when == {"failure", "recovery"}
+    with pytest.raises(
+        ConfigurationError, match="ROBOMAKER_NOTIFY_WHEN is 'never'; it has to be some of failure, reco"
+    ):
+        Settings.from_environment({"ROBOMAKER_NOTIFY_WHEN": "never"})
