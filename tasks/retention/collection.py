@@ -72,7 +72,8 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
     policy.check()
     chosen = _choose(policy, service)
     units = sorted(chosen.units, key=lambda unit: (unit.candidate.ended_at, unit.candidate.id))
-    items = [_item(unit, policy, chosen, service, act=act) for unit in units]
+    counted: set[str] = set()
+    items = [_item(unit, policy, chosen, service, counted, act=act) for unit in units]
     items += [_world_item(world, service, act=act) for world in chosen.worlds]
     return GcReport(dry_run=not act, policy=policy, items=items, notes=chosen.notes)
 
@@ -125,7 +126,10 @@ def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
     return unit
 
 
-def _item(unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service, *, act: bool) -> GcItem:
+def _item(
+    unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service, counted: set[str], *, act: bool
+) -> GcItem:
+    """What happens to a unit; a job that several of them name counts for the first, by `counted`."""
     candidate = unit.candidate
     about = GcItem(
         kind="run" if unit.folder is not None else "jobs",
@@ -141,9 +145,10 @@ def _item(unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service
     spared = spared_jobs(unit, chosen.holders)
     action: GcAction = "thin" if thins else "remove"
     amount, problem = _done(
-        lambda: measure(unit, spared.keys(), service, results_stay=thins),
+        lambda: measure(unit, spared.keys() | counted, service, results_stay=thins),
         (lambda: (thin_unit if thins else remove_unit)(unit, spared.keys(), service)) if act else None,
     )
+    counted.update(unit.jobs)
     if thins and amount == Amount() and not problem:
         return about.model_copy(update={"reason": "only its results are left"})
     holder = next(iter(spared.values()), "")

@@ -18,7 +18,7 @@ def report_lines(report: GcReport) -> list[str]:
     rows = [_row(item) for item in gone]
     lines = _table([_TITLES, *rows]) if rows else []
     lines += [f"! {problem}" for problem in report.problems]
-    lines += [f"kept: {count} x {reason}" for reason, count in _kept(report.items)]
+    lines += [f"kept {count}: {reason}" for reason, count in _kept(report.items)]
     lines += [note for note in (*report.notes, report.flow_runs.note) if note]
     return [*lines, _total(report, gone)]
 

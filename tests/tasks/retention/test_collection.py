@@ -152,6 +152,18 @@ def test_what_a_kept_report_names_stays_and_is_told(service: Service, job: Any, 
     assert service.catalog.get(shared.arn).status == "Completed"
 
 
+def test_what_two_removed_runs_name_counts_once(service: Service, job: Any, night: MakeRun) -> None:
+    shared = job("sim-shared")
+    night("night-1", [shared], days=40)
+    night("night-2", [shared], days=39)
+
+    planned, told = plan_collection(MONTH, service), collect(MONTH, service)
+
+    assert [item.objects for item in planned.items] == [item.objects for item in told.items] == [4 + 2, 2]
+    assert told.problems == []
+    assert (keys(service), runs(service)) == (set(), set())
+
+
 def test_results_that_stay_are_whole_and_the_report_says_what_went(
     service: Service, job: Any, night: MakeRun, prefect_server: str
 ) -> None:
@@ -272,6 +284,27 @@ def test_jobs_of_sdks_go_only_when_asked_and_never_those_of_a_run_that_may_go_on
     assert [item.id for item in report.removed] == [early.arn]
     assert {key.split("/")[1] for key in keys(service)} == {"sim-late"}
     assert running.exists()
+
+
+def test_worlds_that_a_job_names_stay(service: Service, job: Any) -> None:
+    """Also a job that no run made, and that has ended; its world goes when the job goes."""
+    named, orphan = (
+        service.catalog.create(
+            Resource.new(arn=service.arn("world", f"gen/{name}"), kind="world", id=f"gen/{name}", status="Active"),
+            token=None,
+        )
+        for name in ("named", "orphan")
+    )
+    request = {"simulationApplications": [{"worldConfigs": [{"world": named.arn}]}]}
+    service.catalog.update(job("sim-1").arn, lambda document: {**document, "request": request})
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
+    worlds = MONTH.model_copy(update={"orphaned_worlds": True})
+
+    assert [item.id for item in collect(worlds, later).removed] == [orphan.arn]
+
+    told = collect(worlds.model_copy(update={"sdk_jobs": True}), later)
+    assert [item.kind for item in told.removed] == ["jobs", "world"]
+    assert service.catalog.list("world").resources == ()
 
 
 def test_a_record_that_cannot_be_read_keeps_what_it_may_name(service: Service, job: Any) -> None:

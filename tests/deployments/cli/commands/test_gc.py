@@ -48,7 +48,7 @@ def test_yes_removes_without_asking(robomaker: Any, old_run: Path) -> None:
 def test_what_stays_is_told_with_its_reason(robomaker: Any, old_run: Path) -> None:
     told = robomaker("gc", "--keep-runs", "1", "--dry-run")
 
-    assert "kept: 1 x one of the newest 1 of night" in told.out
+    assert "kept 1: one of the newest 1 of night" in told.out
     assert told.out.splitlines()[-1] == "Nothing to remove."
 
 
