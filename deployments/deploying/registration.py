@@ -23,6 +23,7 @@ from prefect.utilities.callables import parameter_schema
 
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.request_problems import nearest
+from ...tasks.execution.nights import OVERLAP, RUNS_AT_ONCE
 from .deployables import Deployable
 from .job_variables import environment_of_blocks
 
@@ -110,6 +111,9 @@ def _register(
         work_pool_name=target.pool,
         job_variables=variables,
         schedules=schedules,
+        # Nights that overlap wait for each other; what is ordered by hand may run at any time.
+        concurrency_limit=RUNS_AT_ONCE if schedules else None,
+        concurrency_options=OVERLAP if schedules else None,
         pull_steps=[],
     )
     return Registered(
