@@ -204,6 +204,7 @@ _GROUPS = (
         "application_handlers=handlers application_versions=versions applications=records",
     ),
     ("deployments", "deployments", "performer=worker sdk=service_model"),
+    ("deployments", "deployments.prefect_server", "local_server"),
     ("deployments", "deployments.endpoint", "access_keys"),
     (
         "deployments.performer",

@@ -5,7 +5,7 @@ arguments that several commands have. `commands/` has one module per command, `i
 `output/` says things to people and programs. The other modules are the work behind commands:
 `planning.py`, `job.py`, `serving.py`, `health.py`, `prefect_server.py`.
 
-May import everything below `deployments` and its neighbours `endpoint`, `worker`, `sdk`, `local_server` and
+May import everything below `deployments` and its neighbours `endpoint`, `worker`, `sdk`, `prefect_server` and
 `access_keys`. At module level it imports nothing slow: neither Prefect nor MuJoCo, so that `--help`, `validate`,
 `plan` and `schema` answer at once. Its modules are imported by name; the package itself has no names.
 """

@@ -12,7 +12,7 @@ from typing import Literal
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
-from ..local_server import server_status
+from ..prefect_server.local_server import server_status
 from .prefect_server import described
 
 Health = Literal["ok", "warning", "broken"]

@@ -40,7 +40,7 @@ def carry_out(
     """
     from .output.progress import watcher
     from .output.summary import print_summary
-    from .prefect_server import use_server
+    from .prefect_server import pages, use_server
 
     api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
@@ -61,7 +61,8 @@ def carry_out(
     else:
         # Elsewhere the pages' address is not to be told from the API's.
         local = api_url.startswith("http://127.0.0.1:")
-        print_summary(record, command, sys.stdout, server=api_url.removesuffix("/api") if local else "")
+        server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if local else ""
+        print_summary(record, command, sys.stdout, server=server)
     if interrupted:
         raise interrupted
     if record.report_path and wanted(arguments.open):

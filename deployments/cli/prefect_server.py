@@ -5,9 +5,10 @@ import sys
 import time
 
 from ...schemas.settings import Settings
-from ..local_server import ServerStatus, ensure_server, server_status
+from ..prefect_server.local_server import ServerStatus, client_variables, ensure_server, server_status
+from ..prefect_server.login_link import login_link
 
-SHELL_SETUP = "export PREFECT_API_URL=$(robomaker server start)"
+SHELL_SETUP = 'eval "$(robomaker server env)"'
 """What makes the `prefect` command of a shell use the local server."""
 
 
@@ -31,7 +32,7 @@ def use_server(settings: Settings) -> str:
     if starting:
         sys.stderr.write(f"It runs at {url.removesuffix('/api')} and stays; `robomaker server stop` ends it.")
         sys.stderr.write(f" ({time.monotonic() - began:.0f} s)\n")
-    os.environ["PREFECT_API_URL"] = url
+    os.environ.update(client_variables(url, settings))
     # Nothing is sent anywhere, nor a notice about it printed, unless the user says so.
     os.environ.setdefault("DO_NOT_TRACK", "1")
     if "PREFECT_LOGGING_LEVEL" not in os.environ:
@@ -43,6 +44,18 @@ def use_server(settings: Settings) -> str:
 def uses_local_server(settings: Settings) -> bool:
     """Whether `use_server`, which has not been called yet, will use this home's own server."""
     return not server_status(settings).configured_elsewhere
+
+
+def pages(api_url: str, secret: str | None) -> str:
+    """The address of a server's pages: a link that logs a browser in once, where the server gives one.
+
+    Args:
+        api_url: what `use_server` returned.
+        secret: the auth string with which the server is used, if any.
+    """
+    # Only a server on this machine can be ours; nothing that logs in is sent anywhere else.
+    link = login_link(api_url, secret) if secret and api_url.startswith("http://127.0.0.1:") else None
+    return link or api_url.removesuffix("/api")
 
 
 def described(status: ServerStatus) -> str:

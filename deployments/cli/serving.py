@@ -17,7 +17,7 @@ from ..endpoint.access_keys import read_access_keys
 from ..endpoint.origins import is_loopback
 from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
-from .prefect_server import use_server
+from .prefect_server import pages, use_server
 
 _READY_S = 120.0
 
@@ -133,7 +133,8 @@ def _lines(facts: Mapping[str, Any], variables: Mapping[str, str], *, signed: bo
     if signed:
         lines += ["", "Clients have to sign with one of the access keys in ROBOMAKER_ACCESS_KEYS_FILE."]
     if facts["execute"] == "here":
-        last = f"Jobs are performed here, {facts['max_jobs']} at a time; {facts['prefect_url']} shows them."
+        shown_at = pages(f"{facts['prefect_url']}/api", os.environ.get("PREFECT_API_AUTH_STRING"))
+        last = f"Jobs are performed here, {facts['max_jobs']} at a time; {shown_at} shows them."
     elif facts["execute"] == "deployments":
         last = f"Jobs are handed to the workers of {facts['prefect_url']}."
     else:

@@ -1,10 +1,11 @@
 """Refuses requests of web pages where the service needs no signatures.
 
-Any page that a browser on this machine shows can send requests to 127.0.0.1. Two marks give them
-away, and neither is on a request of an SDK:
+Any page that a browser on this machine shows can send requests to 127.0.0.1. Three marks give them
+away, and none is on a request of an SDK:
 
 - a page of another site: browsers put `Origin` on every POST, PUT and DELETE, and a page cannot
-  take it off; what can go out without it are reads whose answers the browser keeps to itself;
+  take it off;
+- its other requests, such as pictures and frames: `Sec-Fetch-Site` says that another site asks;
 - a page whose site's name was pointed at 127.0.0.1 after it was loaded ("DNS rebinding"): `Host` has the site's
   name. That is a name with dots, which no name of this machine or of a container network is.
 """
@@ -12,6 +13,7 @@ away, and neither is on a request of an SDK:
 import ipaddress
 import re
 
+from ..web_guard.decision import foreign_site
 from .messages import AccessDeniedException, ServiceRequest
 
 _HOST = re.compile(r"(?P<name>\[[^\]]*\]|[^:\[\]]*)(:[0-9]{1,5})?")
@@ -22,7 +24,8 @@ def check_origin(request: ServiceRequest) -> None:
     """Refuses what only a web page would send.
 
     Raises:
-        AccessDeniedException: the request has an `Origin`, or a `Host` that may be any site's name.
+        AccessDeniedException: the request has an `Origin`, a `Host` that may be any site's name, or comes from a page
+            of another site that is not left for ours.
     """
     if (origin := request.headers.get("origin")) is not None:
         raise AccessDeniedException(
@@ -35,6 +38,8 @@ def check_origin(request: ServiceRequest) -> None:
             f"Host is {shown!r}; without access keys this service answers at localhost, at addresses and at names "
             "without dots. Configure access keys to use another name"
         )
+    if site := foreign_site(request.method, request.headers.raw):
+        raise AccessDeniedException(f"the request comes from a web page of another site ({site})")
 
 
 def is_local_host(host: str) -> bool:

@@ -5,7 +5,7 @@ import os
 import threading
 
 from ...schemas.settings import Settings
-from ..local_server import server_status
+from ..prefect_server.local_server import server_status
 
 _GOOD_S = 5.0
 _BAD_S = 1.0

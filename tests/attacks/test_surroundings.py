@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.local_server import stop_server
+from prefect_robomaker.deployments.prefect_server.local_server import stop_server
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
 from prefect_robomaker.tasks.operations.registry import call, registry

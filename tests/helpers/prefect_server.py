@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.local_server import ensure_server, stop_server
+from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, stop_server
+from prefect_robomaker.deployments.prefect_server.secret import auth_string
 from prefect_robomaker.schemas.settings import Settings
 
 _HOME = "ROBOMAKER_TEST_SERVER_HOME"
@@ -37,6 +38,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 def prefect_server() -> Iterator[str]:
     """API URL of the test run's own Prefect server; Prefect in this process uses it meanwhile."""
     from prefect.settings import (
+        PREFECT_API_AUTH_STRING,
         PREFECT_API_URL,
         PREFECT_FLOWS_HEARTBEAT_FREQUENCY,
         PREFECT_LOGGING_TO_API_ENABLED,
@@ -45,10 +47,14 @@ def prefect_server() -> Iterator[str]:
 
     url = ensure_server(server_settings(), {})
     # Logs are sent in the background, and would still be on their way when the server stops.
+    secret = auth_string(server_settings())
     chosen: dict[Any, Any] = {
         PREFECT_API_URL: url,
+        PREFECT_API_AUTH_STRING: secret,
         PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None,
         PREFECT_LOGGING_TO_API_ENABLED: False,
     }
-    with temporary_settings(chosen):
+    with temporary_settings(chosen), pytest.MonkeyPatch.context() as patch:
+        # Processes of tests get the server by PREFECT_API_URL, and its secret by inheritance.
+        patch.setenv("PREFECT_API_AUTH_STRING", secret)
         yield url

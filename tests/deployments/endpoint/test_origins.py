@@ -66,6 +66,24 @@ def test_requests_of_web_pages(origin: str, method: str, path: str, client: Clie
     assert not any(name.startswith("access-control") for name in answer.headers)
 
 
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+@pytest.mark.parametrize("dest", ["image", "iframe", "empty"])
+@pytest.mark.parametrize(("method", "path"), TARGETS)
+def test_what_pages_of_other_sites_embed(site: str, dest: str, method: str, path: str, client: Client) -> None:
+    answer = client.send(
+        method, path, b"", {"sec-fetch-site": site, "sec-fetch-mode": "no-cors", "sec-fetch-dest": dest}
+    )
+
+    assert (answer.status, answer.error) == (403, "AccessDeniedException")
+
+
+def test_a_link_of_another_site_leads_to_the_page(client: Client) -> None:
+    headers = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+
+    assert client.send("GET", "/", b"", headers).status == 200
+    assert client.send("POST", "/listWorlds", b"{}", headers).status == 403
+
+
 @pytest.mark.parametrize(
     ("host", "expected"),
     [

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from helpers.prefect_server import server_settings
 
-from prefect_robomaker.deployments import local_server
-from prefect_robomaker.deployments.local_server import (
+from prefect_robomaker.deployments.prefect_server import local_server
+from prefect_robomaker.deployments.prefect_server.local_server import (
     configured_api_url,
     ensure_server,
     server_status,

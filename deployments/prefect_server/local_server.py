@@ -2,9 +2,11 @@
 
 An ephemeral server costs 12-20 CPU-seconds in every run; this one costs them once. It listens on
 127.0.0.1 only, keeps its database under the data home, and is found again through a state file
-there. Whoever has set `PREFECT_API_URL`, or chosen a Prefect profile that has it, is left alone.
+there. Where `PREFECT_API_URL` is set, or a Prefect profile that has it is active, that server is
+used and none is started.
 """
 
+import dataclasses
 import fcntl
 import json
 import os
@@ -22,13 +24,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ..schemas.settings import Settings
-from ..schemas.wire.errors import ConfigurationError, RobomakerError
-from ..tasks.service.home import prepare_home
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import ConfigurationError, RobomakerError
+from .secret import auth_string, server_folder
 
 START_TIMEOUT_S = 180.0
-# Slots held by a process that was killed come back also when the server was killed with it.
-_LEASE_STORAGE = "prefect.server.concurrency.lease_storage.filesystem"
+_PROGRAM = "prefect_robomaker.deployments.prefect_server"
+_OLD_PROGRAM = ("prefect", "server", "start")
+"""What earlier versions started: a server without a guard."""
 
 
 class LocalServerError(RobomakerError):
@@ -69,34 +72,39 @@ def ensure_server(settings: Settings, environ: Mapping[str, str] | None = None) 
         return str(status.api_url) if status.running else _start(settings)
 
 
+def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The environment variables with which Prefect's client, command and workers use a server.
+
+    Args:
+        api_url: what `ensure_server` returned.
+        settings: the data home's.
+        environ: variables that are there already, usually `os.environ`.
+
+    Raises:
+        ConfigurationError: the secret of the local server cannot be used.
+    """
+    given = os.environ if environ is None else environ
+    variables = {"PREFECT_API_URL": api_url}
+    configured = configured_api_url(given)
+    # One's own server may also be named by PREFECT_API_URL; what logs in elsewhere is for its user to say.
+    if configured is None or (api_url == _known_server(settings).api_url and not given.get("PREFECT_API_AUTH_STRING")):
+        variables["PREFECT_API_AUTH_STRING"] = auth_string(settings)
+    return variables
+
+
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
     """Says which server would be used and whether it answers."""
     if url := configured_api_url(os.environ if environ is None else environ):
         return ServerStatus(running=_healthy(url), api_url=url, configured_elsewhere=True)
-    try:
-        state = json.loads(_state_file(settings).read_text())
-        status = ServerStatus(**state)
-    except (OSError, ValueError, TypeError):
-        return ServerStatus(running=False)
+    status = _known_server(settings)
     alive = _is_alive(status) and _healthy(str(status.api_url))
-    return ServerStatus(running=alive, api_url=status.api_url, pid=status.pid, log=status.log)
+    return dataclasses.replace(status, running=alive)
 
 
 def stop_server(settings: Settings) -> bool:
     """Stops the local server; answers whether one was running."""
     with _locked(settings):
-        status = server_status(settings, {})
-        _state_file(settings).unlink(missing_ok=True)
-        if status.pid is None or not _is_alive(status):
-            return False
-        with suppress(ProcessLookupError):  # it may end by itself at any moment
-            os.killpg(status.pid, signal.SIGTERM)
-            deadline = time.monotonic() + 15
-            while _is_alive(status) and time.monotonic() < deadline:
-                time.sleep(0.1)
-            if _is_alive(status):
-                os.killpg(status.pid, signal.SIGKILL)
-        return True
+        return _stop(settings)
 
 
 def configured_api_url(environ: Mapping[str, str]) -> str | None:
@@ -115,25 +123,16 @@ def configured_api_url(environ: Mapping[str, str]) -> str | None:
 
 
 def _start(settings: Settings) -> str:
-    folder = _state_file(settings).parent
+    _stop(settings)  # one that does not answer, or that an earlier version started
+    auth_string(settings)  # a secret that cannot be used is told here, not in the server's log
+    folder = server_folder(settings)
     log = folder / "server.log"
     port = _port(folder / "port")
     api_url = f"http://127.0.0.1:{port}/api"
-    environ = {
-        **os.environ,
-        "PREFECT_HOME": str(folder),
-        # `--port` alone does not reach the settings, and the page would look for its API at port 4200.
-        "PREFECT_SERVER_API_HOST": "127.0.0.1",
-        "PREFECT_SERVER_API_PORT": str(port),
-        "PREFECT_SERVER_UI_API_URL": api_url,
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-        "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,
-    }
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
     with log.open("wb") as output:
         process = subprocess.Popen(
-            command,
-            env=environ,
+            [sys.executable, "-P", "-m", _PROGRAM, "--port", str(port)],
+            env={**os.environ, "ROBOMAKER_HOME": str(settings.home)},
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -156,6 +155,22 @@ def _start(settings: Settings) -> str:
     return api_url
 
 
+def _stop(settings: Settings) -> bool:
+    """Ends the process that the state file names; answers whether it was a server."""
+    status = _known_server(settings)
+    _state_file(settings).unlink(missing_ok=True)
+    if status.pid is None or not _is_alive(status, or_old=True):
+        return False
+    with suppress(ProcessLookupError):  # it may end by itself at any moment
+        os.killpg(status.pid, signal.SIGTERM)
+        deadline = time.monotonic() + 15
+        while _is_alive(status, or_old=True) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        if _is_alive(status, or_old=True):
+            os.killpg(status.pid, signal.SIGKILL)
+    return True
+
+
 def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Path) -> None:
     deadline = time.monotonic() + START_TIMEOUT_S
     while time.monotonic() < deadline:
@@ -170,7 +185,7 @@ def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Pat
 
 def _healthy(api_url: str) -> bool:
     try:
-        with urllib.request.urlopen(f"{api_url}/health", timeout=5) as answer:  # noqa: S310 - an http(s) URL of ours
+        with urllib.request.urlopen(f"{api_url}/health", timeout=5) as answer:  # noqa: S310 - an http(s) URL
             return answer.status == 200
     except urllib.error.HTTPError as error:
         return error.code in (401, 403)  # it answers those who log in, as Prefect's client does
@@ -178,14 +193,14 @@ def _healthy(api_url: str) -> bool:
         return False
 
 
-def _is_alive(status: ServerStatus) -> bool:
+def _is_alive(status: ServerStatus, *, or_old: bool = False) -> bool:
     """Whether the process is the server of that address: process ids are used again after a reboot."""
     try:
-        arguments = Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+        arguments = set(Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0"))
     except OSError:
         return False
-    port = urlsplit(status.api_url or "").port
-    return {"prefect", "server", "--port", str(port)} <= set(arguments)
+    port = {"--port", str(urlsplit(status.api_url or "").port)}
+    return {_PROGRAM, *port} <= arguments or (or_old and {*_OLD_PROGRAM, *port} <= arguments)
 
 
 def _port(memory: Path) -> int:
@@ -206,11 +221,16 @@ def _port(memory: Path) -> int:
     return port
 
 
+def _known_server(settings: Settings) -> ServerStatus:
+    """The server that the state file names, whether it still runs or not."""
+    try:
+        return ServerStatus(**json.loads(_state_file(settings).read_text()))
+    except (OSError, ValueError, TypeError):
+        return ServerStatus(running=False)
+
+
 def _state_file(settings: Settings) -> Path:
-    prepare_home(settings)
-    folder = settings.home / "prefect"
-    folder.mkdir(exist_ok=True)
-    return folder / "server.json"
+    return server_folder(settings) / "server.json"
 
 
 @contextmanager

@@ -1,0 +1,19 @@
+"""The local Prefect server: one for each data home, started once, kept, and nobody else's.
+
+```
+robomaker, Prefect workers ── local_server (finds, starts, stops)
+        │ auth string (secret)                │
+        ▼                                     ▼ python -m prefect_robomaker.deployments.prefect_server
+  web_guard ── login_page ── Prefect's application, with CSRF protection     (server_process)
+                                └── beside (code of ours that runs while the server does)
+```
+
+Every request needs the auth string of the home, which is in a file that only its owner can read. Commands, job workers
+and what they start have it in `PREFECT_API_AUTH_STRING`; a browser gets it from the login page, for a token that works
+once.
+
+May import: `schemas`, `tasks.service.home`, `deployments.web_guard`, `prefect`, `uvicorn`, `starlette`. `local_server`,
+`secret` and `login_link` import neither `prefect` nor `uvicorn`: commands use them before they answer.
+"""
+
+__all__ = ["beside", "local_server", "login_link", "secret"]

@@ -1,0 +1,115 @@
+"""Logs a user's browser in: a page that takes a one-time token and goes on to Prefect's pages.
+
+```
+robomaker ── POST /robomaker/login-links, with the auth string ──> a link with a token
+browser   ── GET  /robomaker/login#token                       ──> the page; what follows # is not sent
+page      ── POST /robomaker/login, with the token             ──> the auth string, which Prefect's pages keep
+```
+
+A link that was used or is too old still leads on from a browser that is logged in.
+"""
+
+import base64
+import hashlib
+import hmac
+import json
+import re
+from importlib.resources import files
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from .one_time_tokens import OneTimeTokens
+
+PAGE = "/robomaker/login"
+LINKS = "/robomaker/login-links"
+
+_MOST_BYTES = 1024
+_NO_STORE = {"cache-control": "no-store"}
+
+
+class LoginPage:
+    """An application in front of Prefect's, with the pages about logging in.
+
+    Args:
+        application: Prefect's.
+        origin: origin of the server's pages, such as `http://127.0.0.1:4200`.
+        auth_string: what a browser that logs in gets, `user:secret`.
+        tokens: the tokens of links.
+    """
+
+    def __init__(
+        self, application: ASGIApp, origin: str, auth_string: str, tokens: OneTimeTokens | None = None
+    ) -> None:
+        self._application = application
+        self._origin = origin
+        self._password = base64.b64encode(auth_string.encode()).decode()
+        self._tokens = tokens or OneTimeTokens()
+        self._page = files(__package__ or "").joinpath("login.html").read_text(encoding="utf-8")
+        self._policy = _policy(self._page)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers what is about logging in, and hands everything else on."""
+        if scope["type"] == "http" and (response := await self._answer(Request(scope, receive))) is not None:
+            await response(scope, receive, send)
+        else:
+            await self._application(scope, receive, send)
+
+    async def _answer(self, request: Request) -> Response | None:
+        method, path = request.method, request.scope["path"]
+        if method == "GET" and _is_page(request) and f"http://{request.headers['host']}" != self._origin:
+            # At `localhost` the page has another origin than its API, and would be a page of others.
+            query = f"?{request.url.query}" if request.url.query else ""
+            return RedirectResponse(f"{self._origin}{request.url.path}{query}", headers=_NO_STORE)
+        if (method, path) == ("GET", PAGE):
+            return HTMLResponse(self._page, headers={**_NO_STORE, "content-security-policy": self._policy})
+        if (method, path) == ("POST", PAGE):
+            return await self._log_in(request)
+        if (method, path) == ("POST", LINKS):
+            return self._link(request)
+        return None
+
+    async def _log_in(self, request: Request) -> Response:
+        token = await _token(request)
+        if token is None or not self._tokens.redeem(token):
+            return JSONResponse({"detail": "this link was used before, or is too old"}, 403, _NO_STORE)
+        return JSONResponse({"password": self._password}, headers=_NO_STORE)
+
+    def _link(self, request: Request) -> Response:
+        given = request.headers.get("authorization", "")
+        if not hmac.compare_digest(given.encode(), f"Basic {self._password}".encode()):
+            return JSONResponse({"detail": "the auth string of the server is missing or wrong"}, 401, _NO_STORE)
+        return JSONResponse({"link": f"{self._origin}{PAGE}#{self._tokens.issue()}"}, 201, _NO_STORE)
+
+
+def _is_page(request: Request) -> bool:
+    return request.headers.get("sec-fetch-mode") == "navigate"
+
+
+async def _token(request: Request) -> str | None:
+    """The token in a request's body; `None` if there is none."""
+    body = b""
+    try:
+        async for part in request.stream():
+            body += part
+            if len(body) > _MOST_BYTES:
+                return None
+        token = json.loads(body)["token"]
+    except (ClientDisconnect, ValueError, KeyError, TypeError):
+        return None
+    return token if isinstance(token, str) else None
+
+
+def _policy(page: str) -> str:
+    """Lets the page's own script and style run, by their hashes, and nothing else."""
+
+    def hashes(element: str) -> str:
+        texts = re.findall(f"<{element}>(.*?)</{element}>", page, re.DOTALL)
+        digests = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in texts)
+        return " ".join(f"'sha256-{digest}'" for digest in digests)
+
+    return (
+        f"default-src 'none'; script-src {hashes('script')}; style-src {hashes('style')}; connect-src 'self'; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )

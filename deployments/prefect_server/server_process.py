@@ -1,0 +1,69 @@
+"""Runs Prefect's server application in this process, guarded and with our pages; Prefect's settings must be set."""
+
+import socket
+from contextlib import AsyncExitStack
+
+import uvicorn
+from prefect.server.api.server import create_app
+from prefect.settings import get_current_settings
+from starlette.types import ASGIApp
+
+from ..web_guard.guard import Guard
+from .beside import JOBS, beside
+from .login_page import LoginPage
+
+_HOST = "127.0.0.1"
+
+
+def make_application(port: int, auth_string: str) -> ASGIApp:
+    """Makes the application that answers at a port of 127.0.0.1.
+
+    Args:
+        port: the port.
+        auth_string: what every request to Prefect's API has to carry.
+    """
+    return Guard(LoginPage(create_app(final=True), f"http://{_HOST}:{port}", auth_string))
+
+
+def run(port: int, auth_string: str) -> None:
+    """Serves at a port of 127.0.0.1 until SIGTERM or SIGINT.
+
+    Args:
+        port: the port.
+        auth_string: what every request to Prefect's API has to carry.
+    """
+    prefect = get_current_settings().server.api
+    config = uvicorn.Config(
+        make_application(port, auth_string),
+        host=_HOST,
+        port=port,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_keep_alive=prefect.keepalive_timeout,
+        ws_ping_interval=prefect.websocket_ping_interval,
+        ws_ping_timeout=prefect.websocket_ping_timeout,
+    )
+    _Server(config, f"http://{_HOST}:{port}/api", auth_string).run()
+
+
+class _Server(uvicorn.Server):
+    """uvicorn's server, with our jobs beside it while it answers."""
+
+    def __init__(self, config: uvicorn.Config, api_url: str, auth_string: str) -> None:
+        super().__init__(config)
+        self._api_url = api_url
+        self._auth_string = auth_string
+        self._beside = AsyncExitStack()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts to answer, then starts the jobs."""
+        await super().startup(sockets)
+        if self.started:
+            await self._beside.enter_async_context(beside(JOBS, self._api_url, self._auth_string))
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends the jobs, then the server."""
+        await self._beside.aclose()
+        await super().shutdown(sockets)
