@@ -1,100 +1,113 @@
-"""A headless Chromium that tests drive over its DevTools socket: pages of any width, scripts, pictures."""
+"""A real browser without a window: opens pages, waits for what they show, takes pictures (DevTools protocol)."""
 
 import base64
-import contextlib
 import itertools
 import json
 import shutil
+import signal
 import subprocess
-import tempfile
 import time
-from collections.abc import Iterator
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import httpx
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from helpers.required_programs import needs
 
-EXECUTABLE = next(
+CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
 )
-"""Chromium's path; empty where there is none."""
-
-needs_browser = needs("chromium", EXECUTABLE, "no Chromium on this machine: chromium, google-chrome not in PATH")
-
-_START_S = 60.0
-_ANSWER_S = 60.0
+NEEDS_BROWSER = needs("chromium", CHROMIUM, "no Chromium on this machine: chromium, google-chrome not in PATH")
+_PATIENCE_S = 90.0
 
 
 class Page:
-    """One open tab.
+    """One tab.
+
+    Args:
+        socket: its DevTools.
 
     Attributes:
-        complaints: What the page wrote to its console as an error or a warning, and exceptions that it did not catch.
+        complaints: Errors and warnings on the page's console, and exceptions that it did not catch.
     """
 
     def __init__(self, socket: ClientConnection) -> None:
         self.complaints: list[str] = []
         self._socket = socket
         self._numbers = itertools.count(1)
-        for domain in ("Page", "Runtime", "Log"):
+        for domain in ("Runtime", "Log"):
             self.send(f"{domain}.enable")
 
     def send(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Sends one command of the DevTools protocol, and returns its result."""
+        """Sends a command of the DevTools protocol and returns its result."""
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
-        while (message := json.loads(self._socket.recv(timeout=_ANSWER_S))).get("id") != number:
+        while True:
+            message = json.loads(self._socket.recv(timeout=_PATIENCE_S))
+            if message.get("id") == number:
+                assert "error" not in message, message["error"]
+                return message["result"]
             self._note(message)
-        if "error" in message:
-            raise RuntimeError(f"{method}: {message['error']['message']}")
-        return message["result"]
 
-    def resize(self, width: int, height: int) -> None:
-        """Makes the page as large as a window or a phone, in CSS pixels; windows themselves have a least width."""
-        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+    def go(self, url: str) -> None:
+        """Begins to load a page, as if its address was typed."""
+        self.send("Page.navigate", url=url)
 
-    def open(self, address: str, wait_s: float = _START_S) -> None:
-        """Opens an address, and waits until it is loaded."""
-        self.send("Page.navigate", url=address)
-        here = address.partition("#")[0]
-        self.wait(f"document.readyState === 'complete' && location.href.startsWith({json.dumps(here)})", wait_s)
+    def load(self, url: str, width: int, height: int = 1000) -> None:
+        """Loads a page of a size in CSS pixels; windows themselves have a least width."""
+        self._resize(width, height)
+        self.go(url)
+        self.wait(
+            lambda page: page.address.partition("#")[0] == url.partition("#")[0]
+            and page.evaluate("document.readyState") == "complete",
+            url,
+        )
 
-    def run(self, script: str) -> Any:
-        """Evaluates an expression, waits for it if it is a promise, and returns its value.
-
-        Raises:
-            RuntimeError: it threw.
-        """
+    def evaluate(self, script: str) -> Any:
+        """The value of an expression in the page; promises are waited for."""
         answer = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
-        if problem := answer.get("exceptionDetails"):
-            raise RuntimeError(problem.get("exception", {}).get("description") or problem["text"])
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
-    def wait(self, condition: str, timeout_s: float = _START_S) -> None:
-        """Waits until an expression is true.
+    @property
+    def text(self) -> str:
+        """What the page shows."""
+        return self.evaluate("document.body ? document.body.innerText : ''") or ""
 
-        Raises:
-            TimeoutError: it was not; says what the page shows.
-        """
-        deadline = time.monotonic() + timeout_s
+    @property
+    def address(self) -> str:
+        """What the address bar shows."""
+        return self.evaluate("location.href")
+
+    def wait(self, probe: Callable[["Page"], Any], what: str) -> Any:
+        """Asks until the answer is true, and returns it; pages in between count as no answer."""
+        deadline = time.monotonic() + _PATIENCE_S
         while True:
-            # While a page gives way to the next there is nothing to ask.
-            with contextlib.suppress(RuntimeError):
-                if self.run(f"Boolean({condition})"):
-                    return
-            if time.monotonic() > deadline:
-                shown = self.run("document.body ? document.body.innerText.slice(0, 2000) : ''")
-                raise TimeoutError(f"{condition} was not true within {timeout_s:g} s; the page shows:\n{shown}")
-            time.sleep(0.1)
+            try:
+                if answer := probe(self):
+                    return answer
+            except AssertionError:
+                answer = None  # the page is being replaced by another
+            assert time.monotonic() < deadline, f"waited for {what} at {self.address}:\n{self.text}"
+            time.sleep(0.2)
 
-    def picture(self, path: Path, whole: bool = True) -> Path:
-        """Writes a PNG of the page: all of it, or what fits into the window."""
-        shot = self.send("Page.captureScreenshot", captureBeyondViewport=whole)
-        path.write_bytes(base64.b64decode(shot["data"]))
-        return path
+    def wait_for_text(self, *words: str) -> str:
+        """Waits until the page shows all words, and returns what it shows."""
+        return self.wait(lambda page: (text := page.text) and all(w in text for w in words) and text, repr(words))
+
+    def picture(self, path: Path, width: int, height: int = 1000) -> None:
+        """Takes a picture of the page in a window of a size."""
+        self._resize(width, height)
+        time.sleep(1.0)  # pages lay themselves out anew
+        path.write_bytes(base64.b64decode(self.send("Page.captureScreenshot")["data"]))
+        self.send("Emulation.clearDeviceMetricsOverride")
+
+    def _resize(self, width: int, height: int) -> None:
+        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def _note(self, event: dict[str, Any]) -> None:
         parameters = event.get("params", {})
@@ -104,35 +117,63 @@ class Page:
             self.complaints.append(str(parameters["entry"]["text"]))
 
 
-@contextlib.contextmanager
-def browser(*options: str) -> Iterator[Page]:
-    """Starts a browser with a fresh profile, gives its only page, and ends it.
+class Browser:
+    """A running browser.
 
     Args:
-        options: More command line options, such as `--host-resolver-rules=…`.
+        port: of its DevTools.
     """
-    with tempfile.TemporaryDirectory(prefix="chromium-", ignore_cleanup_errors=True) as profile:
-        command = [
-            EXECUTABLE, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
-            "--disable-background-networking", "--hide-scrollbars", "--remote-debugging-port=0",
-            "--remote-allow-origins=*", f"--user-data-dir={profile}", *options, "about:blank",
-        ]  # fmt: skip
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def __init__(self, port: int) -> None:
+        self._url = f"127.0.0.1:{port}"
+
+    @contextmanager
+    def page(self, url: str = "about:blank") -> Iterator[Page]:
+        """A new tab."""
+        request = urllib.request.Request(f"http://{self._url}/json/new?about:blank", method="PUT")
+        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
+            target = json.load(answer)
+        with connect(target["webSocketDebuggerUrl"], max_size=None, open_timeout=_PATIENCE_S) as socket:
+            page = Page(socket)
+            page.go(url)
+            yield page
+            with suppress(ConnectionClosed):
+                page.send("Page.close")
+
+
+@contextmanager
+def browsing(profile: Path, *options: str) -> Iterator[Browser]:
+    """A browser with an empty profile.
+
+    Args:
+        profile: folder for what it keeps.
+        *options: further options of Chromium.
+    """
+    command = [
+        CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
+        "--no-first-run", "--disable-background-networking", f"--user-data-dir={profile}", "--remote-debugging-port=0",
+        "--window-size=1280,1000", *options, "about:blank",
+    ]  # fmt: skip
+    profile.mkdir(parents=True, exist_ok=True)
+    with (
+        (profile / "browser.log").open("wb") as log,
+        subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True) as process,
+    ):
         try:
-            port = _port(Path(profile) / "DevToolsActivePort", process)
-            tabs = httpx.get(f"http://127.0.0.1:{port}/json/list").json()
-            address = next(tab["webSocketDebuggerUrl"] for tab in tabs if tab["type"] == "page")
-            with connect(address, max_size=None) as socket:
-                yield Page(socket)
+            yield Browser(_port(profile, process))
         finally:
-            process.terminate()
-            process.wait(30)
+            process.send_signal(signal.SIGTERM)
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
 
-def _port(file: Path, process: subprocess.Popen[bytes]) -> int:
-    deadline = time.monotonic() + _START_S
-    while not (file.exists() and file.read_text().strip()):
-        if process.poll() is not None or time.monotonic() > deadline:
-            raise RuntimeError("Chromium did not start")
-        time.sleep(0.05)
-    return int(file.read_text().split()[0])
+def _port(profile: Path, process: subprocess.Popen[bytes]) -> int:
+    deadline = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            return int((profile / "DevToolsActivePort").read_text().splitlines()[0])
+        except (OSError, IndexError, ValueError):
+            time.sleep(0.1)
+    raise AssertionError(f"Chromium did not start: {(profile / 'browser.log').read_text(errors='replace')[-2000:]}")

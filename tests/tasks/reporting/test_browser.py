@@ -4,17 +4,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.browser import EXECUTABLE, browser, needs_browser
+from helpers.browser import CHROMIUM, NEEDS_BROWSER, browsing
 from PIL import Image, ImageStat
 
 from prefect_robomaker.tasks.reporting import write_report
 
-pytestmark = needs_browser
+pytestmark = NEEDS_BROWSER
 
 
 def _browse(page: Path, profile: Path, *options: str) -> subprocess.CompletedProcess[str]:
     command = [
-        EXECUTABLE, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
+        CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
         "--no-first-run", "--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={profile}",
         *options, page.as_uri(),
     ]  # fmt: skip
@@ -63,13 +63,12 @@ def test_a_click_on_a_column_sorts_the_table_with_gaps_last(page: Path, tmp_path
 
 @pytest.mark.parametrize("width", [400, 1200])
 def test_no_table_has_to_be_scrolled_sideways(page: Path, tmp_path: Path, width: int) -> None:
-    with browser() as tab:
-        tab.resize(width, 1000)
-        tab.open(page.as_uri())
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        tab.load(page.as_uri(), width)
         tables = "[...document.querySelectorAll('.scroll')]"
         assert (
-            tab.run(f"{tables}.filter(each => each.scrollWidth > each.clientWidth).map(each => each.outerHTML)") == []
+            tab.evaluate(f"{tables}.filter(each => each.scrollWidth > each.clientWidth).map(each => each.outerHTML)") == []
         )
-        assert tab.run("document.documentElement.scrollWidth") <= width
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
         assert tab.complaints == []
-        tab.picture(tmp_path / f"report-{width}.png")
+        tab.picture(tmp_path / f"report-{width}.png", width)

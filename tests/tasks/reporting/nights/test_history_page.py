@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.browser import browser, needs_browser
+from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.night_records import make_job, make_night
 from PIL import Image
 
@@ -109,19 +109,18 @@ def test_a_strip_has_a_box_for_each_outcome() -> None:
     assert "2 passed, 1 failed, 1 no verdict" in strip
 
 
-@needs_browser
+@NEEDS_BROWSER
 @pytest.mark.parametrize("width", [400, 1280])
 def test_a_browser_shows_the_page_without_scrolling_sideways(tmp_path: Path, width: int) -> None:
     path = write_history(history("PPPPP", "PFPEP", "PFFPP", "CCCCC", "PFPPF"), tmp_path / "history.html")
-    with browser() as tab:
-        tab.resize(width, 1000)
-        tab.open(path.as_uri())
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        tab.load(path.as_uri(), width)
         wide = "[...document.querySelectorAll('.scroll')].filter(each => each.scrollWidth > each.clientWidth)"
-        assert tab.run(f"{wide}.map(each => each.outerHTML)") == []
-        assert tab.run("document.documentElement.scrollWidth") <= width
-        assert tab.run("document.querySelectorAll('.chart .night .point').length") == 4
-        assert tab.run("document.querySelector('.chart').getBoundingClientRect().width") > 0.7 * width
-        assert tab.run("document.querySelector('td .nights').getBoundingClientRect().width") > 90
+        assert tab.evaluate(f"{wide}.map(each => each.outerHTML)") == []
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+        assert tab.evaluate("document.querySelectorAll('.chart .night .point').length") == 4
+        assert tab.evaluate("document.querySelector('.chart').getBoundingClientRect().width") > 0.7 * width
+        assert tab.evaluate("document.querySelector('td .nights').getBoundingClientRect().width") > 90
         assert tab.complaints == []
         picture = tab.picture(tmp_path / f"history-{width}.png")
     with Image.open(picture) as opened:
