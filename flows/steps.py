@@ -21,6 +21,7 @@ from ..schemas.wire.base import Shape
 from ..tasks.execution.artifacts import shown_progress
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
+from .parameter_forms import describe_parameters
 
 Parameters = ParamSpec("Parameters")
 
@@ -30,6 +31,7 @@ _logger = logging.getLogger(__name__)
 def operation_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
     """Makes a function the flow of the operation it is named after; its parameters are the request's members."""
     name = function.__name__
+    describe_parameters(function, OPERATIONS[name].request)
     # The request model checks more, and says it better, than a generic validation of parameters.
     return flow(name=name, description=OPERATIONS[name].description, validate_parameters=False)(function)
 

@@ -22,8 +22,6 @@ def main() -> None:
 
     # Prefect reads its settings when it is imported.
     os.environ.update(server_variables(server_folder(settings), port, secret))
-    for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_API_KEY", "PREFECT_PROFILE"):
-        os.environ.pop(name, None)  # the server is no client
     from .server_process import run
 
     run(port, secret)

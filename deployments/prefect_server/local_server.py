@@ -30,6 +30,7 @@ from .secret import auth_string, server_folder
 
 START_TIMEOUT_S = 180.0
 _PROGRAM = "prefect_robomaker.deployments.prefect_server"
+_CLIENT_VARIABLES = ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_API_KEY", "PREFECT_PROFILE")
 _OLD_PROGRAM = ("prefect", "server", "start")
 """What earlier versions started: a server without a guard."""
 
@@ -85,9 +86,8 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
     """
     given = os.environ if environ is None else environ
     variables = {"PREFECT_API_URL": api_url}
-    configured = configured_api_url(given)
     # One's own server may also be named by PREFECT_API_URL; what logs in elsewhere is for its user to say.
-    if configured is None or (api_url == _known_server(settings).api_url and not given.get("PREFECT_API_AUTH_STRING")):
+    if configured_api_url(given) is None or api_url == _known_server(settings).api_url:
         variables["PREFECT_API_AUTH_STRING"] = auth_string(settings)
     return variables
 
@@ -132,7 +132,7 @@ def _start(settings: Settings) -> str:
     with log.open("wb") as output:
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", _PROGRAM, "--port", str(port)],
-            env={**os.environ, "ROBOMAKER_HOME": str(settings.home)},
+            env={**_without_client_variables(os.environ), "ROBOMAKER_HOME": str(settings.home)},
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -153,6 +153,11 @@ def _start(settings: Settings) -> str:
     # The server outlives this process on purpose, so it is not waited for.
     process.returncode = 0
     return api_url
+
+
+def _without_client_variables(environ: Mapping[str, str]) -> dict[str, str]:
+    """What a server inherits: it is no client of another one, and reads its secret from the file."""
+    return {name: value for name, value in environ.items() if name not in _CLIENT_VARIABLES}
 
 
 def _stop(settings: Settings) -> bool:

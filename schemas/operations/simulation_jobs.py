@@ -118,7 +118,7 @@ class SimulationJobRequestMembers(Shape):
     compute: Compute | None = Field(default=None, description="What the job may use of the machine.")
     seed: Seed | None = Field(default=None, description="Extension: seed of the run's random generators.")
     video: VideoPolicy | None = Field(
-        default=None, description="Extension: whether a video is made, always or if the run fails."
+        default=None, description="Extension: whether a video is made: none (the default), always, or if the run fails."
     )
     requirements: JobRequirements | None = Field(
         default=None, description="Extension: what the robot has to do, or must not do, for the verdict PASS."

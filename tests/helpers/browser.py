@@ -99,12 +99,16 @@ class Page:
         """Waits until the page shows all words, and returns what it shows."""
         return self.wait(lambda page: (text := page.text) and all(w in text for w in words) and text, repr(words))
 
-    def picture(self, path: Path, width: int, height: int = 1000) -> None:
-        """Takes a picture of the page in a window of a size."""
-        self._resize(width, height)
-        time.sleep(1.0)  # pages lay themselves out anew
-        path.write_bytes(base64.b64decode(self.send("Page.captureScreenshot")["data"]))
-        self.send("Emulation.clearDeviceMetricsOverride")
+    def picture(self, path: Path, width: int | None = None, height: int = 1000) -> Path:
+        """Takes a picture of the page in a window of a size; without a size of all of it, as it is."""
+        if width is not None:
+            self._resize(width, height)
+            time.sleep(1.0)  # pages lay themselves out anew
+        shot = self.send("Page.captureScreenshot", captureBeyondViewport=width is None)
+        path.write_bytes(base64.b64decode(shot["data"]))
+        if width is not None:
+            self.send("Emulation.clearDeviceMetricsOverride")
+        return path
 
     def _resize(self, width: int, height: int) -> None:
         self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)

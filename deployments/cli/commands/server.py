@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ....schemas.settings import Settings
 
+_SECRET = "PREFECT_API_AUTH_STRING"  # noqa: S105 - a name
+_PAGES = "Its pages, for one login within ten minutes: "
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
@@ -40,15 +43,14 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _start(settings: "Settings") -> int:
-    from ...prefect_server.local_server import configured_api_url
+    from ...prefect_server.local_server import client_variables
     from ..prefect_server import pages, use_server
 
-    ours = configured_api_url(os.environ) is None
+    given = dict(os.environ)
     url = use_server(settings)
     sys.stdout.write(url + "\n")
-    if ours:
-        link = pages(url, os.environ.get("PREFECT_API_AUTH_STRING"))
-        sys.stderr.write(f"Its pages, for one login within ten minutes: {link}\n")
+    if secret := client_variables(url, settings, given).get(_SECRET):
+        sys.stderr.write(f"{_PAGES}{pages(url, secret)}\n")
         sys.stderr.write('So that the prefect command finds it: eval "$(robomaker server env)"\n')
     return 0
 
@@ -72,7 +74,6 @@ def _status(settings: "Settings") -> int:
     sys.stdout.write(described(status) + "\n")
     if not status.running:
         return 3
-    variables = client_variables(str(status.api_url), settings)
-    if secret := variables.get("PREFECT_API_AUTH_STRING"):
-        sys.stdout.write(f"Its pages, for one login within ten minutes: {pages(str(status.api_url), secret)}\n")
+    if secret := client_variables(str(status.api_url), settings).get(_SECRET):
+        sys.stdout.write(f"{_PAGES}{pages(str(status.api_url), secret)}\n")
     return 0

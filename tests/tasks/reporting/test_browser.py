@@ -71,4 +71,4 @@ def test_no_table_has_to_be_scrolled_sideways(page: Path, tmp_path: Path, width:
         )
         assert tab.evaluate("document.documentElement.scrollWidth") <= width
         assert tab.complaints == []
-        tab.picture(tmp_path / f"report-{width}.png", width)
+        tab.picture(tmp_path / f"report-{width}.png")

@@ -1,0 +1,98 @@
+"""Prefect's own command and workers use the local server, as documented; without its secret nothing does."""
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers.paths import REPOSITORY
+from helpers.prefect_server import server_settings
+from helpers.processes import alive, process_worker
+
+from prefect_robomaker.deployments.prefect_server.local_server import server_status
+from prefect_robomaker.deployments.prefect_server.secret import auth_string
+
+MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
+
+
+def run(environ: dict[str, str], *command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command, env=environ, cwd=REPOSITORY, capture_output=True, text=True, check=False, timeout=200
+    )
+
+
+@pytest.fixture
+def environ(prefect_server: str, tmp_path: Path) -> dict[str, str]:
+    """A user's environment that knows the data home, and nothing of Prefect."""
+    del prefect_server
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    own = {"ROBOMAKER_HOME": str(server_settings().home), "PREFECT_HOME": str(tmp_path / "prefect")}
+    return {**kept, **own, "HOME": str(tmp_path), "PREFECT_WORKER_QUERY_SECONDS": "1"}
+
+
+def exported(environ: dict[str, str]) -> dict[str, str]:
+    """What `robomaker server env` exports."""
+    printed = run(environ, *MAIN, "server", "env")
+    assert printed.returncode == 0, printed.stderr
+    words = (shlex.split(line) for line in printed.stdout.splitlines())
+    return dict(word.split("=", 1) for export, word in words if export == "export")
+
+
+def test_env_prints_what_other_programs_need(environ: dict[str, str], prefect_server: str) -> None:
+    variables = exported(environ)
+
+    assert variables == {"PREFECT_API_URL": prefect_server, "PREFECT_API_AUTH_STRING": auth_string(server_settings())}
+    # Also to somebody who has exported the address alone, or an old secret.
+    assert exported({**environ, "PREFECT_API_URL": prefect_server}) == variables
+    assert exported({**environ, **variables, "PREFECT_API_AUTH_STRING": "robomaker:old"}) == variables
+    elsewhere = {"PREFECT_API_URL": "http://127.0.0.1:1/api"}
+    assert run({**environ, **elsewhere}, *MAIN, "server", "env").returncode == 2
+
+
+@pytest.mark.slow
+def test_a_deployment_is_made_and_run_by_prefects_command(environ: dict[str, str], tmp_path: Path) -> None:
+    known = {**environ, **exported(environ)}
+    prefect = [sys.executable, "-m", "prefect"]
+    stranger = {**environ, "PREFECT_API_URL": known["PREFECT_API_URL"]}
+    refused = run(stranger, *prefect, "work-pool", "create", "of-a-stranger", "--type", "process")
+    assert refused.returncode != 0
+    assert "401" in refused.stdout + refused.stderr
+
+    for words in (
+        ["work-pool", "create", "robomaker-env", "--type", "process"],
+        ["--no-prompt", "deploy", "--name", "CreateWorldTemplate/robomaker", "--prefect-file",
+         "deployments/prefect.yaml", "--pool", "robomaker-env"],
+    ):  # fmt: skip
+        made = run(known, *prefect, *words)
+        assert made.returncode == 0, made.stdout + made.stderr
+    with process_worker("robomaker-env", known, tmp_path / "worker.log"):
+        parameters = '{"name": "by the command", "templateBody": "{}"}'
+        ordered = run(
+            known, *prefect, "deployment", "run", "CreateWorldTemplate/robomaker", "--params", parameters, "--watch"
+        )
+
+    assert ordered.returncode == 0, ordered.stdout + ordered.stderr + (tmp_path / "worker.log").read_text()
+    assert "Completed" in ordered.stdout
+    pools = run(known, *prefect, "work-pool", "ls").stdout
+    assert "robomaker-env" in pools
+    assert "of-a-stranger" not in pools
+
+
+def test_the_secret_is_in_no_command_line_and_in_no_log(environ: dict[str, str]) -> None:
+    secret = auth_string(server_settings()).partition(":")[2]
+    status = server_status(server_settings(), {})
+    assert status.pid is not None
+    assert alive({status.pid})
+
+    for process in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            assert secret.encode() not in process.read_bytes()
+        except OSError:
+            continue  # it has ended
+    assert secret not in Path(f"/proc/{status.pid}/environ").read_text()
+    assert secret not in Path(str(status.log)).read_text()
+    for words in (["server", "status"], ["server", "start"], ["doctor"]):
+        told = run(environ, *MAIN, *words)
+        assert secret not in told.stdout + told.stderr

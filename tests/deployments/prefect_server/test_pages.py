@@ -1,0 +1,233 @@
+"""The pages of the local server, seen in Chromium by a user who came by the printed link."""
+
+import json
+import os
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.browser import NEEDS_BROWSER, Browser, Page, browsing
+from helpers.prefect_server import server_settings
+from helpers.processes import wait_for
+from helpers.small_flat import BODY, ROLE
+
+from prefect_robomaker.deployments.prefect_server.secret import auth_string
+
+pytestmark = [pytest.mark.slow, NEEDS_BROWSER]
+
+MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
+NAME = f"seen-{uuid.uuid4().hex[:8]}"
+SPEC = {
+    "version": 1,
+    "name": NAME,
+    "steps": {
+        "template": {"operation": "CreateWorldTemplate", "input": {"name": "two rooms", "templateBody": BODY}},
+        "worlds": {
+            "operation": "CreateWorldGenerationJob",
+            "input": {
+                "template": "${{ template.arn }}",
+                "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1},
+                "seed": 7,
+            },
+        },
+    },
+}
+
+
+def status() -> str:
+    """What `robomaker server status` prints."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    environ = {**kept, "ROBOMAKER_HOME": str(server_settings().home), "PREFECT_HOME": str(server_settings().home)}
+    command = [*MAIN, "server", "status"]
+    return subprocess.run(command, env=environ, capture_output=True, text=True, check=True, timeout=60).stdout
+
+
+def link() -> str:
+    """The link that logs a browser in."""
+    return status().split()[-1]
+
+
+def click(page: Page, text: str, role: str = "tab") -> None:
+    """Clicks what has a text, as a mouse does."""
+    page.evaluate(
+        f"(() => {{ const those = [...document.querySelectorAll({json.dumps(f'[role={role}], {role}')})];"
+        f" const it = those.find((each) => each.innerText.trim().startsWith({json.dumps(text)}));"
+        " for (const kind of ['mousedown', 'mouseup', 'click'])"
+        " it.dispatchEvent(new MouseEvent(kind, {bubbles: true, button: 0})); })()"
+    )
+
+
+def focus(page: Page, label: str) -> None:
+    """Puts the focus where a label belongs to."""
+    page.evaluate(
+        "(() => { const those = [...document.querySelectorAll('label')];"
+        f" const it = those.find((each) => each.innerText.trim().startsWith({json.dumps(label)}));"
+        " document.getElementById(it.htmlFor).focus(); })()"
+    )
+
+
+def press(page: Page, key: str, code: int) -> None:
+    """Presses a key."""
+    for kind in ("rawKeyDown", "keyUp"):
+        page.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+
+
+def task_runs_below(name: str) -> set[str]:
+    """The task runs of the subflows of a flow run, as far as the server knows them; none before the last one."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName, FlowRunFilterParentFlowRunId
+
+    with get_client(sync_client=True) as client:
+        (run,) = client.read_flow_runs(flow_run_filter=FlowRunFilter(name=FlowRunFilterName(any_=[name])))
+        below = FlowRunFilter(parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[run.id]))
+        names = {task.name for task in client.read_task_runs(flow_run_filter=below)}
+    return names if any(each.startswith("upload-") for each in names) else set()
+
+
+@pytest.fixture(scope="module")
+def browser(prefect_server: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A browser whose user has followed the link."""
+    with browsing(tmp_path_factory.mktemp("browser") / "profile") as browser:
+        with browser.page(link()) as page:
+            page.wait(lambda page: "/dashboard" in page.address, "the dashboard")
+        yield browser
+
+
+def test_a_link_logs_one_browser_in(prefect_server: str, tmp_path: Path) -> None:
+    printed = link()
+    assert auth_string(server_settings()).partition(":")[2] not in printed
+    with browsing(tmp_path / "first") as first:
+        with first.page(printed) as page:
+            page.wait(lambda page: "/dashboard" in page.address, "the dashboard")
+            page.wait_for_text("Dashboard", "Runs")
+            assert "password" not in page.text.lower()
+        with first.page(printed) as page:  # from a bookmark, say
+            page.wait(lambda page: "/dashboard" in page.address, "the dashboard, without a new link")
+
+    with browsing(tmp_path / "second") as second, second.page(printed) as page:
+        page.wait_for_text("does not work any more", "robomaker server status")
+        assert printed.partition("#")[2] not in page.address
+        assert page.evaluate("localStorage.getItem('prefect-password')") is None
+
+
+def test_a_run_is_listed_with_its_tasks_logs_and_artifacts(
+    browser: Browser, prefect_server: str, tmp_path: Path
+) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(json.dumps(SPEC))
+    environ = {**os.environ, "ROBOMAKER_HOME": str(tmp_path / "home"), "PREFECT_API_URL": prefect_server, "CI": "true"}
+    ended = subprocess.run(
+        [*MAIN, "run", str(spec)], env=environ, capture_output=True, text=True, check=False, timeout=280
+    )
+    assert ended.returncode == 0, ended.stderr
+    wait_for(lambda: task_runs_below(str(spec)), "its task runs, which reach the server late")
+    pages = next(line.split()[-1] for line in ended.stdout.splitlines() if line.startswith("  prefect"))
+
+    with browser.page(pages) as page:
+        page.wait(lambda page: "/dashboard" in page.address, "the dashboard")
+        page.go(f"{prefect_server.removesuffix('/api')}/v2/runs")
+        page.wait_for_text(str(spec))
+        assert "Can't connect" not in page.text
+        click(page, str(spec), "a")
+        page.wait_for_text("Completed", "RunPipeline", "Finished in state Completed")  # its log
+        click(page, "Artifacts")
+        page.wait_for_text("MARKDOWN")
+        page.picture(tmp_path / "artifacts.png", 400)
+        click(page, "Subflow Runs")
+        page.wait_for_text("generation-")
+        click(page, "generation-", "a")
+        page.wait_for_text("PerformWorldGenerationJob", "Parent Run")
+        click(page, "Task Runs")
+        page.wait_for_text("/world-1", "upload-")
+
+
+def test_limits_are_shown(browser: Browser, prefect_server: str) -> None:
+    from prefect_robomaker.tasks.execution.slots import Slots
+
+    name = f"robomaker-{NAME}"
+    with Slots(name, 3, 2) as slots:
+        with browser.page(f"{prefect_server.removesuffix('/api')}/v2/concurrency-limits") as page:
+            page.wait_for_text("Global Concurrency Limits", name)
+        slots.remove()
+
+
+@pytest.fixture
+def form(browser: Browser, prefect_server: str) -> Iterator[Any]:
+    """Opens the form of an operation's deployment."""
+    from prefect.client.orchestration import get_client
+    from prefect.utilities.callables import parameter_schema
+
+    from prefect_robomaker import flows
+
+    made: list[Any] = []
+
+    def open_form(operation: str) -> tuple[Any, str]:
+        flow = getattr(__import__(f"{flows.__name__}.{RESOURCES[operation]}", fromlist=[operation]), operation)
+        with get_client(sync_client=True) as client:
+            schema = parameter_schema(flow).model_dump(exclude_unset=True)
+            deployment = client.create_deployment(
+                client.create_flow(flow), f"form-{uuid.uuid4().hex}", parameter_openapi_schema=schema,
+                enforce_parameter_schema=True,
+            )  # fmt: skip
+        made.append(deployment)
+        return deployment, f"{prefect_server.removesuffix('/api')}/v2/deployments/deployment/{deployment}/run"
+
+    yield open_form
+    with get_client(sync_client=True) as client:
+        for deployment in made:
+            client.delete_deployment(deployment)
+
+
+RESOURCES = {"CreateSimulationJob": "simulation_jobs", "StartSimulationJobBatch": "simulation_job_batches"}
+
+
+def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(
+    browser: Browser, form: Any, tmp_path: Path
+) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterId
+
+    deployment, address = form("CreateSimulationJob")
+    with browser.page(address) as page:
+        text = page.wait_for_text("clientRequestToken")
+        for name, description in {
+            "maxJobDurationInSeconds": "Wall-clock limit in seconds",
+            "failureBehavior (Optional)": "After a crash Fail (the default) ends the job",
+            "compute (Optional)": "What the job may use of the machine.",
+            "video (Optional)": "Extension: whether a video is made: none (the default)",
+        }.items():
+            assert f"{name}\n\n{description}" in text or f"{name}\n{description}" in text, text
+        assert "maxJobDurationInSeconds (Optional)" not in text
+        focus(page, "maxJobDurationInSeconds")
+        page.send("Input.insertText", text="60")
+        focus(page, "iamRole")
+        page.send("Input.insertText", text=ROLE)
+        focus(page, "video")
+        press(page, "Enter", 13)
+        page.wait_for_text("on-failure", "always")
+        page.picture(tmp_path / "form.png", 400)
+        press(page, "Escape", 27)
+        click(page, "Submit", "button")
+
+        def ordered(_: Page) -> Any:
+            with get_client(sync_client=True) as client:
+                wanted = DeploymentFilter(id=DeploymentFilterId(any_=[deployment]))
+                return client.read_flow_runs(deployment_filter=wanted)
+
+        (run,) = page.wait(ordered, "the run of the form")
+    given = {name: value for name, value in run.parameters.items() if value not in (None, [], {})}
+    assert given == {"maxJobDurationInSeconds": 60, "iamRole": ROLE}
+
+
+def test_the_form_of_a_batch_describes_its_parameters(browser: Browser, form: Any) -> None:
+    _, address = form("StartSimulationJobBatch")
+    with browser.page(address) as page:
+        text = page.wait_for_text("createSimulationJobRequests", "batchPolicy (Optional)", "tags (Optional)")
+
+    assert "The jobs, 1 to 1000, in order." in text
+    assert "Limits of the batch." in text
+    assert "createSimulationJobRequests (Optional)" not in text
