@@ -29,7 +29,7 @@ def environ(prefect_server: str, tmp_path: Path) -> dict[str, str]:
     del prefect_server
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
     own = {"ROBOMAKER_HOME": str(server_settings().home), "PREFECT_HOME": str(tmp_path / "prefect")}
-    return {**kept, **own, "HOME": str(tmp_path), "PREFECT_WORKER_QUERY_SECONDS": "1"}
+    return {**kept, **own, "HOME": str(tmp_path), "PREFECT_WORKER_QUERY_SECONDS": "1", "COLUMNS": "200"}
 
 
 def exported(environ: dict[str, str]) -> dict[str, str]:

@@ -1,0 +1,39 @@
+"""The server's log has no traceback; the fixture `prefect_server` looks at it again when all tests are done."""
+
+from helpers.prefect_server import server_settings, tracebacks
+
+LOCKED = """\
+Traceback (most recent call last):
+  File "a.py", line 1, in <module>
+    write()
+sqlite3.OperationalError: database is locked
+
+The above exception was the direct cause of the following exception:
+
+Traceback (most recent call last):
+  File "b.py", line 2, in f
+    raise Other
+
+sqlalchemy.exc.OperationalError: (sqlite3.OperationalError) database is locked
+[SQL: UPDATE flow_run]
+"""
+DEFECT = """\
+12:00:00 ERROR | prefect.server.services.scheduler - Unexpected error
+Traceback (most recent call last):
+  File "a.py", line 1, in <module>
+    evaluate()
+InvalidRequestError: Can't evaluate bulk DML statement
+12:00:01 INFO | fine
+"""
+
+
+def test_tracebacks_are_found_but_for_those_of_a_locked_database() -> None:
+    assert tracebacks("") == []
+    assert tracebacks(LOCKED) == []
+    (found,) = tracebacks(LOCKED + DEFECT + LOCKED)
+    assert found.endswith("InvalidRequestError: Can't evaluate bulk DML statement")
+
+
+def test_the_server_has_logged_none(prefect_server: str) -> None:
+    del prefect_server
+    assert not tracebacks((server_settings().home / "prefect" / "server.log").read_text(errors="replace"))
