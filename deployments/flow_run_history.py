@@ -13,7 +13,7 @@ from typing import Any
 from ..schemas.reports.retention import GcFlowRuns, RetentionPolicy
 from ..schemas.settings import Settings
 from ..tasks.operations.registry import registry
-from .local_server import server_status
+from .prefect_server.local_server import client_variables, server_status
 
 _NO_PROFILE = {"PREFECT_PROFILES_PATH": os.devnull}
 _PAGE = 50
@@ -40,7 +40,7 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
     chosen = _filters(policy, now - policy.older_than)
     count = 0
     try:
-        with _client(str(status.api_url)) as client:
+        with _client(str(status.api_url), settings) as client:
             count = client.count_flow_runs(**chosen)
             if act:
                 _remove(client, chosen)
@@ -66,7 +66,7 @@ def _filters(policy: RetentionPolicy, before: datetime) -> dict[str, Any]:
 
 def _flow_names() -> set[str]:
     operations = registry().values()
-    performing = {entry.perform_name for entry in operations if entry.performer}
+    performing = {entry.perform_name for entry in operations if entry.run_job}
     return {"RunPipeline", *performing, *(entry.name for entry in operations)}
 
 
@@ -84,9 +84,13 @@ def _remove(client: Any, chosen: dict[str, Any]) -> None:
 
 
 @contextmanager
-def _client(api_url: str) -> Iterator[Any]:
+def _client(api_url: str, settings: Settings) -> Iterator[Any]:
     from prefect.client.orchestration import get_client
-    from prefect.settings import PREFECT_API_URL, temporary_settings
+    from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
 
-    with temporary_settings({PREFECT_API_URL: api_url}), get_client(sync_client=True) as client:
+    secret = client_variables(api_url, settings, _NO_PROFILE).get("PREFECT_API_AUTH_STRING")
+    with (
+        temporary_settings({PREFECT_API_URL: api_url, PREFECT_API_AUTH_STRING: secret}),
+        get_client(sync_client=True) as client,
+    ):
         yield client

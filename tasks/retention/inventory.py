@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.run_record import RunRecord
 from ..catalog import Resource
@@ -43,8 +44,10 @@ class Unit:
     def names(self) -> set[str]:
         """ARNs of everything that it names."""
         worlds = {world for job in self.jobs.values() for world in worlds_in(job.document)}
+        # A job that took over results has none of its own.
+        origins = {origin.job for job in self.jobs.values() if (origin := _origin(job))}
         steps = self.record.steps if self.record else []
-        return worlds | {*self.orders, *self.jobs} | {arn for step in steps for arn in worlds_in(step.output)}
+        return worlds | origins | {*self.orders, *self.jobs} | {arn for step in steps for arn in worlds_in(step.output)}
 
 
 def find_runs(service: Service) -> list[Unit]:
@@ -172,6 +175,10 @@ def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dic
         if resource.kind == BATCH:
             found |= {job.arn: job for job in service.catalog.children(arn, JOB)}
     return found | service.catalog.get_many(orders)
+
+
+def _origin(job: Resource) -> ReusedFrom | None:
+    return SimulationJobDocument.of(job).reused_from if job.kind == JOB else None
 
 
 def _kind(arn: str) -> str:

@@ -62,8 +62,10 @@ class Page:
         self._resize(width, height)
         self.go(url)
         self.wait(
-            lambda page: page.address.partition("#")[0] == url.partition("#")[0]
-            and page.evaluate("document.readyState") == "complete",
+            lambda page: (
+                page.address.partition("#")[0] == url.partition("#")[0]
+                and page.evaluate("document.readyState") == "complete"
+            ),
             url,
         )
 

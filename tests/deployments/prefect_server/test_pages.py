@@ -75,7 +75,8 @@ def choose(page: Page, label: str, kind: str) -> None:
     page.evaluate(
         "(() => { const those = [...document.querySelectorAll('label')];"
         f" let it = those.find((each) => each.innerText.trim().startsWith({json.dumps(label)}));"
-        f" const tab = () => [...it.querySelectorAll('[role=tab]')].find((each) => each.innerText === {json.dumps(kind)});"
+        " const tab = () => [...it.querySelectorAll('[role=tab]')]"
+        f".find((each) => each.innerText === {json.dumps(kind)});"
         " while (!tab()) it = it.parentElement;"
         " for (const event of ['mousedown', 'mouseup', 'click'])"
         " tab().dispatchEvent(new MouseEvent(event, {bubbles: true, button: 0})); })()"

@@ -67,7 +67,8 @@ def test_no_table_has_to_be_scrolled_sideways(page: Path, tmp_path: Path, width:
         tab.load(page.as_uri(), width)
         tables = "[...document.querySelectorAll('.scroll')]"
         assert (
-            tab.evaluate(f"{tables}.filter(each => each.scrollWidth > each.clientWidth).map(each => each.outerHTML)") == []
+            tab.evaluate(f"{tables}.filter(each => each.scrollWidth > each.clientWidth).map(each => each.outerHTML)")
+            == []
         )
         assert tab.evaluate("document.documentElement.scrollWidth") <= width
         assert tab.complaints == []

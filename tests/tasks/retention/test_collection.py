@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from helpers.s3_server import S3Server
 
-from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
 from prefect_robomaker.schemas.reports.report import RunState
 from prefect_robomaker.schemas.reports.retention import GcItem, RetentionPolicy
@@ -54,7 +54,7 @@ def service(request: pytest.FixtureRequest, settings: Settings) -> Service:
 def job(service: Service, tmp_path: Path) -> Callable[..., Resource]:
     """Stores a job that has ended, with its outputs."""
 
-    def make(job_id: str, status: str = "Completed", parent: str | None = None) -> Resource:
+    def make(job_id: str, status: str = "Completed", parent: str | None = None, of: Resource | None = None) -> Resource:
         arn, run_id = service.arn("simulation-job", job_id), f"run-{job_id}"
         place = StoredPlace(bucket=BUCKET, prefix=f"nights/{job_id}/{run_id}")
         outputs = tmp_path / "outputs" / job_id
@@ -64,6 +64,9 @@ def job(service: Service, tmp_path: Path) -> Callable[..., Resource]:
         publish(service.store, BUCKET, place.prefix, outputs, about={}, created_at=service.clock())
         location = {"s3Bucket": BUCKET, "s3Prefix": "nights"}
         document = SimulationJobDocument(request={"outputLocation": location}, seed=1, run_id=run_id, outputs=place)
+        if of is not None:
+            taken = {"outputs": SimulationJobDocument.of(of).outputs, "reused_from": ReusedFrom(job=of.arn)}
+            document = document.model_copy(update=taken)
         new = Resource.new(arn=arn, kind="simulation-job", id=job_id, status=status, parent=parent, document=document)
         service.catalog.create(new, token=None)
         return service.catalog.get(arn)
@@ -150,6 +153,17 @@ def test_what_a_kept_report_names_stays_and_is_told(service: Service, job: Any, 
     assert (item.action, item.reason) == ("remove", "1 of its jobs stay: night-2 names them")
     assert {key.split("/")[1] for key in keys(service)} == {"sim-shared"}
     assert service.catalog.get(shared.arn).status == "Completed"
+
+
+def test_results_that_a_kept_run_took_over_stay(service: Service, job: Any, night: MakeRun) -> None:
+    origin = job("sim-origin")
+    night("night-20260101T020000000", [origin], days=60)
+    night("night-20260301T020000000", [job("sim-reused", of=origin)], days=1)
+
+    collect(MONTH, service)
+
+    assert service.catalog.get(origin.arn).status == "Completed"
+    assert any("sim-origin/run-sim-origin/result.json" in key for key in keys(service))
 
 
 def test_what_two_removed_runs_name_counts_once(service: Service, job: Any, night: MakeRun) -> None:
