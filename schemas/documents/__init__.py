@@ -9,7 +9,7 @@ catalog.transition(job.arn, "complete", document_changes=WorldGenerationProgress
 A `Document` is the whole; the `Changes` it inherits from have the members that change later, and set only those that
 are given. Members are stored under camelCase names.
 
-May import: `schemas.wire`.
+May import: `schemas.runs`, `schemas.wire`.
 """
 
 __all__ = [

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from ..runs.plan import Verdict
 from .base import Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
 
@@ -18,11 +19,19 @@ class Outcome(Part):
     failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
     failure_reason: str | None = Field(default=None, description="The same in words.")
     simulation_time_millis: int | None = Field(default=None, description="How long the run took; absent: none ran.")
+    verdict: Verdict | None = Field(default=None, description="Verdict of its result; absent: none was written.")
+    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
 
     def changes(self) -> "SimulationJobProgress":
         """What of it are members of the job's document; its status is the job's own."""
-        return SimulationJobProgress(**self._members())
+        # One that lost its outputs after its run was judged has lost the verdict with them.
+        lost = {"verdict": None, "verdict_reason": None} if self.status == "Failed" else {}
+        return SimulationJobProgress(**lost, **self._members())
+
+    def about_run(self) -> dict[str, Any]:
+        """What the manifest of its outputs says of it; `result.json` beside it has the verdict."""
+        return self.model_copy(update={"verdict": None, "verdict_reason": None}).to_json()
 
     def announced(self, *, finished: bool | None) -> "SimulationJobProgress":
         """The same members, and the outcome itself, while the outputs are not stored yet.
@@ -37,7 +46,7 @@ class Outcome(Part):
         return {name: value for name in _OF_JOB if (value := getattr(self, name)) is not None}
 
 
-_OF_JOB = ("failure_code", "failure_reason", "simulation_time_millis", "outputs")
+_OF_JOB = ("failure_code", "failure_reason", "simulation_time_millis", "verdict", "verdict_reason", "outputs")
 
 
 class EarlierRun(Part):
@@ -110,6 +119,10 @@ class SimulationJobProgress(FailureChanges):
     network_interface: StoredNetworkInterface | None = Field(default=None, description="Network of that run.")
     attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
+    verdict: Verdict | None = Field(
+        default=None, description="What its last run was judged to be; absent: it has no result, or was canceled."
+    )
+    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     outcome: Outcome | None = Field(
         default=None,
         validation_alias="ending",

@@ -152,6 +152,8 @@ class RunOutcome(Model):
     failure_reason: str | None = Field(default=None, description="In words, ending with the last log lines.")
     started_at: datetime = Field(description="When the process began to run.")
     ended_at: datetime = Field(description="When its process group was gone.")
+    verdict: Verdict | None = Field(default=None, description="Verdict of a run that is Completed and wrote a result.")
+    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")
     finished: bool = Field(
         default=False,
@@ -214,7 +216,7 @@ class RunResult(Model):
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     verdict: Verdict = Field(
         description="PASS, FAIL (the robot did badly), ERROR (something broke, so that it could not be judged), or "
-        "NONE when nothing is judged."
+        "NONE when nothing is judged, as in a run that was cancelled."
     )
     summary: str = Field(default="", description="One sentence for a person.")
     requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
@@ -240,6 +242,25 @@ class RunResult(Model):
     )
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
     extra: dict[str, Any] = Field(default={}, description="Further values that the environment or agent reported.")
+
+    @property
+    def missed(self) -> list[Requirement]:
+        """The requirements that made the verdict FAIL or ERROR; what broke first, as in the verdict."""
+        missed = [item for item in self.requirements if item.counts and not item.satisfied]
+        return sorted(missed, key=lambda item: item.error is None)
+
+    @property
+    def reason(self) -> str | None:
+        """Why the verdict is FAIL or ERROR: what was found and what was asked for; `None` for other verdicts."""
+        if self.verdict not in ("FAIL", "ERROR"):
+            return None
+        return "; ".join(f"{item.name}: {item.detail}" for item in self.missed) or self.summary
+
+    def unjudged(self) -> "RunResult":
+        """The same result without a verdict: of a run that was cancelled, whatever its environment says of it."""
+        requirements = [item.model_copy(update={"counts": False}) for item in self.requirements]
+        summary = f"Canceled at {self.sim_time_s:.1f} s, so that nothing was judged."
+        return self.model_copy(update={"verdict": "NONE", "requirements": requirements, "summary": summary})
 
     @property
     def remarks(self) -> list[str]:

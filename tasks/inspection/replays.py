@@ -18,7 +18,7 @@ from ..runtime.replay.replay import (
     why_other_inputs,
     without_robot,
 )
-from ..runtime.replay.repro import Reproduction, in_words, rerun_ending, write_reproduction
+from ..runtime.replay.repro import Reproduction, in_words, is_expected, rerun_ending, write_reproduction
 from ..runtime.replay.run_comparison import first_difference
 from ..runtime.states.provenance import machine_facts
 from ..service.service import Service
@@ -114,7 +114,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         test=test.resolve(),
         video=video_file if video_file.exists() else None,
         ending=in_words(rerun.ending),
-        same_ending=rerun.ending == rerun_ending(reproduction.first, failure_code),
+        same_ending=is_expected(rerun.ending, rerun_ending(reproduction.first, failure_code)),
         other_inputs=reproduction.other_inputs(rerun),
         robot=_robot_in_rerun(reproduction.first),
     )

@@ -250,9 +250,11 @@ class BatchRun:
         )
         if end == "Completed" and status == "InProgress":
             self._lease.transition("drain")
-        changes = None
+        documents = [SimulationJobDocument.of(job) for job in jobs.values() if job.status == "Completed"]
+        verdicts = dict(Counter(document.verdict for document in documents if document.verdict))
+        failure = {}
         if end == "Failed":
             reason = "at least one request could not become a job because of an internal fault"
-            changes = BatchProgress(failure_code="InternalServiceError", failure_reason=reason)
-        self._lease.transition(_END_EVENTS[end], changes)
+            failure = {"failure_code": "InternalServiceError", "failure_reason": reason}
+        self._lease.transition(_END_EVENTS[end], BatchProgress(verdicts=verdicts, **failure))
         self._report()

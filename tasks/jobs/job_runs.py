@@ -165,8 +165,9 @@ class JobRun:
     def _prepared(self, run_id: str, ros_domain: int) -> RunPlan:
         """Fetches all that a new run needs; it counts as running from then on."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
-        # What an earlier run failed of is nothing that this one has.
-        self._lease.transition("prepare", SimulationJobProgress(run_id=run_id, failure_code=None, failure_reason=None))
+        # What an earlier run failed of, and what it was judged to be, is nothing that this one has.
+        cleared = dict.fromkeys(("failure_code", "failure_reason", "verdict", "verdict_reason"))
+        self._lease.transition("prepare", SimulationJobProgress(run_id=run_id, **cleared))
         self._outputs(run_id).prepare()
         remove_containers_of_job(folder.parent)  # of job workers that died together with all that they had started
         is_stopped = lambda: self._why_stop() is not None  # noqa: E731
@@ -272,7 +273,7 @@ class JobRun:
         outputs = self._outputs(run_id)
         settle_containers(self._folder(run_id), outputs.output_dir)
         try:
-            place = outputs.store(outcome.to_json(), finished=bool(self._document.finished))
+            place = outputs.store(outcome.about_run(), finished=bool(self._document.finished))
         except (StorageError, OSError) as error:
             return without_outputs(outcome, failure_code_of(error), outputs.not_stored(error))
         return outcome.model_copy(update={"outputs": place})
@@ -329,7 +330,7 @@ class JobRun:
         outputs = self._outputs(run_id)
         place, not_stored = None, None
         try:
-            about = {**outcome.to_json(), "restarted": restarted}
+            about = {**outcome.about_run(), "restarted": restarted}
             place = outputs.store(about, finished=finished, stopped=lambda: self._why_stop() is not None)
         except (StorageError, OSError) as error:
             if self._why_stop() is not None:

@@ -19,6 +19,9 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
         stopped_because: why the job had to stop; `None` if it did not have to.
     """
     outcome = Outcome(status=run.status)
+    if run.status == "Completed" and run.verdict is not None:
+        reason = shorten(run.verdict_reason) if run.verdict_reason else None
+        outcome = outcome.model_copy(update={"verdict": run.verdict, "verdict_reason": reason})
     if run.failure_code:
         outcome = _with_failure(outcome, run.failure_code, run.failure_reason or "")
     elif run.status == "Canceled":
@@ -43,7 +46,8 @@ def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
     """An outcome that lost its outputs: a crash that came before keeps its code, a cancelled job stays cancelled."""
     reasons = [reason] if outcome.failure_reason is None else [reason, outcome.failure_reason]
     if outcome.status == "Completed":
-        outcome = outcome.model_copy(update={"status": "Failed", "failure_code": None})
+        without = {"failure_code": None, "verdict": None, "verdict_reason": None}
+        outcome = outcome.model_copy(update={"status": "Failed", **without})
     return _with_failure(outcome, outcome.failure_code or code, "\n".join(reasons))
 
 

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 from pydantic_core import PydanticSerializationError
 
 from ....schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult, Verdict
+from ....schemas.runs.stops import RunStop
 from ....schemas.wire.base import Model
 
 RESULT_FILE = "result.json"
@@ -116,7 +117,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
 
     Returns:
         The content of `result.json`; numbers that are not finite are moved from the metrics to `extra`
-        as text, because JSON has none.
+        as text, because JSON has none. A run that was cancelled has no verdict.
     """
     report = episode.report
     metrics = dict(report.metrics)
@@ -131,7 +132,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
     if len(finite) < len(metrics):
         remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
-    return RunResult(
+    result = RunResult(
         verdict=_verdict("NONE" if reached else judged, added),
         summary=_summary(report, added, reached, episode.sim_time_s),
         requirements=[*own, *added],
@@ -148,6 +149,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
         state_digest=next((finding.state_digest for finding in findings if finding.state_digest), None),
         extra=remarks,
     )
+    return result.unjudged() if episode.ended_by == RunStop.CANCELED else result
 
 
 def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:

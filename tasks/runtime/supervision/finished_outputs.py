@@ -24,8 +24,8 @@ def finish_outputs(
 ) -> tuple[Outcome, bool]:
     """Writes or removes `result.json` according to the run's outcome.
 
-    A run that only had programs gets a `result.json`, unless one of them wrote a valid one; one with an
-    episode loses the one it wrote if the run failed nevertheless.
+    A run that only had programs gets a `result.json`, unless one of them wrote a valid one, which loses its verdict
+    if the run was cancelled; one with an episode loses the one it wrote if the run failed nevertheless.
 
     Args:
         plan: The run.
@@ -64,7 +64,9 @@ def finish_outputs(
 
 
 def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, datetime]) -> None:
-    if _is_result(plan):
+    if (result := read_result(plan)) is not None:
+        if outcome.status == "Canceled" and result.verdict != "NONE":
+            write_result(result.unjudged(), plan.output_dir)
         return
     path = plan.output_dir / RESULT_FILE
     extra = {}
@@ -93,11 +95,9 @@ def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
         write_result(result.model_copy(update={"tools": list(tools)}), plan.output_dir)
 
 
-def _is_result(plan: RunPlan) -> bool:
-    """Whether an application wrote a valid `result.json`; links and other things than files are none."""
-    path = plan.output_dir / RESULT_FILE
+def read_result(plan: RunPlan) -> RunResult | None:
+    """The valid `result.json` of a run; links and other things than files are none."""
     try:
-        RunResult.model_validate_json(read_left(path, MAX_RESULT_BYTES))
+        return RunResult.model_validate_json(read_left(plan.output_dir / RESULT_FILE, MAX_RESULT_BYTES))
     except (OSError, ValidationError):
-        return False
-    return True
+        return None

@@ -25,7 +25,7 @@ from ..states.checkpoint_files import wall_time_used_s
 from ..video.failure_videos import record_failure_videos
 from .cores import Cores
 from .disk_attribution import attribute_disk_use
-from .finished_outputs import finish_outputs
+from .finished_outputs import finish_outputs, read_result
 from .outcomes import Exit, Outcome, decide_outcome
 from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
 from .watch import Watch
@@ -125,8 +125,11 @@ class Launcher:
             ended = attribute_disk_use(ended, plan)
         decided = crash.outcome(stopped_for) or decide_outcome_with_log(ended, stopped_for, plan)
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
+        result = read_result(plan) if decided.status == "Completed" else None
         outcome = RunOutcome(
             status=decided.status,
+            verdict=result.verdict if result else None,
+            verdict_reason=result.reason if result else None,
             failure_code=decided.failure_code,
             failure_reason=decided.failure_reason,
             started_at=started_at,

@@ -110,7 +110,7 @@ def test_applications_that_steps_would_make_are_what_their_archives_are_now(
     push = {"packageName": "swinger", "launchFile": "make_agent"}
     call("CreateRobotApplication", {"name": "pusher", "sources": source, "robotSoftwareSuite": SUITE}, service)
     ordered = call("CreateSimulationJob", drive(made)["input"], service)
-    registry()["CreateSimulationJob"].performer(ordered["arn"], service)  # pyright: ignore[reportOptionalCall]
+    registry()["CreateSimulationJob"].run_job(ordered["arn"], service)  # pyright: ignore[reportOptionalCall]
     step = {"operation": "CreateSimulationApplication", "input": {**request, "name": "renamed"}, "ifExists": "update"}
 
     planned = {"swing": step, "drive": drive("${{ swing.arn }}")}
