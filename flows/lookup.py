@@ -1,11 +1,26 @@
 """Finding the flow of an operation by the operation's name."""
 
 import importlib
+import logging
 from typing import Any
 
+import httpx
 from prefect import Flow
+from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
+from ..schemas.lifecycles import is_terminal
+from ..schemas.reports.run_states import FlowResult
+from ..schemas.wire.errors import RobomakerError
+from ..tasks.execution.flow_ends import answer_of
+from ..tasks.inspection.standings import job_result
 from ..tasks.operations.registry import registry
+from ..tasks.service.service import Service
+
+_logger = logging.getLogger(__name__)
+
+
+class PrefectServerLostError(RobomakerError):
+    """The Prefect server does not answer any more, and a job was left before its end."""
 
 
 def find_flow(operation: str) -> Flow[..., Any]:
@@ -24,6 +39,53 @@ def find_perform_flow(operation: str) -> Flow[..., Any]:
         KeyError: there is no such operation.
     """
     return _flow(operation, registry()[operation].perform_name)
+
+
+def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
+    """Carries a stored job to its end as a flow run, whether to a good one or not.
+
+    Args:
+        operation: the operation that made the job.
+        arn: the job.
+
+    Returns:
+        The job's final description, and how it ended.
+
+    Raises:
+        PrefectServerLostError: the Prefect server does not answer any more, and the job has not ended.
+        BaseException: what the flow raised: a defect, or the interruption that cancelled the job.
+    """
+    try:
+        # Prefect's own heartbeat makes every flow wait a second at its end; ours come from `run_watch`.
+        with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+            return answer_of(find_perform_flow(operation)(arn, return_state=True))
+    except Exception as error:
+        if not _is_unreachable(error):
+            raise
+        return _answer_without_prefect(operation, arn, error)
+
+
+def _answer_without_prefect(operation: str, arn: str, error: Exception) -> tuple[dict[str, Any], FlowResult]:
+    """The job's final description, if it has come to its end without the server."""
+    service, url = Service.current(), PREFECT_API_URL.value()
+    job = service.catalog.get(arn)
+    if not is_terminal(job.kind, job.status):
+        raise PrefectServerLostError(
+            f"the Prefect server at {url} does not answer any more, and {arn} is {job.status}; once it answers again "
+            f"(robomaker server status), go on with: robomaker perform {arn}"
+        ) from error
+    _logger.warning("the Prefect server at %s does not answer any more, and will not show how %s ended", url, job.id)
+    answer = registry()[operation].described(arn, service)
+    return answer, job_result(operation, answer, service)
+
+
+def _is_unreachable(error: BaseException | None) -> bool:
+    """Whether an exception came of a server that does not answer; Prefect's client has several ways of saying so."""
+    while error is not None:
+        if isinstance(error, httpx.TransportError):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _flow(operation: str, name: str) -> Flow[..., Any]:

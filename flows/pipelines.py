@@ -6,55 +6,66 @@ for a caller in this process who watches.
 
 import logging
 import os
+import signal
 from collections.abc import Sequence
+from contextlib import suppress
 from contextvars import ContextVar
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import httpx
 from prefect import flow
 from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
 from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
-from prefect.states import Completed, Failed
 
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.report import RunState
 from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunRecord, StepRecord
+from ..schemas.reports.run_states import (
+    BAD_ENDS,
+    FlowResult,
+    count_outcomes,
+    in_words,
+    is_bad,
+    run_state,
+    verdicts_of,
+)
 from ..schemas.settings import Settings
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec, resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.nights import skipped_night
+from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.preflight import check_preconditions
+from ..tasks.inspection.standings import why_not_completed
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Progress, Service
-from .lookup import find_perform_flow
+from .lookup import perform
 
 _logger = logging.getLogger(__name__)
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C ended a run; what it had begun has been cancelled, and the report says so.
+    """Ctrl-C or a signal ended a run; what it had begun has been cancelled, and the report says so.
 
     Args:
         record: the record of the run.
+        signal_number: the signal.
     """
 
-    def __init__(self, record: RunRecord) -> None:
+    def __init__(self, record: RunRecord, signal_number: int = signal.SIGINT) -> None:
         super().__init__()
         self.record = record
+        self.signal_number = signal_number
 
 
 _NO_FILE = "specification"
-_BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
-# Later steps use the worlds there are, but the run is not what the specification asks for.
-_STATES: dict[str, RunState] = {**_BAD_ENDS, "PartialFailed": "broken"}
-# From worst to best: what several steps or jobs make of a run.
-_SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
 
 
 def run_spec(
@@ -89,13 +100,19 @@ def run_spec(
     check_preconditions(checked, run.service)
     token = _current.set(run)
     try:
-        # A heartbeat makes every flow wait a second at its end. Dead job workers are noticed by their leases.
+        # Prefect's own heartbeat makes every flow wait a second at its end; ours come from `run_watch`.
         with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
-            RunPipeline(spec=spec_path, return_state=True)
-    except KeyboardInterrupt:
+            state = RunPipeline(spec=spec_path, return_state=True)
+        if isinstance(state.data, KeyboardInterrupt):
+            raise state.data
+    except KeyboardInterrupt as interruption:
         if run.has_ended:
-            raise RunInterrupted(run.record()) from None
+            raise RunInterrupted(run.record(), getattr(interruption, "signal_number", signal.SIGINT)) from None
         raise
+    except httpx.TransportError as error:
+        if not run.has_ended:
+            raise
+        listener(Note(f"the Prefect server does not answer any more, and will not show how the run ended: {error}"))
     finally:
         _current.reset(token)
     return run.record()
@@ -120,10 +137,10 @@ def RunPipeline(spec: str | None = None, text: str | None = None, origin: str = 
     if _current.get() is None and (skipped := skipped_night(Settings.from_environment(os.environ))) is not None:
         return skipped
     pipeline = _current.get() or PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
-    record = pipeline.run()
-    if record.exit_code == 0:
-        return Completed(message=pipeline.headline())
-    return Failed(message=pipeline.headline())
+    service = pipeline.service
+    with ends_as_cancelled(), watched_run(service.catalog, pipeline.cancel):
+        pipeline.run()
+    return end_state(pipeline.result(), None, verdict_fails_run=service.settings.verdict_fails_run)
 
 
 class PipelineRun:
@@ -164,6 +181,7 @@ class PipelineRun:
         self._steps: list[StepRecord] = []
         self._outputs: dict[str, dict[str, Any]] = {}
         self._record: RunRecord | None = None
+        self._is_canceled = False
 
     @classmethod
     def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
@@ -197,7 +215,7 @@ class PipelineRun:
         failed = False
         try:
             for name in self._checked.order:
-                if failed:
+                if failed or self._is_canceled:
                     self._steps.append(self._skipped(name))
                 else:
                     failed = not self._run_step(name)
@@ -225,12 +243,27 @@ class PipelineRun:
             raise RobomakerError("the flow ended before the pipeline did; see the Prefect server's log")
         return self._record
 
-    def headline(self) -> str:
-        """How the run ended, in a line."""
+    def cancel(self) -> None:
+        """Has the run end soon: the job of its present step is cancelled, and no other step starts."""
+        self._is_canceled = True
+        for output in list(self._outputs.values()):
+            if arn := output.get("arn"):
+                with suppress(ServiceError):  # no job, or one that has ended
+                    self._service.catalog.request_cancel(arn)
+
+    def result(self) -> FlowResult:
+        """How the run ended, as its flow returns it."""
         record = self.record()
-        verdicts = [job.verdict for job in record.jobs]
-        judged = len([verdict for verdict in verdicts if verdict in ("PASS", "FAIL")])
-        return f"{record.state}: {verdicts.count('PASS')} of {judged} verdicts pass, report at {record.report_path}"
+        troubles = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
+        message = in_words(record.state, record.jobs, troubles, look=f"robomaker report {record.run_id} --open")
+        return FlowResult(
+            state=record.state,
+            message=f"{message}. Report: {record.report_path}",
+            verdicts=verdicts_of(record.jobs),
+            counts=count_outcomes(record.jobs),
+            run_id=record.run_id,
+            report=str(record.report_path) if record.report_path else None,
+        )
 
     def _run_step(self, name: str) -> bool:
         """Runs a step; answers whether the next may start."""
@@ -239,7 +272,7 @@ class PipelineRun:
         try:
             output = self._call(name)
         except RobomakerError as problem:
-            return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), _in_words(problem))
+            return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), _error_in_words(problem))
         except Exception as defect:  # the report and the later steps' records are written all the same
             _logger.exception("step %s broke", name)
             words = f"{type(defect).__name__}: {defect}"
@@ -248,7 +281,7 @@ class PipelineRun:
             self._note_end(name, started_at, "Canceled", self._cancelled(name), "interrupted")
             raise
         status = output.get("status", "Completed")
-        return self._note_end(name, started_at, status, output, _reason(output) if status in _STATES else None)
+        return self._note_end(name, started_at, status, output, why_not_completed(output) if is_bad(status) else None)
 
     def _note_end(
         self, name: str, started_at: datetime, status: str, output: dict[str, Any], error: str | None
@@ -269,7 +302,7 @@ class PipelineRun:
         )
         self._steps.append(step)
         self._listener(StepEnded(name, status, (ended_at - started_at).total_seconds(), error or arn or ""))
-        return status not in _BAD_ENDS
+        return status not in BAD_ENDS
 
     def _cancelled(self, name: str) -> dict[str, Any]:
         """What is left of a step that was interrupted: how the job that it made stands."""
@@ -290,7 +323,8 @@ class PipelineRun:
             self._listener(StepProgress(name, dict(progress.counts), progress.total))
 
         with self._service.watched_by(watch).activated():
-            return find_perform_flow(step.operation)(output["arn"])
+            answer, _ = perform(step.operation, output["arn"])
+            return answer
 
     def _reused(self, operation: str, if_exists: str, request: dict[str, Any]) -> dict[str, Any] | None:
         """The answer of an application that exists already, where the step allows that."""
@@ -363,21 +397,10 @@ class PipelineRun:
 
     def _state(self, jobs: list[JobRecord]) -> RunState:
         """How the run ended as a whole."""
-        states = {_STATES.get(step.status, "succeeded") for step in self._steps}
-        if len(self._steps) < len(self._checked.order):
-            states.add("canceled")
-        for job in jobs:
-            if job.failure_code == "BatchTimedOut":
-                states.add("timed out")
-            elif job.status in ("Failed", "NotCreated") or (job.status == "Completed" and job.verdict == "ERROR"):
-                states.add("broken")
-            elif job.verdict == "FAIL" and job.status != "Canceled":
-                states.add("failed")
-        worst: RunState = next(state for state in _SEVERITY if state in states or state == "succeeded")
-        # A job that was canceled, perhaps by itself, hides nothing that is wrong with others.
-        if worst == "succeeded" and any(job.status == "Canceled" for job in jobs):
-            return "canceled"
-        return worst
+        statuses = [step.status for step in self._steps]
+        was_cut = self._is_canceled and "Skipped" in statuses
+        is_whole = len(self._steps) == len(self._checked.order) and not was_cut
+        return run_state(statuses, jobs, is_whole=is_whole)
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
@@ -393,16 +416,7 @@ def _read(path: Path) -> str:
         ) from error
 
 
-def _reason(output: dict[str, Any]) -> str | None:
-    """Why a job ended as it did; of several worlds that failed, why one did."""
-    failures = output.get("finishedWorldsSummary", {}).get("failureSummary", {}).get("failures")
-    if failures and "failureReason" not in output:
-        count = sum(failure["failureCount"] for failure in failures)
-        return f"worlds that failed: {count}; {failures[0]['sampleFailureReason']}"
-    return output.get("failureReason")
-
-
-def _in_words(error: RobomakerError) -> str:
+def _error_in_words(error: RobomakerError) -> str:
     return f"{error.code}: {error}" if isinstance(error, ServiceError) else str(error)
 
 

@@ -19,6 +19,9 @@ from prefect.runtime import flow_run
 from ..schemas.operations.registry import OPERATIONS
 from ..schemas.wire.base import Shape
 from ..tasks.execution.artifacts import shown_progress
+from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
+from ..tasks.execution.run_watch import watched_run
+from ..tasks.inspection.standings import job_result
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 from .parameter_forms import describe_parameters
@@ -70,15 +73,29 @@ def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
     return registry()[operation].answer(_present(members), Service.current())
 
 
-def carry_out(operation: str, arn: str) -> dict[str, Any]:
+def carry_out(operation: str, arn: str) -> Any:
     """Carries a stored job to its end, with its steps as tasks and its progress in Prefect's UI.
 
     Returns:
-        The job's final description.
+        The state in which its flow ends. In a good one the flow returns the job's final description with a
+        `FlowResult` as `result`; in others it raises `RunNotSucceeded`, which has both.
     """
+    service = Service.current()
     _name_run_after(arn)
-    with shown_progress(Service.current(), f"{operation}: {arn}") as watched, watched.activated():
-        return registry()[operation].perform(arn, watched)
+    with (
+        ends_as_cancelled(),
+        watched_run(service.catalog, lambda: _cancel(arn, service)),
+        shown_progress(service, f"{operation}: {arn}") as watched,
+        watched.activated(),
+    ):
+        answer = registry()[operation].perform(arn, watched)
+    result = job_result(operation, answer, service)
+    return end_state(result, answer, verdict_fails_run=service.settings.verdict_fails_run)
+
+
+def _cancel(arn: str, service: Service) -> None:
+    """Has a job end whose flow run was cancelled in Prefect."""
+    service.catalog.request_cancel(arn)
 
 
 def _present(members: Mapping[str, Any]) -> dict[str, Any]:

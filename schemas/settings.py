@@ -11,6 +11,7 @@
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
+| `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
@@ -71,6 +72,9 @@ class Settings(Model):
     refuse_deprecated: bool = Field(
         default=False, description="Whether requests are refused that the service refused in its last years."
     )
+    verdict_fails_run: bool = Field(
+        default=True, description="Whether a flow run ends as failed in Prefect when a simulation's verdict is FAIL."
+    )
     access_keys_file: Path | None = Field(
         default=None,
         description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
@@ -107,6 +111,7 @@ class Settings(Model):
             "max_worlds_per_job": max_worlds_per_job(environ),
             "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
+            "verdict_fails_run": _switch(environ, "ROBOMAKER_VERDICT_FAILS_RUN", default="1"),
         }
         if channels := environ.get("ROBOMAKER_NOTIFY"):
             values["notify"] = tuple(channels.split())
@@ -146,8 +151,8 @@ def _notify_when(given: str) -> frozenset[str]:
     return chosen
 
 
-def _switch(environ: Mapping[str, str], name: str) -> bool:
-    given = environ.get(name) or "0"
+def _switch(environ: Mapping[str, str], name: str, default: str = "0") -> bool:
+    given = environ.get(name) or default
     if given not in ("0", "1"):
         raise ConfigurationError(f"{name} is {given!r}; it has to be 1 or 0")
     return given == "1"

@@ -1,9 +1,10 @@
 """Carrying a stored job to its end, in this process: for `perform`, and for `call --wait`."""
 
+from contextlib import suppress
+
 from ...schemas.settings import Settings
 from .output.answers import print_answer
-
-_BAD_ENDS = {"Failed": 3, "Canceled": 4, "TimedOut": 5}
+from .signals import interrupted_by_signals
 
 
 def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
@@ -15,18 +16,20 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     from .prefect_server import use_server
 
     use_server(settings)
-    from ...flows.lookup import find_perform_flow
-    from ...tasks.inspection.reports import simulation_jobs
+    from ...flows import lookup
+    from ...schemas.reports.run_record import EXIT_CODES
+    from ...tasks.operations.registry import registry
     from ...tasks.service.service import Service
+    from ..dead_runs import close_dead_runs_once
 
     service = Service.open(settings)
-    with service.activated():
-        answer = find_perform_flow(operation)(arn)
+    close_dead_runs_once()
+    try:
+        with interrupted_by_signals(), service.activated():
+            answer, result = lookup.perform(operation, arn)
+    except KeyboardInterrupt:
+        with suppress(OSError):  # the terminal that hung up is gone
+            print_answer(registry()[operation].described(arn, service), form)
+        raise
     print_answer(answer, form)
-    if bad := _BAD_ENDS.get(str(answer.get("status"))):
-        return bad
-    jobs = simulation_jobs(operation, arn, service)
-    verdicts = [job.result.verdict for job in jobs if job.result]
-    if any(job.status in ("Failed", "NotCreated") for job in jobs) or "ERROR" in verdicts:
-        return 3
-    return 1 if "FAIL" in verdicts else 0
+    return EXIT_CODES[result.state]

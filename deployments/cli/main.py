@@ -1,9 +1,11 @@
 """The entry point of the `robomaker` command: arguments in, exit code out."""
 
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 
 from .grammar import build_parser
 
@@ -26,9 +28,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = _execute(words)
         sys.stdout.flush()
-    except KeyboardInterrupt:
-        sys.stderr.write("\nrobomaker: interrupted\n")
-        return INTERRUPTED
+    except KeyboardInterrupt as interruption:
+        return _interrupted(interruption)
     except BrokenPipeError:
         # Python would complain when it flushes standard output at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -36,6 +37,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         return _report(error, debug="--debug" in words or bool(os.environ.get("ROBOMAKER_DEBUG")))
     return code
+
+
+def _interrupted(interruption: KeyboardInterrupt) -> int:
+    """Says that the command was interrupted; answers the exit code, unless it was a signal that ends the process."""
+    with suppress(OSError):  # the terminal may be gone
+        sys.stderr.write("\nrobomaker: interrupted\n")
+        sys.stderr.flush()
+        sys.stdout.flush()
+    number = getattr(interruption, "signal_number", signal.SIGINT)
+    if number != signal.SIGINT:
+        from .signals import die_of
+
+        die_of(number)
+    return INTERRUPTED
 
 
 def _execute(words: Sequence[str]) -> int:

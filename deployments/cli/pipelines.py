@@ -5,6 +5,7 @@ import os
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 from ...schemas.reports.run_record import RerunOf, RunRecord
@@ -12,6 +13,7 @@ from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError
 from .output.browser import open_file, wanted
+from .signals import interrupted_by_signals
 
 
 def carry_out(
@@ -39,14 +41,15 @@ def carry_out(
         The exit code, which says how the run ended.
     """
     from .output.progress import watcher
-    from .output.summary import print_summary
-    from .prefect_server import pages, use_server
+    from .prefect_server import use_server
 
     api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
-    with watcher(steps, os.environ) as listener:
+    with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...flows.pipelines import RunInterrupted, run_spec
+        from ..dead_runs import close_dead_runs_once
 
+        close_dead_runs_once()
         try:
             record = run_spec(
                 spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of
@@ -56,18 +59,28 @@ def carry_out(
         else:
             interrupted = None
     record = _with_report(record, arguments.report)
-    if arguments.output == "json":
+    with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
+        _tell(record, command, api_url, as_json=arguments.output == "json")
+    if interrupted:
+        raise interrupted
+    if record.report_path and wanted(arguments.open):
+        open_file(record.report_path)
+    return record.exit_code
+
+
+def _tell(record: RunRecord, command: Sequence[str], api_url: str, *, as_json: bool) -> None:
+    """Prints how the run ended."""
+    from .output.summary import print_summary
+    from .prefect_server import pages
+
+    if as_json:
         sys.stdout.write(record.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
         # Elsewhere the pages' address is not to be told from the API's.
         local = api_url.startswith("http://127.0.0.1:")
         server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if local else ""
         print_summary(record, command, sys.stdout, server=server)
-    if interrupted:
-        raise interrupted
-    if record.report_path and wanted(arguments.open):
-        open_file(record.report_path)
-    return record.exit_code
+    sys.stdout.flush()
 
 
 def check_report(report: str | None) -> None:

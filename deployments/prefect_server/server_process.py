@@ -8,6 +8,7 @@ from prefect.server.api.server import create_app
 from prefect.settings import get_current_settings
 from starlette.types import ASGIApp
 
+from ..dead_runs import close_dead_runs_beside
 from ..web_guard.guard import Guard
 from .beside import JOBS, beside
 from .login_page import LoginPage
@@ -61,7 +62,8 @@ class _Server(uvicorn.Server):
         """Starts to answer, then starts the jobs."""
         await super().startup(sockets)
         if self.started:
-            await self._beside.enter_async_context(beside(JOBS, self._api_url, self._auth_string))
+            jobs = (*JOBS, close_dead_runs_beside)
+            await self._beside.enter_async_context(beside(jobs, self._api_url, self._auth_string))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Ends the jobs, then the server."""

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
 from ...tasks.service.service import Service
+from ..dead_runs import close_dead_runs
 from .channel import STOP, Channel
 from .pools import job_pools
 from .prefect_watch import PrefectWatch
@@ -64,6 +65,7 @@ def main() -> None:
     try:
         worker = _make(execute, int(max_jobs), look)
         worker.prepare()
+        close_dead_runs()
     except RobomakerError as error:
         channel.send({"state": "failed", "error": str(error)})
         os._exit(2)

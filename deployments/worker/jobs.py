@@ -6,12 +6,12 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import httpx
 from prefect.exceptions import PrefectException
-from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
-from ...flows.lookup import find_perform_flow
+from ...flows import lookup
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
@@ -26,7 +26,7 @@ from .prefect_watch import PrefectWatch
 MOST_TRIES = 3
 """How often a job's flow run may raise before the job fails; services that do not answer do not count."""
 
-_UNAVAILABLE = (httpx.HTTPError, PrefectException, ServiceUnavailableException)
+_UNAVAILABLE = (httpx.HTTPError, PrefectException, ServiceUnavailableException, lookup.PrefectServerLostError)
 
 _logger = logging.getLogger(__name__)
 
@@ -49,14 +49,14 @@ class Jobs:
         changed: called when one has ended, from its thread.
         prefect: watches the server that flow runs need.
         held: where this process notes the leases that it holds.
-        find_flow: finds the flow that performs the jobs of an operation.
+        find_flow: finds what performs the jobs of an operation.
     """
 
     service: Service
     changed: Callable[[], None]
     prefect: PrefectWatch
     held: HeldLeases = field(default_factory=lambda: HELD)
-    find_flow: Callable[[str], Callable[[str], object]] = find_perform_flow
+    find_flow: Callable[[str], Callable[[str], object]] = lambda operation: partial(lookup.perform, operation)
     _running: dict[str, JobPool] = field(default_factory=dict)
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
@@ -109,8 +109,7 @@ class Jobs:
             self._end(job.arn)
 
     def _run_flow(self, pool: JobPool, arn: str) -> None:
-        # A heartbeat makes every flow wait a second at its end. Leases show which workers died.
-        with self.service.activated(), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+        with self.service.activated():
             self.find_flow(pool.operation)(arn)
 
     def _log_end(self, job: Resource, duration_s: float) -> None:

@@ -13,6 +13,7 @@ __all__ = [
     "report",
     "retention",
     "run_record",
+    "run_states",
     "states",
     "summary",
     "variants",

@@ -1,4 +1,4 @@
-"""Running stored jobs, each by one worker at a time: leases, claims, retry limits, slots, task pools, steps.
+"""Running stored jobs, each by one worker at a time, and telling Prefect of flow runs: ends, signs of life, deaths.
 
 May import: `schemas`, `tasks.catalog`, `tasks.service`.
 """
@@ -7,11 +7,16 @@ May import: `schemas`, `tasks.catalog`, `tasks.service`.
 __all__ = [
     "artifacts",
     "claims",
+    "dead_runs",
     "events",
+    "flow_ends",
     "held_leases",
     "leases",
     "nights",
+    "orphans",
+    "prefect_settings",
     "retry_limit",
+    "run_watch",
     "slots",
     "steps",
     "task_pool",

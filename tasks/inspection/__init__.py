@@ -6,4 +6,4 @@ May import: `schemas`, `tasks.catalog`, `tasks.comparison`, `tasks.execution`, `
 `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.simulations.ros`, `tasks.storage`, `tasks.worlds`.
 """
 
-__all__ = ["commits", "preflight", "replays", "reports", "reruns", "reuse_plans", "run_records"]
+__all__ = ["commits", "preflight", "replays", "reports", "reruns", "reuse_plans", "run_records", "standings"]

@@ -224,6 +224,8 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
     document = SimulationJobDocument.of(job)
     files, result, poster, removed = _outputs(document.outputs, service)
     duration = document.simulation_time_millis
+    if result is not None and job.status == "Canceled":
+        result = result.unjudged()  # earlier releases wrote a verdict
     return ReportedJob(
         label=job.id,
         arn=job.arn,
@@ -321,7 +323,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         duration_s=job.duration_s,
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
-        verdict_reason=_why_failed(result),
+        verdict_reason=result.reason if result else None,
         remarks=result.remarks if result else [],
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place.bucket, place.prefix) if place else None,
@@ -332,13 +334,6 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         reused_from=job.reused_from,
         earlier=job.earlier,
     )
-
-
-def _why_failed(result: RunResult | None) -> str | None:
-    if result is None or result.verdict not in ("FAIL", "ERROR"):
-        return None
-    broken = [f"{item.name}: {item.detail}" for item in result.requirements if item.counts and not item.satisfied]
-    return "; ".join(broken) or result.summary
 
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:

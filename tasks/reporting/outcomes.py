@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from enum import Enum
 
 from ...schemas.reports.report import Report, ReportedJob
+from ...schemas.reports.run_states import case_outcome
 from ...schemas.runs.plan import Verdict
 
 
@@ -47,17 +48,7 @@ def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> 
         failure_code: why it failed; None if it did not.
         verdict: the simulation's verdict; None if there is none.
     """
-    if status in ("Canceled", "Terminated", "Terminating"):
-        return Outcome.CANCELED
-    if status in ("Failed", "RunningFailed", "NotCreated") or (failure_code and status != "Completed"):
-        return Outcome.BROKEN
-    if status != "Completed":
-        return Outcome.UNFINISHED
-    if verdict is None or verdict == "NONE":
-        return Outcome.UNJUDGED
-    if verdict == "ERROR":
-        return Outcome.BROKEN
-    return Outcome.PASSED if verdict == "PASS" else Outcome.FAILED
+    return Outcome(case_outcome(status, verdict, failure_code))
 
 
 def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:

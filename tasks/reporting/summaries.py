@@ -49,10 +49,7 @@ def why_broken(job: ReportedJob) -> str:
         return wording.plain(job.failure_reason)
     if job.result is None:
         return ""
-    missed = [item for item in job.result.requirements if item.counts and not item.satisfied]
-    # What broke comes before what the robot did badly, as in the verdict.
-    missed.sort(key=lambda item: item.error is None)
-    return "; ".join(f"{item.name}: {item.detail}" for item in missed) or job.result.summary
+    return job.result.reason or job.result.summary
 
 
 def folder_of(job: ReportedJob) -> str:

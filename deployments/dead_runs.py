@@ -1,0 +1,76 @@
+"""Closes flow runs and task runs of dead processes in Prefect, in a thread beside other work.
+
+The local Prefect server does it all the time, the job worker of `robomaker serve` too, and each start of a run once:
+so runs are closed also on a server that others keep.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import httpx
+from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_client
+from prefect.exceptions import PrefectException
+from prefect.settings import get_current_settings
+
+from ..tasks.execution.dead_runs import ensure_automation, sweep
+
+SWEEP_S = 5.0
+"""Time from one sweep to the next."""
+
+_RETRY_S = 1.0
+
+_logger = logging.getLogger(__name__)
+
+
+def close_dead_runs() -> None:
+    """Starts a thread that sweeps again and again, on the server that Prefect's settings name."""
+    connect = partial(get_client, sync_client=True)
+    threading.Thread(target=_close_until_end, args=(connect,), name="dead runs", daemon=True).start()
+
+
+async def close_dead_runs_beside(client: PrefectClient) -> None:
+    """Makes the automation that finds dead runs, and starts the thread, on our own server; see `beside`.
+
+    Args:
+        client: a client of the server in this process.
+    """
+    secret = get_current_settings().server.api.auth_string
+    connect = partial(
+        SyncPrefectClient, str(client.api_url), auth_string=secret.get_secret_value() if secret else None
+    )  # fmt: skip
+    # Not a pool's thread, which would be waited for when the server ends.
+    threading.Thread(target=_close_until_end, args=(connect, True), name="dead runs", daemon=True).start()
+
+
+def close_dead_runs_once() -> None:
+    """Starts a thread that sweeps once."""
+    threading.Thread(target=_sweep_once, name="dead runs", daemon=True).start()
+
+
+def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: bool = False) -> None:
+    pause, is_told = threading.Event(), False
+    while True:
+        try:
+            with connect() as client:
+                if make_automation:
+                    ensure_automation(client)
+                    make_automation = False
+                while not pause.wait(SWEEP_S):
+                    sweep(client)
+                    is_told = False
+        except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+            # Prefect's client raises RuntimeError when its server cannot be reached.
+            if not is_told:
+                _logger.info("dead runs are not closed: %s", error)
+                is_told = True
+            pause.wait(_RETRY_S)
+
+
+def _sweep_once() -> None:
+    try:
+        with get_client(sync_client=True) as client:
+            sweep(client)
+    except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+        _logger.debug("dead runs are not closed: %s", error)

@@ -1,0 +1,138 @@
+"""How a run ended as a whole, judged by its steps and jobs, and in words for messages of a line or two."""
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+
+from pydantic import Field
+
+from ..runs.plan import Verdict
+from ..wire.base import Model
+
+from .run_record import JobRecord
+from .states import CaseOutcome, RunState
+
+BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
+"""What statuses of steps and jobs make of a run; after them no later step starts."""
+
+# Later steps use the worlds there are, but the run is not what was ordered.
+_STATES: dict[str, RunState] = {**BAD_ENDS, "PartialFailed": "broken"}
+# From worst to best: what several steps or jobs make of a run.
+_SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
+_MOST_NAMED = 3
+_MOST_OF_REASON = 160
+"""Characters of each reason."""
+
+
+class FlowResult(Model):
+    """What the flow of a run or a job returns besides the service's answer."""
+
+    state: RunState = Field(description="How it ended as a whole.")
+    message: str = Field(description="The same in words, with the worst failures; the message of its state in Prefect.")
+    verdicts: dict[str, Verdict] = Field(default={}, description="Verdicts by job; jobs that have none are absent.")
+    counts: dict[CaseOutcome, int] = Field(default={}, description="How many jobs ended how.")
+    run_id: str | None = Field(default=None, description="Id of the run of a specification; absent: of a job alone.")
+    report: str | None = Field(default=None, description="Path of the report; absent: none was written.")
+
+
+def is_bad(status: str) -> bool:
+    """Whether a step or job of this status is not what was asked for."""
+    return status in _STATES
+
+
+def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None = None) -> CaseOutcome:
+    """Classifies a job by its status first: a verdict counts only when the job ended by itself."""
+    if status in ("Canceled", "Terminated", "Terminating"):
+        return "canceled"
+    if status in ("Failed", "RunningFailed", "NotCreated") or (failure_code and status != "Completed"):
+        return "broken"
+    if status != "Completed":
+        return "unfinished"
+    outcomes: dict[Verdict, CaseOutcome] = {"ERROR": "broken", "FAIL": "failed", "PASS": "passed"}
+    return outcomes.get(verdict or "NONE", "no verdict")
+
+
+def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole: bool = True) -> RunState:
+    """How a run ended as a whole.
+
+    Args:
+        statuses: of its steps.
+        jobs: its simulation jobs.
+        is_whole: whether all its steps were seen to.
+    """
+    states: set[RunState] = {_STATES.get(status, "succeeded") for status in statuses}
+    if not is_whole:
+        states.add("canceled")
+    for job in jobs:
+        outcome = _outcome_of(job)
+        if job.failure_code == "BatchTimedOut":
+            states.add("timed out")
+        elif outcome in ("broken", "failed"):
+            states.add(outcome)
+    worst: RunState = next(state for state in _SEVERITY if state in states or state == "succeeded")
+    # A job that was canceled, perhaps by itself, hides nothing that is wrong with others.
+    if worst == "succeeded" and any(job.status == "Canceled" for job in jobs):
+        return "canceled"
+    return worst
+
+
+def count_outcomes(jobs: Iterable[JobRecord]) -> dict[CaseOutcome, int]:
+    """How many jobs ended how."""
+    return dict(Counter(_outcome_of(job) for job in jobs))
+
+
+def verdicts_of(jobs: Iterable[JobRecord]) -> dict[str, Verdict]:
+    """The verdicts of jobs that came to their end, by label."""
+    return {job.label: job.verdict for job in jobs if job.verdict and job.status == "Completed"}
+
+
+def worst_job(jobs: Iterable[JobRecord]) -> JobRecord | None:
+    """The job to look at first: one that broke, else one that failed; of several the first."""
+    return next(iter(_bad(jobs)), None)
+
+
+def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str] = (), look: str = "") -> str:
+    """What happened: the state, how many verdicts pass, the worst failures, the command that looks at them.
+
+    Args:
+        state: how the run ended.
+        jobs: its simulation jobs.
+        troubles: what else went wrong, in words, the worst first.
+        look: the command; empty: none.
+    """
+    words = f"{state}{_passed(jobs)}"
+    bad = [*(_line(trouble) for trouble in troubles), *(_job_in_words(job) for job in _bad(jobs))]
+    if bad:
+        more = f"; and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
+        words += f". {'; '.join(bad[:_MOST_NAMED])}{more}"
+    return f"{words}. Look: {look}" if look and state != "succeeded" else words
+
+
+def _passed(jobs: Sequence[JobRecord]) -> str:
+    verdicts = list(verdicts_of(jobs).values())
+    judged = [verdict for verdict in verdicts if verdict in ("PASS", "FAIL")]
+    counts = count_outcomes(jobs)
+    told = [f"{judged.count('PASS')} of {len(judged)} verdicts pass"] if judged else []
+    told += [f"{counts['broken']} broke"] if counts.get("broken") else []
+    told += [f"{counts['canceled']} canceled"] if counts.get("canceled") else []
+    return f": {', '.join(told)}" if told else ""
+
+
+def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:
+    found = [job for job in jobs if _outcome_of(job) in ("broken", "failed")]
+    return sorted(found, key=lambda job: _outcome_of(job) != "broken")
+
+
+def _job_in_words(job: JobRecord) -> str:
+    what = job.verdict if job.status == "Completed" else job.failure_code or job.status
+    reason = (job.verdict_reason if job.status == "Completed" else job.failure_reason) or ""
+    where = f" in {job.world}" if job.world else ""
+    return f"{job.label}{where}: {what}: {_line(reason)}" if reason else f"{job.label}{where}: {what}"
+
+
+def _line(text: str) -> str:
+    line = next(iter(text.strip().splitlines()), "")
+    return line if len(line) <= _MOST_OF_REASON else f"{line[: _MOST_OF_REASON - 1]}…"
+
+
+def _outcome_of(job: JobRecord) -> CaseOutcome:
+    return case_outcome(job.status, job.verdict, job.failure_code)

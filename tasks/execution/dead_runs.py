@@ -1,0 +1,151 @@
+"""Flow runs and task runs whose process has died, closed in Prefect: it would show them as running for ever.
+
+A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server. Nothing in
+Prefect closes what ran in it: `sweep` does.
+"""
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from uuid import UUID
+
+from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.filters import (
+    FlowRunFilter,
+    FlowRunFilterEndTime,
+    FlowRunFilterId,
+    FlowRunFilterParentTaskRunId,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+    TaskRunFilter,
+    TaskRunFilterId,
+    TaskRunFilterState,
+    TaskRunFilterStateType,
+)
+from prefect.client.schemas.objects import StateType, TaskRun
+from prefect.events.actions import ChangeFlowRunState
+from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
+from prefect.events.schemas.events import ResourceSpecification
+from prefect.states import Crashed
+
+from .run_watch import HEARTBEAT
+
+AUTOMATION = "robomaker: close dead runs"
+"""Name of the automation, by which it is found again."""
+
+SILENCE_S = 30.0
+"""How long a run may give no sign of life before it counts as dead: three of them may be late."""
+
+_SETTLE_S = 5.0
+"""How long after its flow run a task run may still be closed by an event that is on its way."""
+
+_OPEN = [StateType.RUNNING, StateType.PENDING]
+_CLOSED = [StateType.CRASHED, StateType.CANCELLED]
+_DEPTH = 4
+"""How deep flows are in each other at most."""
+
+_ENDS = ("Completed", "Failed", "Crashed", "Cancelled", "TimedOut", "Paused", "Suspended")
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What a sweep has closed."""
+
+    flow_runs: int
+    task_runs: int
+
+
+def ensure_automation(client: SyncPrefectClient) -> UUID:
+    """Makes sure that the server has the automation, in today's form.
+
+    Returns:
+        Its id.
+    """
+    wanted = _automation()
+    found = client.read_automations_by_name(AUTOMATION)
+    current = [each.id for each in found if each.trigger == wanted.trigger and each.actions == wanted.actions]
+    for each in found:
+        if each.id not in current[:1]:  # of another release, or of two servers that started together
+            client.delete_automation(each.id)
+    return current[0] if current else client.create_automation(wanted)
+
+
+def sweep(client: SyncPrefectClient, now: datetime | None = None) -> Swept:
+    """Closes task runs and subflow runs that are open in flow runs that have died or were cancelled.
+
+    Args:
+        client: the server's client.
+        now: the time; absent: the present.
+    """
+    before = (now or datetime.now(UTC)) - timedelta(seconds=_SETTLE_S)
+    flow_runs = task_runs = 0
+    for _ in range(_DEPTH):
+        tasks = _open_tasks_of_dead(client, before)
+        flows = _open_flows_of_dead(client, before)
+        for task in tasks:
+            client.set_task_run_state(task, Crashed(message="the flow run that it belongs to has died"), force=True)
+        for flow_run in flows:
+            words = "the flow run that it is a part of has died"
+            client.set_flow_run_state(flow_run, Crashed(message=words), force=True)
+        flow_runs, task_runs = flow_runs + len(flows), task_runs + len(tasks)
+        if not flows:
+            break
+        before = datetime.now(UTC) + timedelta(seconds=1)  # those that have just been closed are dead, too
+    if flow_runs or task_runs:
+        _logger.info("closed %d flow runs and %d task runs of dead processes", flow_runs, task_runs)
+    return Swept(flow_runs, task_runs)
+
+
+def _automation() -> AutomationCore:
+    trigger = EventTrigger(
+        posture=Posture.Proactive,
+        threshold=1,
+        within=timedelta(seconds=SILENCE_S),
+        match=ResourceSpecification({"prefect.resource.id": "prefect.flow-run.*"}),
+        for_each={"prefect.resource.id"},
+        after={HEARTBEAT},
+        expect={HEARTBEAT, *(f"prefect.flow-run.{end}" for end in _ENDS)},
+    )
+    words = f"gave no sign of life for {SILENCE_S:g} s: its process or machine has died"
+    action = ChangeFlowRunState(name="Crashed", state=StateType.CRASHED, message=words, force=False)
+    words = "Closes flow runs of RoboMaker operations whose process has died; made by prefect-robomaker."
+    return AutomationCore(name=AUTOMATION, description=words, trigger=trigger, actions=[action])
+
+
+def _dead(before: datetime, ids: Iterable[UUID] | None = None) -> FlowRunFilter:
+    """Flow runs that have died or were cancelled, some time ago."""
+    state = FlowRunFilterState(type=FlowRunFilterStateType(any_=_CLOSED))
+    ended = FlowRunFilterEndTime.model_validate({"before_": before})
+    if ids is None:
+        return FlowRunFilter(state=state, end_time=ended)
+    return FlowRunFilter(state=state, end_time=ended, id=FlowRunFilterId(any_=list(ids)))
+
+
+def _open_tasks_of_dead(client: SyncPrefectClient, before: datetime) -> list[UUID]:
+    is_open = TaskRunFilterState(type=TaskRunFilterStateType(any_=_OPEN))
+    return [
+        task.id
+        for task in client.read_task_runs(
+            task_run_filter=TaskRunFilter(state=is_open), flow_run_filter=_dead(before)
+        )
+    ]  # fmt: skip
+
+
+def _open_flows_of_dead(client: SyncPrefectClient, before: datetime) -> list[UUID]:
+    """Open subflow runs whose flow run has died."""
+    is_open = FlowRunFilterState(type=FlowRunFilterStateType(any_=_OPEN))
+    has_parent = FlowRunFilterParentTaskRunId(is_null_=False)
+    subflows = client.read_flow_runs(flow_run_filter=FlowRunFilter(state=is_open, parent_task_run_id=has_parent))
+    if not subflows:
+        return []
+    parents = _tasks(client, [run.parent_task_run_id for run in subflows if run.parent_task_run_id])
+    flow_of = {task.id: task.flow_run_id for task in parents if task.flow_run_id}
+    dead = {run.id for run in client.read_flow_runs(flow_run_filter=_dead(before, set(flow_of.values())))}
+    return [run.id for run in subflows if run.parent_task_run_id and flow_of.get(run.parent_task_run_id) in dead]
+
+
+def _tasks(client: SyncPrefectClient, ids: list[UUID]) -> list[TaskRun]:
+    return client.read_task_runs(task_run_filter=TaskRunFilter(id=TaskRunFilterId(any_=ids)))

@@ -1,0 +1,155 @@
+"""Signs of life of flow runs, and cancellations of them: one thread for all runs of this process.
+
+Prefect's own heartbeats make every flow wait a second at its end, and come every 30 s at most. Ours cost nothing, and
+have a name of their own, so that the automation that closes dead runs (`dead_runs`) leaves the flows of others alone.
+A run that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and passes it on.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from uuid import UUID
+
+import httpx
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterState, FlowRunFilterStateType
+from prefect.client.schemas.objects import StateType
+from prefect.context import FlowRunContext
+from prefect.events import emit_event
+from prefect.exceptions import PrefectException
+from prefect.settings import PREFECT_API_URL
+
+from ..catalog import Catalog
+from .flow_ends import started_by_worker
+from .orphans import end_orphan, watch_parent
+from .prefect_settings import on_same_server
+
+HEARTBEAT = "robomaker.flow-run.heartbeat"
+"""Name of the events."""
+
+BEAT_S = 10.0
+"""Time from one sign of life to the next."""
+
+_LOOK_S = 2.0
+"""How often the server is asked whether a run was cancelled."""
+
+_is_watched: ContextVar[bool] = ContextVar("robomaker_run_is_watched", default=False)
+_logger = logging.getLogger(__name__)
+
+
+@dataclass
+class _Watched:
+    name: str
+    cancel: Callable[[], None]
+    beat_at: float = 0.0
+    is_told: bool = False
+    """Whether it was told that it is cancelled."""
+
+
+@dataclass
+class RunWatch:
+    """Watches flow runs of this process, in a thread that lives as long as there are any."""
+
+    _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
+    _changed: threading.Condition = field(default_factory=threading.Condition)
+    _is_running: bool = False
+    _answers: bool = True
+
+    @contextmanager
+    def watching(self, run: UUID, name: str, cancel: Callable[[], None]) -> Generator[None]:
+        """Watches a flow run inside the block.
+
+        Args:
+            run: the flow run's id.
+            name: its name.
+            cancel: called once, from another thread, when it is cancelled in Prefect.
+        """
+        with self._changed:
+            self._runs[run] = _Watched(name, cancel)
+            if not self._is_running:
+                self._is_running = True
+                threading.Thread(target=on_same_server(self._watch), name="runs", daemon=True).start()
+            self._changed.notify()
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._runs.pop(run, None)
+
+    def _watch(self) -> None:
+        while True:
+            with self._changed:
+                runs = dict(self._runs)
+                if not runs:
+                    self._is_running = False
+                    return
+            try:
+                self._beat(runs)
+                if not started_by_worker():
+                    self._pass_on_cancellations(runs)
+                self._note_answer(None)
+            except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+                self._note_answer(error)  # Prefect's client raises RuntimeError when it cannot reach the server
+            except Exception:  # whatever breaks here, the runs go on and want to be watched
+                _logger.warning("flow runs cannot be watched", exc_info=True)
+            with self._changed:
+                self._changed.wait_for(lambda known=runs: self._runs.keys() - known.keys(), _LOOK_S)
+
+    def _note_answer(self, error: Exception | None) -> None:
+        """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
+        if error is not None and self._answers:
+            url = PREFECT_API_URL.value()
+            _logger.warning("the Prefect server at %s does not answer; what runs goes on, and is not shown there", url)
+        self._answers = error is None
+
+    @staticmethod
+    def _beat(runs: dict[UUID, _Watched]) -> None:
+        for run, watched in runs.items():
+            if time.monotonic() - watched.beat_at >= BEAT_S:
+                watched.beat_at = time.monotonic()
+                resource = {"prefect.resource.id": f"prefect.flow-run.{run}", "prefect.resource.name": watched.name}
+                emit_event(HEARTBEAT, resource=resource)
+
+    @staticmethod
+    def _pass_on_cancellations(runs: dict[UUID, _Watched]) -> None:
+        open_runs = [run for run, watched in runs.items() if not watched.is_told]
+        if not open_runs:
+            return
+        cancelled = FlowRunFilterStateType(any_=[StateType.CANCELLING, StateType.CANCELLED])
+        chosen = FlowRunFilter(id=FlowRunFilterId(any_=open_runs), state=FlowRunFilterState(type=cancelled))
+        with get_client(sync_client=True) as client:
+            found = client.read_flow_runs(flow_run_filter=chosen)
+        for run in found:
+            runs[run.id].is_told = True
+            runs[run.id].cancel()
+
+
+WATCH = RunWatch()
+"""The watch of this process."""
+
+
+@contextmanager
+def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]:
+    """Watches the running flow inside the block, unless one of ours around it is watched already.
+
+    Args:
+        catalog: where the jobs are that it runs; their leases are released if the process has to end as an orphan.
+        cancel: called once, from another thread, when the run is cancelled in Prefect.
+    """
+    context = FlowRunContext.get()
+    if context is None or context.flow_run is None or _is_watched.get():
+        yield
+        return
+    run = context.flow_run.id
+    if started_by_worker():
+        watch_parent(on_same_server(lambda: end_orphan(catalog, run)))
+    token = _is_watched.set(True)
+    try:
+        with WATCH.watching(run, context.flow_run.name, cancel):
+            yield
+    finally:
+        _is_watched.reset(token)

@@ -1,0 +1,67 @@
+"""What tests of states ask of Prefect's server."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import pytest
+from helpers.processes import wait_for
+
+
+@pytest.fixture
+def environ(service: Any, prefect_server: str, tmp_path: Path) -> dict[str, str]:
+    """Environment variables that lead other processes to the test's service."""
+    return {
+        "ROBOMAKER_HOME": str(service.settings.home),
+        "PREFECT_API_URL": prefect_server,
+        "PREFECT_HOME": str(tmp_path / "prefect"),
+        "PREFECT_WORKER_QUERY_SECONDS": "1",
+        "CI": "true",
+    }
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
+    """Writes a specification of a name of its own."""
+
+    def write(steps: dict[str, Any]) -> Path:
+        path = tmp_path / "spec.yaml"
+        path.write_text(json.dumps({"version": 1, "name": "states", "steps": steps}))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def flow_run(prefect_server: str) -> Callable[[str], Any]:
+    """Waits for the flow run of a name, as the server knows it."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
+
+    def find(name: str) -> Any:
+        def look() -> Any:
+            with get_client(sync_client=True) as client:
+                chosen = FlowRunFilter(name=FlowRunFilterName(any_=[name]))
+                return next(iter(client.read_flow_runs(flow_run_filter=chosen)), None)
+
+        return wait_for(look, f"the flow run {name}")
+
+    return find
+
+
+@pytest.fixture
+def state_of(prefect_server: str) -> Callable[..., Any]:
+    """Waits for a flow run's final state."""
+    from prefect.client.orchestration import get_client
+
+    def ended(run: UUID, timeout_s: float = 120.0) -> Any:
+        def look() -> Any:
+            with get_client(sync_client=True) as client:
+                state = client.read_flow_run(run).state
+            return state if state is not None and state.is_final() else None
+
+        return wait_for(look, f"the end of {run}", timeout_s)
+
+    return ended
