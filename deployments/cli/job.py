@@ -1,5 +1,7 @@
 """Carrying a stored job to its end, in this process: for `perform`, and for `call --wait`."""
 
+import logging
+import sys
 from contextlib import suppress
 
 from ...schemas.settings import Settings
@@ -23,6 +25,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     from ..dead_runs import close_dead_runs_once
 
     service = Service.open(settings)
+    _warn_on_stderr()
     close_dead_runs_once()
     try:
         with interrupted_by_signals(), service.activated():
@@ -33,3 +36,12 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         raise
     print_answer(answer, form)
     return EXIT_CODES[result.state]
+
+
+def _warn_on_stderr() -> None:
+    """Shows our own warnings, such as of a Prefect server that has died; Prefect's logging hides those of others."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("robomaker: %(message)s"))
+    logger = logging.getLogger("prefect_robomaker")
+    logger.handlers, logger.propagate = [handler], False
+    logger.setLevel(logging.WARNING)

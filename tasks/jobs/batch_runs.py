@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...schemas.documents.simulation_job_batches import BatchProgress, FailedRequest, SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
@@ -252,7 +252,7 @@ class BatchRun:
             self._lease.transition("drain")
         documents = [SimulationJobDocument.of(job) for job in jobs.values() if job.status == "Completed"]
         verdicts = dict(Counter(document.verdict for document in documents if document.verdict))
-        failure = {}
+        failure: dict[str, Any] = {}
         if end == "Failed":
             reason = "at least one request could not become a job because of an internal fault"
             failure = {"failure_code": "InternalServiceError", "failure_reason": reason}

@@ -166,8 +166,10 @@ class JobRun:
         """Fetches all that a new run needs; it counts as running from then on."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         # What an earlier run failed of, and what it was judged to be, is nothing that this one has.
-        cleared = dict.fromkeys(("failure_code", "failure_reason", "verdict", "verdict_reason"))
-        self._lease.transition("prepare", SimulationJobProgress(run_id=run_id, **cleared))
+        begun = SimulationJobProgress(
+            run_id=run_id, failure_code=None, failure_reason=None, verdict=None, verdict_reason=None
+        )
+        self._lease.transition("prepare", begun)
         self._outputs(run_id).prepare()
         remove_containers_of_job(folder.parent)  # of job workers that died together with all that they had started
         is_stopped = lambda: self._why_stop() is not None  # noqa: E731
