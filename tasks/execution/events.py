@@ -1,14 +1,12 @@
 """Prefect events about what flow runs made: worlds and reports.
 
 Prefect's page *Event Feed* shows them, each with its flow run, and automations can wait for them. Events only inform:
-nothing is decided from them, and outside a flow run none is sent.
+nothing is decided from them, and outside a flow run none is sent. Prefect is imported when there is something to tell:
+`robomaker plan --reuse` imports what generates worlds, and has to answer at once.
 """
 
 from collections.abc import Mapping
 from pathlib import Path
-
-from prefect.context import FlowRunContext
-from prefect.events import emit_event
 
 
 def tell_of_world(arn: str, uri: str, template: str) -> None:
@@ -42,6 +40,9 @@ def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, i
 
 
 def _tell(event: str, kind: str, name: str, labels: Mapping[str, str], **payload: object) -> None:
+    from prefect.context import FlowRunContext
+    from prefect.events import emit_event
+
     if FlowRunContext.get() is None:
         return
     resource = {"prefect.resource.id": f"robomaker.{kind}.{name}", "prefect.resource.name": name}

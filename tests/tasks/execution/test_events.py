@@ -7,7 +7,6 @@ import pytest
 from helpers.processes import wait_for
 from prefect import flow
 
-from prefect_robomaker.tasks.execution import events
 from prefect_robomaker.tasks.execution.events import tell_of_report, tell_of_world
 
 WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/generation-{name}/world-1"
@@ -38,7 +37,7 @@ def test_events_reach_the_server_with_the_flow_run_that_they_are_about(prefect_s
 
 
 def test_no_event_is_sent_outside_a_flow_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(events, "emit_event", lambda **_: pytest.fail("there is no flow run"))
+    monkeypatch.setattr("prefect.events.emit_event", lambda **_: pytest.fail("there is no flow run"))
 
     tell_of_world(WORLD.format(name="x"), "s3://robomaker/worlds/1", "arn:template")
 
