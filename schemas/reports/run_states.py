@@ -7,7 +7,6 @@ from pydantic import Field
 
 from ..runs.plan import Verdict
 from ..wire.base import Model
-
 from .run_record import JobRecord
 from .states import CaseOutcome, RunState
 
