@@ -83,7 +83,7 @@ def choose(page: Page, label: str, kind: str) -> None:
     )
 
 
-SELECT_VIDEO = "document.querySelector('[aria-label=\"Select video\"]')"
+SELECT_VIDEO = "document.querySelector('[aria-haspopup=listbox]')"
 
 
 def task_runs_below(name: str) -> set[str]:
