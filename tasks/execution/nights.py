@@ -9,9 +9,9 @@ oldest would take the slot only to be skipped.
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from prefect.client.schemas.objects import ConcurrencyLimitStrategy, ConcurrencyOptions
+from prefect.client.schemas.objects import ConcurrencyLimitStrategy, ConcurrencyOptions, State
 from prefect.context import FlowRunContext
-from prefect.states import Cancelled, State
+from prefect.states import Cancelled
 
 from ...schemas.settings import Settings
 
