@@ -34,7 +34,8 @@ from ..schemas.reports.run_states import (
 )
 from ..schemas.settings import Settings
 from ..schemas.specs.check import load_spec
-from ..schemas.specs.model import CheckedSpec, resolve_input
+from ..schemas.specs.model import CheckedSpec
+from ..schemas.specs.resolving import resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled

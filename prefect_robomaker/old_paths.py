@@ -2,8 +2,8 @@
 
 Code of users, stored applications and pickles may still name a module's old path. Importing it gives the module at its
 new path and a `DeprecationWarning` that names that path. Where a package now has the name of an old module, names that
-the module had are found on the package in the same way. To end this, delete this module, `moved.py` and the line of
-`__init__.py` that calls `install`.
+the module had are found on the package in the same way. To end this, delete this module, `old_paths_table.py` and the
+line of `__init__.py` that calls `install`.
 """
 
 import importlib
@@ -15,7 +15,7 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
 from typing import Any
 
-from .moved import MOVED, SPLIT
+from .old_paths_table import MOVED, SPLIT
 
 _LAST_VERSION = "0.2"
 """The last version in which old paths work."""

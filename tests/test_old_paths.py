@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker import old_paths
-from prefect_robomaker.moved import MOVED, SPLIT
+from prefect_robomaker.old_paths_table import MOVED, SPLIT
 
 ROOT = "prefect_robomaker."
 PATHS = {

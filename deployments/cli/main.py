@@ -7,12 +7,8 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 
+from ...schemas import exit_codes
 from .grammar import build_parser
-
-INTERRUPTED = 130
-BROKE = 3
-# What a shell says of a program whose reader went away.
-PIPE_CLOSED = 141
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # Python would complain when it flushes standard output at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return PIPE_CLOSED
+        return exit_codes.PIPE_CLOSED
     except Exception as error:
         return _report(error, debug="--debug" in words or bool(os.environ.get("ROBOMAKER_DEBUG")))
     return code
@@ -50,7 +46,7 @@ def _interrupted(interruption: KeyboardInterrupt) -> int:
         from .signals import die_of
 
         die_of(number)
-    return INTERRUPTED
+    return exit_codes.INTERRUPTED
 
 
 def _execute(words: Sequence[str]) -> int:
@@ -89,7 +85,7 @@ def _report(error: Exception, *, debug: bool) -> int:
         sys.stderr.write(f"robomaker: {type(error).__name__}: {error}\n")
         if not debug:
             sys.stderr.write("This is a defect; run the same with --debug for the details.\n")
-    return error.exit_code if isinstance(error, RobomakerError) else BROKE
+    return error.exit_code if isinstance(error, RobomakerError) else exit_codes.BROKE
 
 
 def _print_version() -> int:

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from .. import exit_codes
 from ..wire.base import Model
 from .changes import CellName
 from .inputs import SourceCommit
@@ -12,7 +13,12 @@ from .states import CaseOutcome
 
 Answer = Literal["better", "worse", "no difference shown", "not comparable"]
 
-ANSWER_EXIT_CODES: dict[Answer, int] = {"better": 0, "worse": 1, "no difference shown": 6, "not comparable": 7}
+ANSWER_EXIT_CODES: dict[Answer, int] = {
+    "better": exit_codes.OK,
+    "worse": exit_codes.VERDICT_FAILED,
+    "no difference shown": exit_codes.NO_DIFFERENCE,
+    "not comparable": exit_codes.NOT_COMPARABLE,
+}
 """What `robomaker compare` ends with, by its answer."""
 
 

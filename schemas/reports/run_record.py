@@ -6,12 +6,19 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from .. import exit_codes
 from ..runs.plan import Requirement, Verdict
 from ..wire.base import Model
 from .inputs import JobInputs, SourceCommit
 from .states import RunState
 
-EXIT_CODES: dict[RunState, int] = {"succeeded": 0, "failed": 1, "broken": 3, "canceled": 4, "timed out": 5}
+EXIT_CODES: dict[RunState, int] = {
+    "succeeded": exit_codes.OK,
+    "failed": exit_codes.VERDICT_FAILED,
+    "broken": exit_codes.BROKE,
+    "canceled": exit_codes.CANCELED,
+    "timed out": exit_codes.TIMED_OUT,
+}
 """What the command line ends with, by how the run ended."""
 
 

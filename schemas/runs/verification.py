@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from .. import exit_codes
 from ..wire.base import Model
 
 Answer = Literal["bit-identical", "diverged", "not comparable"]
@@ -17,7 +18,11 @@ ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
 }
 """What the robot was in a rerun, at the end of a sentence."""
 
-EXIT_CODES: dict[Answer, int] = {"bit-identical": 0, "diverged": 1, "not comparable": 3}
+EXIT_CODES: dict[Answer, int] = {
+    "bit-identical": exit_codes.OK,
+    "diverged": exit_codes.VERDICT_FAILED,
+    "not comparable": exit_codes.BROKE,
+}
 """What the command line ends with."""
 
 

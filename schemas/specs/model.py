@@ -15,22 +15,19 @@ makes one from text. What a step gives to later ones is its operation's response
 `Describe…` response.
 """
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from ..operations.registry import OPERATIONS
 from ..wire.base import Model, Shape
 from ..wire.common import text
-from ..wire.errors import Place, Problem, SpecError
-from ..wire.json_values import is_list
-from ..wire.request_problems import RequestProblem, problems_of
-from .references import ReferenceMistake, parse_template
-from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, path_text, plain, value_place
+from ..wire.errors import Place
+from ..wire.request_problems import RequestProblem
+from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]
@@ -90,7 +87,7 @@ class CheckedStep:
     name: str
     operation: str
     input: Node
-    """The request, references unresolved; `resolve_input` resolves them."""
+    """The request, references unresolved; `resolving.resolve_input` resolves them."""
 
     needs: tuple[str, ...]
     """Every step that has to end before: those it names and those it refers to, in file order."""
@@ -123,37 +120,6 @@ class CheckedSpec:
 def output_model(operation: str) -> type[Shape]:
     """The shape of what a step of this operation gives to later steps."""
     return OPERATIONS[_FINAL_ANSWERS.get(operation, operation)].response
-
-
-def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
-
-    Args:
-        step: a checked step.
-        outputs: what each step it needs gave, by step name.
-
-    Raises:
-        SpecError: a reference gives nothing or something that does not fit, with its place.
-    """
-    resolved: dict[str, Any] = _resolve(step.input, outputs, step.location)
-    body = resolved.get("templateBody")
-    if isinstance(body, dict):
-        resolved["templateBody"] = json.dumps(body, ensure_ascii=False)
-    model = OPERATIONS[step.operation].request
-    try:
-        model.model_validate(resolved)
-    except ValidationError as error:
-        raise SpecError(
-            [
-                Problem(
-                    place_of(problem, step.input, step.place),
-                    path_text((*step.location, *problem.location)),
-                    problem.message,
-                )
-                for problem in problems_of(error, model)
-            ]
-        ) from error
-    return resolved
 
 
 def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
@@ -225,34 +191,3 @@ def as_written(node: Node, location: Location) -> Location:
         written.append("value" if made else step)
         following = child(following, written[-1]) if following is not None else None
     return tuple(written)
-
-
-def _resolve(node: Node, scope: Mapping[str, Any], location: Location) -> Any:
-    if construct := for_each_of(node):
-        return _resolve_for_each(construct, scope, location)
-    if isinstance(node, MappingNode):
-        return {key: _resolve(value, scope, (*location, key)) for key, value in node.entries.items()}
-    if isinstance(node, ListNode):
-        return [_resolve(item, scope, (*location, position)) for position, item in enumerate(node.items)]
-    if not isinstance(node.value, str):
-        return node.value
-    try:
-        return parse_template(node.value).value(scope)
-    except ReferenceMistake as mistake:
-        _fail(node.place, location, str(mistake))
-
-
-def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
-    source = construct.entries[FOR_EACH]
-    entries = _resolve(source, scope, (*location, FOR_EACH))
-    if not is_list(entries):
-        _fail(source.place, (*location, FOR_EACH), f"is {str(entries)[:80]!r}; it has to be a list")
-    variable, value = variable_of(construct), construct.entries["value"]
-    return [
-        _resolve(value, {**scope, variable: entry, INDEX: index}, (*location, "value"))
-        for index, entry in enumerate(entries)
-    ]
-
-
-def _fail(place: Place, location: Location, message: str) -> NoReturn:
-    raise SpecError([Problem(place, path_text(location), message)])

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from ...schemas.lifecycles import is_terminal
 from ..service.service import Service
 from .held_leases import HELD, HeldLeases
-from .leases import Lease
+from .job_leases import Lease
 from .retry_limit import fail_job, why_not_retried
 
 _WAIT_S = 0.5

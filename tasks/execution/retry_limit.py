@@ -8,7 +8,7 @@ from ...schemas.documents.base import FailureChanges
 from ...schemas.documents.simulation_jobs import Outcome
 from ...schemas.lifecycles import LIFECYCLES
 from ..service.service import Service
-from .leases import Lease
+from .job_leases import Lease
 
 MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10

@@ -10,7 +10,7 @@ from ...schemas.wire.errors import Problem, SpecError
 from ...schemas.wire.request_problems import nearest
 from ..service.service import Service
 from ..simulations.inputs.world_rooms import room_names
-from ..simulations.outputs.locations import prepare_bucket
+from ..simulations.outputs.output_places import prepare_bucket
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 

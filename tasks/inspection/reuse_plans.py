@@ -22,7 +22,8 @@ from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJob
 from ...schemas.operations.world_templates import CreateWorldTemplateRequest
 from ...schemas.reports.run_record import RunRecord, StepRecord
 from ...schemas.runs.plan import ApplicationRole
-from ...schemas.specs.model import CheckedSpec, CheckedStep, resolve_input
+from ...schemas.specs.model import CheckedSpec, CheckedStep
+from ...schemas.specs.resolving import resolve_input
 from ...schemas.templates.parsing import unwrapped_text
 from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 from ..catalog import Resource

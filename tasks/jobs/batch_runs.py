@@ -15,7 +15,7 @@ from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError
 from ..catalog import ClientToken, Resource
-from ..execution.leases import Lease
+from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications

@@ -12,8 +12,8 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import Resource
-from ..execution.leases import Lease
-from ..execution.steps import step_runner
+from ..execution.job_leases import Lease
+from ..execution.task_runs import step_runner
 from ..service.service import Progress, Service
 from ..worlds.archive_places import archive_place
 from .world_jobs import end_canceled, move_on

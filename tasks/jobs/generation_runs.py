@@ -16,9 +16,9 @@ from ...schemas.operations.world_generation_jobs import too_many_worlds
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import StateConflictError
 from ...schemas.wire.ids import world_id
-from ..execution.leases import Lease
-from ..execution.steps import step_runner
+from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
+from ..execution.task_runs import step_runner
 from ..service.service import Progress, Service
 from ..worlds.builders import WorldBuilders
 from ..worlds.generation import WorldFailure, generate_world

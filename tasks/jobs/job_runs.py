@@ -18,8 +18,8 @@ from ...schemas.runs.stops import RunStop, StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import LaunchError, ServiceUnavailableException, StateConflictError, StorageError
 from ..execution.claims import run_if_unclaimed, run_under_lease
-from ..execution.leases import Lease
-from ..execution.steps import RunStep, directly
+from ..execution.job_leases import Lease
+from ..execution.task_runs import RunStep, directly
 from ..runtime.limits.run_notes import add_note
 from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
@@ -31,7 +31,7 @@ from ..simulations.planning.resuming import plan_to_resume
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, kept_runs, remove_abandoned_containers
-from .outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
+from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
 
 Stop = Callable[[], StopReason | None]
 """Asked while a job runs; answers why it should stop, or `None`."""

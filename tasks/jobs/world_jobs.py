@@ -8,7 +8,7 @@ from ...schemas.documents.world_generation_jobs import WorldGenerationProgress
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import StateConflictError
 from ..execution.claims import run_if_unclaimed
-from ..execution.leases import Lease
+from ..execution.job_leases import Lease
 from ..service.service import Service
 
 WorldJobProgress = WorldGenerationProgress | WorldExportProgress

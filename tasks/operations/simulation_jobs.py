@@ -19,8 +19,8 @@ from ...schemas.operations.simulation_jobs import (
 )
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
-from ..execution.steps import step_runner
 from ..execution.task_pool import run_alone
+from ..execution.task_runs import step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
 from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE

@@ -19,7 +19,7 @@ from ..execution.claims import run_under_lease
 from ..jobs.export_runs import run_export
 from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service
-from ..simulations.outputs.locations import check_output_location
+from ..simulations.outputs.output_places import check_output_location
 from .pages import page_of
 from .registry import Answer, operation
 

@@ -25,7 +25,7 @@ from ..runtime.video.video_files import POSTER_FILE
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job, remove_run
 from ..simulations.environment.folders import remove
-from ..simulations.outputs.locations import output_place
+from ..simulations.outputs.output_places import output_place
 from ..storage import thin, unpublish
 from ..storage.naming import join_key
 from ..worlds.archive_places import archive_place

@@ -15,7 +15,7 @@ from ..catalog import ClientToken, Resource
 from ..service.service import Service
 from .inputs.data_sources import resolve_data_sources
 from .inputs.world_rooms import check_rooms
-from .outputs.locations import check_output_location
+from .outputs.output_places import check_output_location
 from .planning.job_contents import CurrentApplications, contents_of_request
 from .planning.run_plans import world_arn
 from .reused_results import find_results, with_results_of

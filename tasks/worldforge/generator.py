@@ -11,8 +11,8 @@ import numpy as np
 from ...schemas.templates.body import WorldTemplateBody
 from ...schemas.wire.errors import WorldGenerationError
 from ...schemas.worlds.world import World
+from .doors.initial_states import dress_doors
 from .doors.leaves import leaf_outlines
-from .doors.preferences import dress_doors
 from .floorplans.floorplan import generate_floorplan
 from .geometry.occupancy import occupancy_grid
 from .interiors.interior import furnish

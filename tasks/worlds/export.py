@@ -7,10 +7,10 @@ from pathlib import Path
 from ...schemas.documents.world_export_jobs import WorldExportJobDocument
 from ...schemas.wire.errors import TransferStoppedError
 from ..catalog import Resource
-from ..execution.steps import RunStep
+from ..execution.task_runs import RunStep
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
-from ..simulations.outputs.locations import prepare_bucket
+from ..simulations.outputs.output_places import prepare_bucket
 from ..worldforge.exports.export import write_export_zip
 from .archive_places import archive_place
 

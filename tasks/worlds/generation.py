@@ -15,9 +15,9 @@ from ...schemas.wire.ids import world_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
 from ..execution.events import tell_of_world
-from ..execution.steps import RunStep
+from ..execution.task_runs import RunStep
 from ..service.service import Service
-from ..simulations.outputs.locations import prepare_bucket
+from ..simulations.outputs.output_places import prepare_bucket
 from ..storage import publish
 from ..worldforge.seeds import GENERATOR_VERSION, seeds_for
 from .builders import WorldBuilders

@@ -32,7 +32,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ....schemas.operations.registry import OPERATIONS
     from ....schemas.settings import Settings
     from ....schemas.specs.check import load_request
-    from ....schemas.specs.model import resolve_input
+    from ....schemas.specs.resolving import resolve_input
     from ..inputs.operations import operation_name
     from ..job import perform
 

@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.simulations.environment`, `tasks.storage`.
 """
 
-__all__ = ["locations", "run_outputs", "upload_files"]
+__all__ = ["output_places", "run_outputs", "upload_files"]

@@ -22,11 +22,11 @@ from ...service.service import Service
 from ...storage import publish, read_manifest, store_unfinished
 from ...storage.folders import FolderFile, regular_files
 from ...storage.naming import check_key, join_key
-from .locations import output_place, prepare_bucket
+from .distinct_names import Found, distinct
+from .output_places import output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
 from .upload_configurations import Upload, uploads_of
 from .upload_files import link_or_copy, visit_matches
-from .upload_names import Found, distinct
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 """What of a run's folder stays when it could not be stored."""

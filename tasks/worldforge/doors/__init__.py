@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.worldforge.furniture`, `tasks.worldforge.geometry`.
 """
 
-__all__ = ["doors", "leaves", "model", "preferences"]
+__all__ = ["doors", "initial_states", "leaves", "model"]

@@ -3,9 +3,9 @@
 import subprocess
 import sys
 
-from prefect_robomaker.deployments.cli import main
 from prefect_robomaker.deployments.cli.commands import call
 from prefect_robomaker.deployments.cli.grammar import EPILOGUE
+from prefect_robomaker.schemas import exit_codes
 from prefect_robomaker.schemas.reports.run_record import EXIT_CODES
 
 
@@ -15,7 +15,7 @@ def test_help_names_every_command_and_exit_code(robomaker) -> None:
     for command in ("run", "validate", "plan", "report", "call", "schema", "doctor", "server"):
         assert f"\n    {command} " in shown.out
         assert robomaker(command, "--help").code == 0
-    for code in {*EXIT_CODES.values(), main.INTERRUPTED}:
+    for code in {*EXIT_CODES.values(), exit_codes.INTERRUPTED}:
         assert f"\n  {code} " in EPILOGUE
 
 

@@ -12,7 +12,7 @@ from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDoc
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import resolve_input
+from prefect_robomaker.schemas.specs.resolving import resolve_input
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.inspection.reruns import Selection, plan_rerun

@@ -8,7 +8,7 @@ import pytest
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.outputs.locations import check_output_location, output_place
+from prefect_robomaker.tasks.simulations.outputs.output_places import check_output_location, output_place
 
 
 def job(location: dict[str, str] | None) -> Resource:

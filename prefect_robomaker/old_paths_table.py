@@ -43,11 +43,11 @@ _GROUPS = (
     (
         "tasks",
         "tasks.execution",
-        "artifacts giving_up=retry_limit held_leases job_leases=leases performing=claims slots task_pool",
+        "artifacts giving_up=retry_limit held_leases job_leases performing=claims slots task_pool",
     ),
     ("tasks", "tasks.fleet", "fleets=records"),
     ("tasks", "tasks.inspection", "found_runs replays reports"),
-    ("tasks", "tasks.jobs", "generation_runs job_endings=outcomes job_folders job_runs world_jobs"),
+    ("tasks", "tasks.jobs", "generation_runs job_endings=simulation_outcomes job_folders job_runs world_jobs"),
     ("tasks.reporting", "tasks.reporting.drawings", "frame furniture lettering plan svg trajectory"),
     ("tasks", "tasks.service", "builtins=builtin_applications home service"),
     (
@@ -65,7 +65,8 @@ _GROUPS = (
     (
         "tasks",
         "tasks.simulations.outputs",
-        "rolling_uploads run_outputs upload_configurations upload_files upload_names uploads=locations",
+        "rolling_uploads run_outputs upload_configurations upload_files upload_names=distinct_names "
+        "uploads=output_places",
     ),
     ("tasks", "tasks.simulations.planning", "application_plans applications launching resuming run_plans"),
     ("tasks", "tasks.simulations.ros", "ros_domains=domains ros_launching=launching"),
@@ -158,7 +159,7 @@ _GROUPS = (
     (
         "tasks.worldforge",
         "tasks.worldforge.doors",
-        "door_model=model door_parts=parts door_wishes=preferences doors leaves",
+        "door_model=model door_parts=parts door_wishes=initial_states doors leaves",
     ),
     (
         "tasks.worldforge",

@@ -1,0 +1,28 @@
+"""Exit codes of the command line, all in one place; `robomaker --help` and the README list them."""
+
+OK = 0
+"""All well; of `verify`: bit-identical; of `compare`: better."""
+
+VERDICT_FAILED = 1
+"""A simulation's verdict is FAIL; of `verify`: the runs differ; of `compare`: worse."""
+
+BAD_USAGE = 2
+"""Wrong words, a bad specification or bad settings: nothing was run."""
+
+BROKE = 3
+"""Something broke: a crash, the object store, a world that cannot be generated; a replay that cannot be compared."""
+
+CANCELED = 4
+TIMED_OUT = 5
+
+NO_DIFFERENCE = 6
+"""Of `compare`: no difference is shown."""
+
+NOT_COMPARABLE = 7
+"""Of `compare`: the runs cannot be compared."""
+
+INTERRUPTED = 130
+"""Ctrl-C; of SIGTERM and SIGHUP it is 128 and the signal's number, as the process ends by the signal itself."""
+
+PIPE_CLOSED = 141
+"""The program that read the output went away; what a shell says of SIGPIPE."""

@@ -1,0 +1,77 @@
+"""Resolving a step's input during a run: references become values, `forEach` becomes a list."""
+
+import json
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+from pydantic import ValidationError
+
+from ..operations.registry import OPERATIONS
+from ..wire.errors import Place, Problem, SpecError
+from ..wire.json_values import is_list
+from ..wire.request_problems import problems_of
+from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
+from .references import ReferenceMistake, parse_template
+from .text import ListNode, Location, MappingNode, Node, path_text
+
+
+def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
+
+    Args:
+        step: a checked step.
+        outputs: what each step it needs gave, by step name.
+
+    Raises:
+        SpecError: a reference gives nothing or something that does not fit, with its place.
+    """
+    resolved: dict[str, Any] = _resolve(step.input, outputs, step.location)
+    body = resolved.get("templateBody")
+    if isinstance(body, dict):
+        resolved["templateBody"] = json.dumps(body, ensure_ascii=False)
+    model = OPERATIONS[step.operation].request
+    try:
+        model.model_validate(resolved)
+    except ValidationError as error:
+        raise SpecError(
+            [
+                Problem(
+                    place_of(problem, step.input, step.place),
+                    path_text((*step.location, *problem.location)),
+                    problem.message,
+                )
+                for problem in problems_of(error, model)
+            ]
+        ) from error
+    return resolved
+
+
+def _resolve(node: Node, scope: Mapping[str, Any], location: Location) -> Any:
+    if construct := for_each_of(node):
+        return _resolve_for_each(construct, scope, location)
+    if isinstance(node, MappingNode):
+        return {key: _resolve(value, scope, (*location, key)) for key, value in node.entries.items()}
+    if isinstance(node, ListNode):
+        return [_resolve(item, scope, (*location, position)) for position, item in enumerate(node.items)]
+    if not isinstance(node.value, str):
+        return node.value
+    try:
+        return parse_template(node.value).value(scope)
+    except ReferenceMistake as mistake:
+        _fail(node.place, location, str(mistake))
+
+
+def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
+    source = construct.entries[FOR_EACH]
+    entries = _resolve(source, scope, (*location, FOR_EACH))
+    if not is_list(entries):
+        _fail(source.place, (*location, FOR_EACH), f"is {str(entries)[:80]!r}; it has to be a list")
+    variable, value = variable_of(construct), construct.entries["value"]
+    return [
+        _resolve(value, {**scope, variable: entry, INDEX: index}, (*location, "value"))
+        for index, entry in enumerate(entries)
+    ]
+
+
+def _fail(place: Place, location: Location, message: str) -> NoReturn:
+    raise SpecError([Problem(place, path_text(location), message)])
