@@ -3,6 +3,7 @@
 import signal
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from prefect_robomaker.schemas.settings import Settings
@@ -18,6 +19,9 @@ pytest_plugins = [
     "helpers.swing_fixtures",
 ]
 pytest.register_assert_rewrite("helpers")
+# A busy machine does not make a change wrong.
+hypothesis.settings.register_profile("robomaker", deadline=None)
+hypothesis.settings.load_profile("robomaker")
 
 
 def pytest_configure() -> None:
