@@ -43,8 +43,8 @@ async def _serve() -> None:
 
     application = create_app(final=True)
     servers = [
-        uvicorn.Server(uvicorn.Config(each, port=0, log_level="warning", lifespan=lifespan))
-        for each, lifespan in ((application, "on"), (Guard(application), "off"))
+        uvicorn.Server(uvicorn.Config(application, port=0, log_level="warning", lifespan="on")),
+        uvicorn.Server(uvicorn.Config(Guard(application), port=0, log_level="warning", lifespan="off")),
     ]
     serving = []
     for server in servers:  # the second shares what the first one starts

@@ -9,7 +9,7 @@ import subprocess
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +139,8 @@ class Browser:
         request = urllib.request.Request(f"http://{self._url}/json/new?about:blank", method="PUT")
         with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
             target = json.load(answer)
-        with connect(target["webSocketDebuggerUrl"], max_size=None, open_timeout=_PATIENCE_S) as socket:
+        socket = connect(target["webSocketDebuggerUrl"], max_size=None, open_timeout=_PATIENCE_S)
+        with closing(socket):
             page = Page(socket)
             page.go(url)
             yield page

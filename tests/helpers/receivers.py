@@ -51,7 +51,7 @@ def webhook() -> Iterator[Webhook]:
             self.send_response(hook.status)
             self.end_headers()
 
-        def log_message(self, *arguments: object) -> None:
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - as the library calls it
             """Says nothing."""
 
     with _serving(ThreadingHTTPServer(("127.0.0.1", 0), Handler)) as hook.address:

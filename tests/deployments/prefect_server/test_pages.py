@@ -6,6 +6,7 @@ import subprocess
 import sys
 import uuid
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -171,12 +172,10 @@ def form(browser: Browser, prefect_server: str) -> Iterator[Any]:
     from prefect.client.orchestration import get_client
     from prefect.utilities.callables import parameter_schema
 
-    from prefect_robomaker import flows
-
     made: list[Any] = []
 
     def open_form(operation: str) -> tuple[Any, str]:
-        flow = getattr(__import__(f"{flows.__name__}.{RESOURCES[operation]}", fromlist=[operation]), operation)
+        flow = getattr(import_module(f"prefect_robomaker.flows.{RESOURCES[operation]}"), operation)
         with get_client(sync_client=True) as client:
             schema = parameter_schema(flow).model_dump(exclude_unset=True)
             deployment = client.create_deployment(

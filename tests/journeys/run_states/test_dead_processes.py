@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from helpers.endpoint_process import Serve
 from helpers.processes import started, wait_for, working_below
+from prefect.events.schemas.automations import EventTrigger
 
 from prefect_robomaker.tasks.execution.dead_runs import AUTOMATION, ensure_automation
 from prefect_robomaker.tasks.operations.registry import call
@@ -49,6 +50,7 @@ def test_the_automation_is_made_once(prefect_server: str) -> None:
             client.create_automation(_of_an_earlier_release())
         ensure_automation(client)
         (found,) = client.read_automations_by_name(AUTOMATION)
+    assert isinstance(found.trigger, EventTrigger)
     assert found.trigger.within.total_seconds() == 30.0
 
 
@@ -56,7 +58,7 @@ def _of_an_earlier_release() -> Any:
     from datetime import timedelta
 
     from prefect.events.actions import DoNothing
-    from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
+    from prefect.events.schemas.automations import AutomationCore, Posture
 
     trigger = EventTrigger(posture=Posture.Proactive, within=timedelta(seconds=99), after={"a"}, expect={"b"})
     return AutomationCore(name=AUTOMATION, trigger=trigger, actions=[DoNothing()])
@@ -91,7 +93,7 @@ def test_a_run_of_serve_is_closed_though_no_job_worker_takes_it_up_again(
         wait_for(lambda: service.catalog.get(job).status == "Running", "the job to run")
         run = flow_run(job.rpartition("/")[2]).id
         time.sleep(2)
-        worker = served.performer()["pid"]
+        worker = served.worker()["pid"]
         os.kill(served.process.pid, signal.SIGKILL)
         os.kill(worker, signal.SIGKILL)
 

@@ -147,7 +147,7 @@ def test_a_server_that_dies_before_a_job_runs_costs_a_message_with_the_command_t
     variables, pid = own_server
     job = call("CreateSimulationJob", order(), service)["arn"]
     os.killpg(pid, signal.SIGKILL)
-    chosen = {
+    chosen: dict[Any, Any] = {
         PREFECT_API_URL: variables["PREFECT_API_URL"],
         PREFECT_API_AUTH_STRING: variables["PREFECT_API_AUTH_STRING"],
     }

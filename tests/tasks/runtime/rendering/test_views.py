@@ -102,7 +102,7 @@ def test_follow_keeps_the_horizon_and_its_side_when_the_robot_tips_over() -> Non
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     follow = choose_view(model, None)
-    before = follow(data)
+    view = before = follow(data)
     azimuth, elevation, distance = before.azimuth, before.elevation, before.distance
     assert before.type == mujoco.mjtCamera.mjCAMERA_FREE
     assert elevation == pytest.approx(-45, abs=4)
