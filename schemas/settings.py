@@ -15,7 +15,7 @@
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
-| `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | nobody |
+| `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
 | `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """

@@ -243,7 +243,7 @@ def check_notifications(settings: Settings, *, notify: bool) -> Finding:
     channels = settings.notify
     if not channels:
         remedy = "set ROBOMAKER_NOTIFY to addresses such as json://host/path or mailtos://…"
-        return Finding("notifications", "broken", "nobody is told how runs ended", remedy)
+        return Finding("notifications", "broken", "no message says how runs ended", remedy)
     when = ", ".join(sorted(settings.notify_when))
     if notify:
         body = "Robomaker's doctor sent this to see whether you can be told how runs end."

@@ -1,4 +1,4 @@
-"""The local Prefect server: one for each data home, started once, kept, and nobody else's.
+"""The local Prefect server: one for each data home, started once, kept, and its user's alone.
 
 ```
 robomaker, Prefect workers ── local_server (finds, starts, stops)

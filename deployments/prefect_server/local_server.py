@@ -145,7 +145,7 @@ def _start(settings: Settings) -> str:
         temporary = folder / "server.json.part"
         temporary.write_text(json.dumps(asdict(status)))
         temporary.replace(_state_file(settings))
-    except BaseException:  # also Ctrl-C: without its state file nobody would find the server again
+    except BaseException:  # also Ctrl-C: without its state file the server would not be found again
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()

@@ -42,7 +42,7 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
         else:
             problems = []
     except Exception as error:
-        _logger.exception("nobody could be told of %s", record.run_id)
+        _logger.exception("no message could be sent about %s", record.run_id)
         problems = [f"{type(error).__name__}: {error}"]
     for problem in problems:
         listener(Note(f"not notified: {problem}"))

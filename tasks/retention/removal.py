@@ -173,7 +173,7 @@ def _thin(place: StoredPlace, service: Service) -> None:
 
 @contextmanager
 def _held(job: Resource, service: Service) -> Iterator[None]:
-    """Holds a job's lease, so that nobody else changes it meanwhile."""
+    """Holds a job's lease, so that no other process changes it meanwhile."""
     owner = f"gc:{uuid.uuid4().hex}"
     try:
         claimed = service.catalog.claim(job.arn, owner, _LEASE_S)

@@ -41,7 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
     policy = _policy(arguments)
     policy.check()
     if not (arguments.dry_run or arguments.yes or _can_ask(arguments)):
-        raise ConfigurationError("nobody can be asked here; --yes removes, --dry-run only shows")
+        raise ConfigurationError("there is no terminal to ask on; --yes removes, --dry-run only shows")
     settings = Settings.from_environment(os.environ)
     if arguments.dry_run or not arguments.yes:
         report = _collected(policy, settings, act=False)

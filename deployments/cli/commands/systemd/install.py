@@ -24,6 +24,6 @@ def execute(arguments: argparse.Namespace) -> int:
         "\nSettings go into the file `environment` of ~/.config/robomaker. Then, for example:\n"
         "  systemctl --user daemon-reload\n"
         "  systemctl --user enable --now robomaker-prefect robomaker-worker robomaker-gc.timer\n"
-        "  loginctl enable-linger    # so that they run while nobody is logged in\n"
+        "  loginctl enable-linger    # so that they run also while you are logged out\n"
     )
     return 0
