@@ -1,7 +1,6 @@
 """One Prefect server for the whole test run, started when the first test asks for it."""
 
 import os
-import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from helpers.server_log import tracebacks
 from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, stop_server
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
 from prefect_robomaker.schemas.settings import Settings
@@ -33,16 +33,6 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):
         stop_server(server_settings())
         shutil.rmtree(Path(os.environ.pop(_HOME)), ignore_errors=True)
-
-
-def tracebacks(log: str) -> list[str]:
-    """The tracebacks in a server's log, but for those of a locked SQLite database.
-
-    Prefect waits a minute for a lock. It gives up at once, and tries again, where a transaction that has read wants to
-    write after another one did; no waiting helps there, and only PostgreSQL knows no such thing.
-    """
-    found = re.findall(r"^Traceback \(most recent call last\):\n(?:(?:[ \t].*)?\n)*.*", log, re.MULTILINE)
-    return [each for each in found if "database is locked" not in each]
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,8 @@
 
 import re
 
-# SQLite under load; the server tries again.
+# Prefect waits a minute for a lock, but gives up at once, and tries again, where a transaction that has read wants to
+# write after another one did. No waiting helps there, and only PostgreSQL knows no such thing.
 _KNOWN = "database is locked"
 _TRACEBACK = re.compile(
     r"Traceback \(most recent call last\).*?^(?![ \t]|\s*$)(?P<error>[^\n]+)$", re.DOTALL | re.MULTILINE

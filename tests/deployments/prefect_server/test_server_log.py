@@ -1,6 +1,7 @@
 """The server's log has no traceback; the fixture `prefect_server` looks at it again when all tests are done."""
 
-from helpers.prefect_server import server_settings, tracebacks
+from helpers.prefect_server import server_settings
+from helpers.server_log import tracebacks
 
 LOCKED = """\
 Traceback (most recent call last):

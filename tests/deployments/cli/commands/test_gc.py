@@ -56,7 +56,7 @@ def test_nobody_to_ask_is_an_error(robomaker: Any, old_run: Path) -> None:
     told = robomaker("gc", "--older-than", "30d")
 
     assert (told.code, told.out) == (2, "")
-    assert "nobody can be asked here; --yes removes, --dry-run only shows" in told.err
+    assert "there is no terminal to ask on; --yes removes, --dry-run only shows" in told.err
     assert old_run.exists()
 
 
