@@ -39,8 +39,8 @@ from ..schemas.specs.resolving import resolve_input
 from ..schemas.specs.world_counts import check_world_counts
 from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
-from ..tasks.execution.nights import skipped_night
 from ..tasks.execution.run_watch import watched_run
+from ..tasks.execution.schedule_overlaps import skipped_night
 from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.preflight import check_preconditions
 from ..tasks.inspection.standings import why_not_completed

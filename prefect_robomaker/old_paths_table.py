@@ -43,7 +43,7 @@ _GROUPS = (
     (
         "tasks",
         "tasks.execution",
-        "artifacts giving_up=retry_limit held_leases job_leases performing=claims slots task_pool",
+        "artifacts giving_up=retry_limit held_leases job_leases performing=claims slots=batch_slots task_pool",
     ),
     ("tasks", "tasks.fleet", "fleets=records"),
     ("tasks", "tasks.inspection", "found_runs replays reports"),
@@ -107,7 +107,7 @@ _GROUPS = (
     (
         "tasks.runtime",
         "tasks.runtime.requirements",
-        "requirement_checks=checks requirement_rules=rules requirements=observer",
+        "requirement_checks=measurements requirement_rules=rules requirements=observer",
     ),
     (
         "tasks.runtime",
@@ -118,13 +118,14 @@ _GROUPS = (
     (
         "tasks.runtime",
         "tasks.runtime.supervision",
-        "cores disk_blame=disk_attribution endings=finished_outputs forkserver launcher outcomes ports "
-        "programs run_requests supervision=watching supervisor watch",
+        "cores=core_assignment disk_blame=disk_attribution endings=finished_outputs forkserver launcher outcomes ports "
+        "programs run_requests supervision=watching supervisor watch=stopping",
     ),
     (
         "tasks.runtime",
         "tasks.runtime.video",
-        "camera_recorder camera_settings failure_films=failure_videos film=encoder filming=view_renderer live_frames "
+        "camera_recorder camera_settings=recorded_camera_settings failure_films=failure_videos film=encoder "
+        "filming=view_renderer live_frames "
         "live_view rerender video video_files video_settings",
     ),
     (

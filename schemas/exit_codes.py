@@ -1,4 +1,8 @@
-"""Exit codes of the command line, all in one place; `robomaker --help` and the README list them."""
+"""Exit codes of the command line, all in one place; `robomaker --help` and the README list them.
+
+Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs in `schemas.reports.run_record`, by
+answers of `compare` in `schemas.reports.comparison`, and by those of `verify` in `schemas.runs.verification`.
+"""
 
 OK = 0
 """All well; of `verify`: bit-identical; of `compare`: better."""

@@ -22,7 +22,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     from ...schemas.reports.run_record import EXIT_CODES
     from ...tasks.operations.registry import registry
     from ...tasks.service.service import Service
-    from ..dead_runs import close_dead_runs_once
+    from ..dead_run_sweeper import close_dead_runs_once
 
     service = Service.open(settings)
     _warn_on_stderr()

@@ -47,7 +47,7 @@ def carry_out(
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...flows.pipelines import RunInterrupted, run_spec
-        from ..dead_runs import close_dead_runs_once
+        from ..dead_run_sweeper import close_dead_runs_once
 
         close_dead_runs_once()
         try:

@@ -8,7 +8,7 @@ from prefect.server.api.server import create_app
 from prefect.settings import get_current_settings
 from starlette.types import ASGIApp
 
-from ..dead_runs import close_dead_runs_beside
+from ..dead_run_sweeper import close_dead_runs_beside
 from ..web_guard.guard import Guard
 from .beside import JOBS, beside
 from .login_page import LoginPage

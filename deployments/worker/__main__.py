@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
 from ...tasks.service.service import Service
-from ..dead_runs import close_dead_runs
+from ..dead_run_sweeper import close_dead_runs
 from .channel import STOP, Channel
 from .pools import job_pools
 from .prefect_watch import PrefectWatch

@@ -29,7 +29,7 @@ _FIRST_NEEDED = (
     "prefect.task_engine",
     "prefect_robomaker.tasks.execution.artifacts",
     "prefect.task_runners",
-    "prefect_robomaker.tasks.execution.slots",
+    "prefect_robomaker.tasks.execution.batch_slots",
     "prefect_robomaker.tasks.execution.task_pool",
     "prefect_robomaker.tasks.worlds.export",
     "prefect_robomaker.tasks.worlds.generation",

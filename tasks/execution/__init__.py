@@ -6,18 +6,18 @@ May import: `schemas`, `tasks.catalog`, `tasks.service`.
 # pyright: reportUnsupportedDunderAll=false
 __all__ = [
     "artifacts",
+    "batch_slots",
     "claims",
     "dead_runs",
     "events",
     "flow_ends",
     "held_leases",
     "job_leases",
-    "nights",
     "orphans",
     "prefect_settings",
     "retry_limit",
     "run_watch",
-    "slots",
+    "schedule_overlaps",
     "task_pool",
     "task_runs",
 ]

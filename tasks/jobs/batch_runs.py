@@ -23,7 +23,7 @@ from ..simulations.stored_jobs import reuse_job, store_job
 from .job_runs import perform_job, stop_idle_job
 
 if TYPE_CHECKING:
-    from ..execution.slots import Slots
+    from ..execution.batch_slots import Slots
 
 _WAIT_S = 0.5
 _END_EVENTS: Mapping[str, str] = {
@@ -121,7 +121,7 @@ class BatchRun:
         return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
 
     def _run_requests(self, indices: list[int]) -> None:
-        from ..execution.slots import Slots
+        from ..execution.batch_slots import Slots
 
         limit = self._policy.max_concurrency
         with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:

@@ -28,13 +28,13 @@ from ..episode.stops import RunStopped
 from ..limits.logs import redirect_output
 from ..recording.recording import McapRecorder, NullRecorder, RecordingError
 from ..rendering import gl
-from ..requirements.checks import RequirementError
+from ..requirements.measurements import RequirementError
 from ..states.checkpoint_files import CheckpointError, RunTakenError, discard_checkpoints
 from ..states.checkpoints import Checkpointer
 from ..states.failure_state import FailureRecorder
 from ..states.provenance import machine_facts
 from ..video.camera_recorder import CameraRecorder
-from ..video.camera_settings import camera_recording
+from ..video.recorded_camera_settings import camera_recording
 from .loop import run_episode
 from .observers import Observer, make_observers
 from .run_request import RunRequest

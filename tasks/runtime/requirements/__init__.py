@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.runtime.episode`.
 """
 
-__all__ = ["checks", "observer"]
+__all__ = ["measurements", "observer"]

@@ -11,7 +11,7 @@ from ....schemas.worlds.world import World
 from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from ..episode.stops import RunEnded
-from .checks import Look, RequirementError, Scene, bind, make_rules
+from .measurements import Look, RequirementError, Scene, bind, make_rules
 from .rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule
 
 _NO_PHYSICS = "the environment has no `physics` to judge it by"

@@ -23,12 +23,12 @@ from ..limits.run_notes import note_screens
 from ..process.run_request import RunRequest
 from ..states.checkpoint_files import wall_time_used_s
 from ..video.failure_videos import record_failure_videos
-from .cores import Cores
+from .core_assignment import Cores
 from .disk_attribution import attribute_disk_use
 from .finished_outputs import finish_outputs, read_result
 from .outcomes import Exit, Outcome, decide_outcome
 from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
-from .watch import Watch
+from .stopping import Watch
 
 _WARM_UP_TIMEOUT_S = 120.0
 _START_TIMEOUT_S = 30.0

@@ -11,7 +11,7 @@ from ..agents.agent_client import SOCKET_VARIABLE
 from ..agents.agent_socket import agent_socket_path
 from ..process.run_request import RunRequest
 from ..rendering.backends import best_video_backend
-from ..video.camera_settings import camera_recording
+from ..video.recorded_camera_settings import camera_recording
 from ..video.video_settings import settings_of
 
 DEFAULT_VARIABLES = {

@@ -6,9 +6,9 @@ May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`, `tasks.r
 
 __all__ = [
     "camera_recorder",
-    "camera_settings",
     "failure_videos",
     "live_view",
+    "recorded_camera_settings",
     "video",
     "video_files",
     "video_settings",

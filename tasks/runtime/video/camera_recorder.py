@@ -20,7 +20,7 @@ from ..recording.display_messages import CompressedImage
 from ..recording.recorder import Recorder
 from ..rendering.cameras import Image
 from ..rendering.views import CameraNameError
-from .camera_settings import CAMERA_VARIABLE, CameraRecording
+from .recorded_camera_settings import CAMERA_VARIABLE, CameraRecording
 from .video_settings import VideoSettings
 from .view_renderer import RAYS, ViewRenderer
 

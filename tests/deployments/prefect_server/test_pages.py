@@ -157,7 +157,7 @@ def test_a_run_is_listed_with_its_tasks_logs_and_artifacts(
 
 
 def test_limits_are_shown(browser: Browser, prefect_server: str) -> None:
-    from prefect_robomaker.tasks.execution.slots import Slots
+    from prefect_robomaker.tasks.execution.batch_slots import Slots
 
     name = f"robomaker-{NAME}"
     with Slots(name, 3, 2) as slots:

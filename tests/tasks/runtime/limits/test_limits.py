@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
 from prefect_robomaker.tasks.runtime.limits.limits import estimated_bytes
 from prefect_robomaker.tasks.runtime.limits.processes import ProcessState
-from prefect_robomaker.tasks.runtime.supervision.cores import Cores
+from prefect_robomaker.tasks.runtime.supervision.core_assignment import Cores
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
-from prefect_robomaker.tasks.runtime.requirements.checks import make_rules
+from prefect_robomaker.tasks.runtime.requirements.measurements import make_rules
 from prefect_robomaker.tasks.runtime.requirements.rules import (
     SEPARATION_S,
     ClearanceRule,

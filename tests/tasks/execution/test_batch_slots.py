@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from prefect.client.orchestration import SyncPrefectClient, get_client
 
-from prefect_robomaker.tasks.execution.slots import Slots
+from prefect_robomaker.tasks.execution.batch_slots import Slots
 
 pytestmark = pytest.mark.usefixtures("prefect_server")
 

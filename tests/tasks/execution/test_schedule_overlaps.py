@@ -22,7 +22,7 @@ from prefect.server.schemas.schedules import CronSchedule
 from prefect.states import Completed, Pending, Running, Scheduled
 
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.execution.nights import OVERLAP, RUNS_AT_ONCE, skipped_night
+from prefect_robomaker.tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE, skipped_night
 
 SPEC = '{"version": 1, "name": "tiny", "steps": {"list": {"operation": "ListWorlds"}}}'
 BERLIN = ZoneInfo("Europe/Berlin")
