@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .. import exit_codes
+from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model
 from .changes import CellName
 from .inputs import SourceCommit
@@ -14,10 +14,10 @@ from .states import CaseOutcome
 Answer = Literal["better", "worse", "no difference shown", "not comparable"]
 
 ANSWER_EXIT_CODES: dict[Answer, int] = {
-    "better": exit_codes.OK,
-    "worse": exit_codes.VERDICT_FAILED,
-    "no difference shown": exit_codes.NO_DIFFERENCE,
-    "not comparable": exit_codes.NOT_COMPARABLE,
+    "better": OK,
+    "worse": VERDICT_FAILED,
+    "no difference shown": NO_DIFFERENCE,
+    "not comparable": NOT_COMPARABLE,
 }
 """What `robomaker compare` ends with, by its answer."""
 

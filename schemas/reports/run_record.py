@@ -6,18 +6,18 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from .. import exit_codes
+from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..runs.plan import Requirement, Verdict
 from ..wire.base import Model
 from .inputs import JobInputs, SourceCommit
 from .states import RunState
 
 EXIT_CODES: dict[RunState, int] = {
-    "succeeded": exit_codes.OK,
-    "failed": exit_codes.VERDICT_FAILED,
-    "broken": exit_codes.BROKE,
-    "canceled": exit_codes.CANCELED,
-    "timed out": exit_codes.TIMED_OUT,
+    "succeeded": OK,
+    "failed": VERDICT_FAILED,
+    "broken": BROKE,
+    "canceled": CANCELED,
+    "timed out": TIMED_OUT,
 }
 """What the command line ends with, by how the run ended."""
 

@@ -1,6 +1,6 @@
 """Runs as data: the plan, programs, variables, requirements, results, provenance, manifest and `robot.yaml`.
 
-May import: `schemas.exit_codes`, `schemas.wire`.
+May import: `schemas` (exit codes), `schemas.wire`.
 """
 
 # pyright: reportUnsupportedDunderAll=false

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .. import exit_codes
+from ..exit_codes import BROKE, OK, VERDICT_FAILED
 from ..wire.base import Model
 
 Answer = Literal["bit-identical", "diverged", "not comparable"]
@@ -19,9 +19,9 @@ ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
 """What the robot was in a rerun, at the end of a sentence."""
 
 EXIT_CODES: dict[Answer, int] = {
-    "bit-identical": exit_codes.OK,
-    "diverged": exit_codes.VERDICT_FAILED,
-    "not comparable": exit_codes.BROKE,
+    "bit-identical": OK,
+    "diverged": VERDICT_FAILED,
+    "not comparable": BROKE,
 }
 """What the command line ends with."""
 

@@ -1,6 +1,6 @@
 """Parts that all operations share: base classes, names, ARNs, ids, errors, and saying what is wrong with a request.
 
-May import: `schemas.exit_codes`.
+May import: `schemas` (exit codes).
 """
 
 # pyright: reportUnsupportedDunderAll=false

@@ -34,20 +34,20 @@ RobomakerError
 
 from dataclasses import dataclass
 
-from .. import exit_codes
+from ..exit_codes import BAD_USAGE, BROKE
 
 
 class RobomakerError(Exception):
     """Base of every error raised on purpose."""
 
-    exit_code = exit_codes.BROKE
+    exit_code = BROKE
 
 
 class ServiceError(RobomakerError):
     """An error of the service's interface; class name, `code` and `status` are those of the wire."""
 
     status = 400
-    exit_code = exit_codes.BAD_USAGE
+    exit_code = BAD_USAGE
 
     @property
     def code(self) -> str:
@@ -82,21 +82,21 @@ class ConcurrentDeploymentException(ServiceError):
 class ThrottlingException(ServiceError):
     """Too much at once, for now; the same call may succeed later."""
 
-    exit_code = exit_codes.BROKE
+    exit_code = BROKE
 
 
 class InternalServerException(ServiceError):
     """Something broke on this side."""
 
     status = 500
-    exit_code = exit_codes.BROKE
+    exit_code = BROKE
 
 
 class ServiceUnavailableException(ServiceError):
     """A part this call needs is down."""
 
     status = 503
-    exit_code = exit_codes.BROKE
+    exit_code = BROKE
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Problem:
 class SpecError(RobomakerError):
     """A specification with one or more problems; nothing of it has been run."""
 
-    exit_code = exit_codes.BAD_USAGE
+    exit_code = BAD_USAGE
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems
@@ -136,7 +136,7 @@ class SpecError(RobomakerError):
 class ConfigurationError(RobomakerError):
     """A setting is wrong; the message names it and what would be right."""
 
-    exit_code = exit_codes.BAD_USAGE
+    exit_code = BAD_USAGE
 
 
 class StorageError(RobomakerError):
