@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ...schemas.documents.kinds import DOCUMENTS
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.run_record import RunRecord
@@ -43,7 +44,7 @@ class Unit:
     @property
     def names(self) -> set[str]:
         """ARNs of everything that it names."""
-        worlds = {world for job in self.jobs.values() for world in worlds_in(job.document)}
+        worlds = {world for job in self.jobs.values() for world in worlds_in(_content(job))}
         # A job that took over results has none of its own.
         origins = {origin.job for job in self.jobs.values() if (origin := _origin(job))}
         steps = self.record.steps if self.record else []
@@ -88,7 +89,7 @@ def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
         besides: ARNs of those that do not count.
     """
     named = (job for job in _all(service, (JOB, BATCH, EXPORT)) if job.arn not in besides)
-    return {world for job in named for world in worlds_in(job.document)}
+    return {world for job in named for world in worlds_in(_content(job))}
 
 
 def open_since(runs: list[Unit]) -> datetime | None:
@@ -175,6 +176,11 @@ def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dic
         if resource.kind == BATCH:
             found |= {job.arn: job for job in service.catalog.children(arn, JOB)}
     return found | service.catalog.get_many(orders)
+
+
+def _content(job: Resource) -> dict[str, Any]:
+    """What is kept of a job, as JSON."""
+    return DOCUMENTS[job.kind].of(job).to_json()
 
 
 def _origin(job: Resource) -> ReusedFrom | None:

@@ -24,7 +24,7 @@ from helpers.processes import wait_for
 
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
 
-pytestmark = [pytest.mark.slow, NEEDS_BROWSER]
+pytestmark = [pytest.mark.deep, NEEDS_BROWSER]
 
 REBOUND = "rebound.example"
 

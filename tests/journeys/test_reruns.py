@@ -80,7 +80,7 @@ def robomaker(tmp_path: Path, prefect_server: str, package: Path) -> Robomaker:
     return run
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.timeout(900)
 def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
     robomaker: Robomaker, package: Path, tmp_path: Path

@@ -46,8 +46,9 @@ def test_deployments_take_every_member_of_a_block(block: type[Block]) -> None:
 
 def test_a_saved_block_comes_back_as_the_variables_that_it_stands_for(prefect_server: str) -> None:
     credentials = RobomakerCredentials(aws_access_key_id="id", aws_secret_access_key=SecretStr("hidden"))
-    RobomakerObjectStore(address="http://127.0.0.1:9000", bucket="runs", credentials=credentials).save("lab")
-    RobomakerCatalog(url=SecretStr("postgresql+psycopg://u:p@h/c")).save("lab")
+    store = RobomakerObjectStore(address="http://127.0.0.1:9000", bucket="runs", credentials=credentials)
+    store.save("lab", overwrite=True)
+    RobomakerCatalog(url=SecretStr("postgresql+psycopg://u:p@h/c")).save("lab", overwrite=True)
 
     assert RobomakerObjectStore.load("lab").environment() == {  # type: ignore[union-attr] # sync here
         "ROBOMAKER_OBJECT_STORE": "http://127.0.0.1:9000",
@@ -63,7 +64,7 @@ def test_what_a_worker_makes_of_a_deployments_references_is_what_the_block_stand
         aws_access_key_id="id", aws_secret_access_key=SecretStr("hidden"), aws_session_token=SecretStr("brief")
     )
     block = RobomakerObjectStore(address="http://127.0.0.1:9000", region="eu-west-1", credentials=credentials)
-    block.save("references")
+    block.save("references", overwrite=True)
 
     with get_client(sync_client=True) as client:
         kept = environment_of_blocks(

@@ -1,6 +1,7 @@
 """Runs the command in this process, with a data home of its own."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,8 +29,9 @@ def home(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def robomaker(home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+def robomaker(home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Command]:
     """Runs `robomaker` with the given words."""
+    before = dict(os.environ)
     for name in ("ROBOMAKER_DEBUG", "GITHUB_ACTIONS", "PREFECT_API_URL", "ROBOMAKER_CATALOG_URL"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ROBOMAKER_HOME", str(home))
@@ -43,7 +45,10 @@ def robomaker(home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         out, err = capsys.readouterr()
         return Outcome(code, out, err)
 
-    return run
+    yield run
+    # Commands tell Prefect by variables where its server is.
+    os.environ.clear()
+    os.environ.update(before)
 
 
 @pytest.fixture

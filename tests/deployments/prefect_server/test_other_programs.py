@@ -51,7 +51,7 @@ def test_env_prints_what_other_programs_need(environ: dict[str, str], prefect_se
     assert run({**environ, **elsewhere}, *MAIN, "server", "env").returncode == 2
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_deployment_is_made_and_run_by_prefects_command(environ: dict[str, str], tmp_path: Path) -> None:
     known = {**environ, **exported(environ)}
     prefect = [sys.executable, "-m", "prefect"]
@@ -62,7 +62,7 @@ def test_a_deployment_is_made_and_run_by_prefects_command(environ: dict[str, str
 
     for words in (
         ["work-pool", "create", "robomaker-env", "--type", "process"],
-        ["--no-prompt", "deploy", "--name", "CreateWorldTemplate/robomaker", "--prefect-file",
+        ["--no-prompt", "deploy", "--name", "CreateWorldTemplate/create-world-template", "--prefect-file",
          "deployments/prefect.yaml", "--pool", "robomaker-env"],
     ):  # fmt: skip
         made = run(known, *prefect, *words)
@@ -70,7 +70,14 @@ def test_a_deployment_is_made_and_run_by_prefects_command(environ: dict[str, str
     with process_worker("robomaker-env", known, tmp_path / "worker.log"):
         parameters = '{"name": "by the command", "templateBody": "{}"}'
         ordered = run(
-            known, *prefect, "deployment", "run", "CreateWorldTemplate/robomaker", "--params", parameters, "--watch"
+            known,
+            *prefect,
+            "deployment",
+            "run",
+            "CreateWorldTemplate/create-world-template",
+            "--params",
+            parameters,
+            "--watch",
         )
 
     assert ordered.returncode == 0, ordered.stdout + ordered.stderr + (tmp_path / "worker.log").read_text()

@@ -18,7 +18,7 @@ from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
 
-pytestmark = [pytest.mark.slow, NEEDS_BROWSER]
+pytestmark = [pytest.mark.deep, NEEDS_BROWSER]
 
 MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 NAME = f"seen-{uuid.uuid4().hex[:8]}"

@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.execution.dead_runs import AUTOMATION, ensure_autom
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.deep
 Order = Callable[..., dict[str, Any]]
 ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 LONG = {"DURATION_S": "300"}

@@ -19,7 +19,7 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.deep
 Order = Callable[..., dict[str, Any]]
 ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 LONG = {"DURATION_S": "300"}
@@ -98,7 +98,7 @@ def test_sigterm_in_a_flow_of_a_user(
         of_user = FlowFilter(name=FlowFilterName(any_=["nightly"]))
         (outer,) = client.read_flow_runs(flow_filter=of_user)
         of_job = FlowFilter(name=FlowFilterName(any_=["CreateSimulationJob"]))
-        subflows = [run for run in client.read_flow_runs(flow_filter=of_job) if run.parent_task_run_id]
+        subflows = [run for run in client.read_flow_runs(flow_filter=of_job) if run.name == job.id]
     assert state_of(outer.id).name == "Crashed"
     assert state_of(outer.id).message == "Execution was aborted by a termination signal."
     assert {state_of(run.id).name for run in subflows} == {"Cancelled"}

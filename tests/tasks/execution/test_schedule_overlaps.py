@@ -13,8 +13,6 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
-import yaml
-from helpers.paths import REPOSITORY
 from helpers.prefect_server import server_settings
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.objects import FlowRun
@@ -99,15 +97,6 @@ def test_a_night_that_was_missed_is_skipped_or_made_up_for(
 
 def test_what_nobody_scheduled_is_never_late(settings: Settings) -> None:
     assert skipped_night(settings) is None
-
-
-def test_the_schedule_that_is_shipped_has_the_policy() -> None:
-    declared = yaml.safe_load((REPOSITORY / "deployments" / "prefect.yaml").read_text())["deployments"]
-    scheduled = [deployment for deployment in declared if deployment.get("schedules")]
-
-    assert scheduled
-    policy = {"limit": RUNS_AT_ONCE, "collision_strategy": OVERLAP.collision_strategy.value}
-    assert all(deployment["concurrency_limit"] == policy for deployment in scheduled)
 
 
 async def dates(cron: str, timezone: str, year: int) -> list[datetime]:

@@ -81,10 +81,10 @@ def test_what_is_asked_for_anew_is_built(
     assert len(built) == 3, "another seed"
     again(1)
     assert len(built) == 4, "no seed"
-    monkeypatch.setattr(generation, "GENERATOR_VERSION", "9.9")
-    again(1, seed=7)
+    with monkeypatch.context() as patch:
+        patch.setattr(generation, "GENERATOR_VERSION", "9.9")
+        again(1, seed=7)
     assert len(built) == 5, "another generator"
-    monkeypatch.undo()
     call("UpdateWorldTemplate", {"template": template, "templateBody": json.dumps({**BODY, "Version": "1"})}, service)
     again(1, seed=7)
     assert len(built) == 6, "another template"

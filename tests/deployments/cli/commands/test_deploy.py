@@ -10,6 +10,7 @@ import pytest
 from helpers.prefect_server import server_settings
 
 from prefect_robomaker.deployments.cli.prefect_server import SHELL_SETUP
+from prefect_robomaker.tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 
 SPEC = """\
 version: 1
@@ -93,6 +94,9 @@ def test_deploying_again_changes_it_in_place_and_keeps_its_schedule(
     assert after.version != before.version
     assert after.parameters["text"].endswith("# changed\n")
     (schedule,) = after.schedules
+    # A night that is due while the last one runs waits for it.
+    assert after.global_concurrency_limit.limit == RUNS_AT_ONCE
+    assert after.concurrency_options == OVERLAP
     assert (schedule.schedule.cron, schedule.schedule.timezone, schedule.active) == (
         "0 2 * * *",
         "Europe/Berlin",

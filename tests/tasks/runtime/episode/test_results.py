@@ -90,10 +90,11 @@ def test_of_two_requirements_of_one_name_the_jobs_counts(satisfied: bool, others
 
 def test_a_run_that_was_cancelled_has_no_verdict() -> None:
     missed = Requirement(name="rooms", satisfied=False, detail="1 of 2 rooms")
+    asked = Requirement(name="gentle", satisfied=False, detail="30 N, at most 20 N")
     report = EnvironmentReport(verdict="PASS", summary="All well.", requirements=[missed])
     canceled = Episode("canceled", report, steps=10, sim_time_s=2.0, wall_time_s=0.5)
 
-    result = make_result(canceled, 1, [Findings(requirements=[missed])])
+    result = make_result(canceled, 1, [Findings(requirements=[asked])])
 
     assert result.verdict == "NONE"
     assert result.summary == "Canceled at 2.0 s, so that nothing was judged."
