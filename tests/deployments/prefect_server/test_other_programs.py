@@ -62,7 +62,7 @@ def test_a_deployment_is_made_and_run_by_prefects_command(environ: dict[str, str
 
     for words in (
         ["work-pool", "create", "robomaker-env", "--type", "process"],
-        ["--no-prompt", "deploy", "--name", "CreateWorldTemplate/create-world-template", "--prefect-file",
+        ["--no-prompt", "deploy", "--name", "create-world-template", "--prefect-file",
          "deployments/prefect.yaml", "--pool", "robomaker-env"],
     ):  # fmt: skip
         made = run(known, *prefect, *words)
