@@ -1,6 +1,6 @@
 import mujoco
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
@@ -43,7 +43,9 @@ def test_agrees_with_single_rays_everywhere(make_context) -> None:
         x, y, yaw = x + 0.00137, y + 0.00071, yaw + 0.00113
         data.qpos[start : start + 7] = (x, y, 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2))
         mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(finder.measure(), single_rays(physics, LIDAR.angles_rad), atol=1e-9)
+        expected = single_rays(physics, LIDAR.angles_rad)
+        assume(expected.min() > 0.15)  # its own radius: no robot stands inside a thing, where rays begin differently
+        np.testing.assert_allclose(finder.measure(), expected, atol=1e-9)
 
     agrees()
 
