@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from ...schemas.wire.errors import ConfigurationError
 
 
-def cron_schedule(cron: str, timezone: str) -> CronSchedule:
+def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
     """The schedule of a cron expression.
 
     Args:

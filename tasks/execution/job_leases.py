@@ -1,4 +1,7 @@
-"""The lease of a stored job: the right to change it, renewed by a thread while it is held."""
+"""The lease of a stored job: the right to change it, renewed by a thread while it is held.
+
+How long it lasts and how often it is renewed is in `tasks/service/timing.py`.
+"""
 
 import logging
 import threading

@@ -67,7 +67,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from ...deploying.registration import NoSuchPoolError, Target, register
     from ...deploying.schedules import cron_schedule
 
-    schedule = cron_schedule(arguments.schedule, arguments.timezone or "UTC") if arguments.schedule else None
+    zone = {"timezone": arguments.timezone} if arguments.timezone else {}
+    schedule = cron_schedule(arguments.schedule, **zone) if arguments.schedule else None
     target = Target(
         pool=arguments.pool,
         schedule=schedule,

@@ -1,5 +1,7 @@
 """Uploads while a job runs: every few seconds files are taken, stored, and gone; and what is left of it at the end.
 
+`upload_every_s` in `tasks/service/timing.py` says how often.
+
 Files that were taken wait in a folder of the run, `rolling/<number of the sweep>/<configuration>/<path>`, so that
 the job worker that goes on after a crash knows what each of them is. `rolled.jsonl` notes what was stored, for the
 manifest.
