@@ -66,7 +66,7 @@ print(json.dumps([*at_first, loaded()]))
     at_first, modules, later = json.loads(answer.stdout)
 
     assert at_first == []
-    assert modules == [f"prefect_robomaker.{name}" for name in ("moved", "old_paths", "operation_flows")]
+    assert modules == [f"prefect_robomaker.{name}" for name in ("old_paths", "old_paths_table", "operation_flows")]
     assert later == ["pydantic"]
 
 

@@ -22,7 +22,7 @@ SEEDS = (1, 2, 3, 4, 5, 6)
 """As many pairs as the exact test at 5 % needs at least."""
 Robomaker = Callable[..., subprocess.CompletedProcess[str]]
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.deep
 
 
 def spec() -> dict[str, Any]:

@@ -62,7 +62,7 @@ def stored(service: Service) -> set[str]:
     return {f"{bucket}/{info.key}" for bucket in ("robomaker", "exports") for info in service.store.list(bucket)}
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nights_are_collected(run: Callable[[int], RunRecord], service: Service) -> None:
     service.store.ensure_bucket("exports")
     first, second = run(7), run(8)

@@ -72,7 +72,7 @@ def scheduled_at(run: FlowRun, due: datetime) -> None:
         assert database.execute(change, (f"{due:%Y-%m-%d %H:%M:%S.%f}", str(run.id))).rowcount == 1
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize(("late_h", "state"), [(7, "Skipped"), (5, "Completed")])
 def test_a_night_that_was_missed_is_skipped_or_made_up_for(
     client: SyncPrefectClient, night: MakeNight, prefect_server: str, tmp_path: Path, late_h: int, state: str
