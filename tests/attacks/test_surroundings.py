@@ -134,7 +134,7 @@ def test_two_first_runs_at_once_share_one_server_and_both_succeed(fresh_home: Pa
 def _serves(command_line: Path, home: Path) -> bool:
     try:
         inside = command_line.with_name("cwd").readlink() == home / "prefect"
-        return inside and b"server\0start" in command_line.read_bytes()
+        return inside and b"deployments.prefect_server\0--port" in command_line.read_bytes()
     except OSError:
         return False
 
