@@ -113,7 +113,10 @@ def real_engine() -> Iterator[RealEngine]:
                     continue
                 yield engine
                 return
-    missing("docker", f"no container engine works here: {'; '.join(reasons)}")
+    reason = f"no container engine works here: {'; '.join(reasons)}"
+    if not any(map(shutil.which, ("dockerd", "docker", "podman"))):
+        missing("docker", reason)
+    pytest.skip(reason)  # installed, but this machine lets no daemon run
 
 
 def _docker(name: str, folder: Path, _: ExitStack) -> RealEngine:
