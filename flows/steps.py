@@ -4,6 +4,7 @@ Prefect shows the tasks of a flow run by name. A write has `validate` and `recor
 kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a read is answered without a task.
 """
 
+import inspect
 import logging
 from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec
@@ -24,7 +25,6 @@ from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
-from .parameter_forms import describe_parameters
 
 Parameters = ParamSpec("Parameters")
 
@@ -34,9 +34,16 @@ _logger = logging.getLogger(__name__)
 def operation_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
     """Makes a function the flow of the operation it is named after; its parameters are the request's members."""
     name = function.__name__
-    describe_parameters(function, OPERATIONS[name].request)
+    _describe_parameters(function, OPERATIONS[name].request)
     # The request model checks more, and says it better, than a generic validation of parameters.
     return flow(name=name, description=OPERATIONS[name].description, validate_parameters=False)(function)
+
+
+def _describe_parameters(function: Callable[..., Any], request: type[Shape]) -> None:
+    """Puts the descriptions of a request's members into a docstring, where Prefect's forms get them."""
+    lines = [f"    {name}: {request.model_fields[name].description}" for name in inspect.signature(function).parameters]
+    if lines:
+        function.__doc__ = "\n".join((inspect.cleandoc(function.__doc__ or ""), "", "Args:", *lines))
 
 
 def perform_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:

@@ -18,7 +18,7 @@ PLANTED = {
     "tasks/worldforge/geometry/planted.py": "from ..viewer import viewer_page\n",
     "tasks/simulations/environment/planted.py": "from ..planning import run_plans\n",
     "deployments/cli/inputs/planted.py": "from .. import main\n",
-    "deployments/cli/commands/planted.py": "from . import run\n",
+    "deployments/cli/commands/runs/planted.py": "from ..specifications import run\n",
 }
 BROKEN = {
     "Layers: deployments over flows over tasks over schemas": "schemas.planted -> prefect_robomaker.tasks.catalog",
@@ -37,7 +37,7 @@ BROKEN = {
     "Command line: commands over the work they share over output over inputs": (
         "inputs.planted -> prefect_robomaker.deployments.cli.main"
     ),
-    "No command imports another": "commands.planted -> prefect_robomaker.deployments.cli.commands.run",
+    "No command imports another": "runs.planted -> prefect_robomaker.deployments.cli.commands.specifications.run",
 }
 
 

@@ -7,10 +7,9 @@ import argparse
 import difflib
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any, NoReturn
 
-from .command_table import COMMANDS, Command, find_commands
+from .command_table import COMMANDS, Command, Group, find_commands, find_groups
 
 EPILOGUE = """\
 exit codes:
@@ -78,7 +77,10 @@ class CommandParser(Parser):
             return
         self._is_declared = True
         if self._command.path.is_dir():
-            _add_commands(self, self._command.path, dest="action", metavar="ACTION", title="actions", required=True)
+            actions = self.add_subparsers(
+                parser_class=CommandParser, dest="action", metavar="ACTION", title="actions", required=True
+            )
+            _add_commands(actions, find_commands(self._command.path))
         else:
             module = self._command.load()
             module.declare(self)
@@ -100,7 +102,11 @@ def build_parser() -> Parser:
     )
     _add_debug(parser)
     parser.add_argument("--version", action="store_true", help="print the version and exit")
-    _add_commands(parser, COMMANDS, dest="command", metavar="COMMAND", title="commands")
+    commands: Any = parser.add_subparsers(
+        action=_GroupedCommands, parser_class=CommandParser, dest="command", metavar="COMMAND", title="commands"
+    )
+    for group in find_groups(COMMANDS):
+        commands.add_group(group)
     return parser
 
 
@@ -111,14 +117,27 @@ def _add_debug(parser: Parser) -> None:
     )
 
 
-def _add_commands(parser: Parser, folder: Path, **names: Any) -> None:
-    commands = parser.add_subparsers(parser_class=CommandParser, **names)
-    for command in find_commands(folder):
+def _add_commands(commands: "argparse._SubParsersAction[Any]", found: Iterable[Command]) -> None:
+    for command in found:
         commands.add_parser(command.name, help=command.summary, command=command)
 
 
+class _GroupedCommands(argparse._SubParsersAction):  # pyright: ignore[reportMissingTypeArgument] - only its stub has some
+    """Commands that help lists under headings."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.headings: dict[str, str] = {}
+        """The heading above a command, by the command's name."""
+
+    def add_group(self, group: Group) -> None:
+        """Adds the commands of a group under its heading."""
+        self.headings[group.commands[0].name] = group.heading
+        _add_commands(self, group.commands)
+
+
 class _Formatter(argparse.RawDescriptionHelpFormatter):
-    """Lists commands without a line for the list itself."""
+    """Lists commands without a line for the list itself, under headings where they have some."""
 
     def add_argument(self, action: argparse.Action) -> None:
         """Leaves room for the longest command, which argparse forgets to indent."""
@@ -129,5 +148,12 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
 
     def _format_action(self, action: argparse.Action) -> str:
         if isinstance(action, argparse._SubParsersAction):
-            return self._join_parts([self._format_action(each) for each in self._iter_indented_subactions(action)])
+            lines = [self._command(action, each) for each in self._iter_indented_subactions(action)]
+            return self._join_parts(lines).removeprefix("\n")
         return super()._format_action(action)
+
+    def _command(self, commands: "argparse._SubParsersAction[Any]", command: argparse.Action) -> str:
+        line = self._format_action(command)
+        if isinstance(commands, _GroupedCommands) and (heading := commands.headings.get(command.dest)):
+            return f"\n  {heading}:\n{line}"
+        return line

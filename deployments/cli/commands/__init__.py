@@ -1,4 +1,6 @@
-"""The commands of `robomaker`: one module each, named like its command; a folder is a command that has commands.
+"""The commands of `robomaker`: one module each, named like its command; a command that has commands is a folder.
+
+A group is a folder whose docstring is the heading of its commands in the help; it is no word of the command line.
 
 A command's module has three things: a docstring, which is its help (the first line is its summary), `declare`, which
 adds its arguments to a parser, and `execute`, which does the work and returns the exit code. `command_table.py` finds

@@ -9,12 +9,12 @@ import sys
 
 import pytest
 
-from prefect_robomaker.deployments.cli.command_table import COMMANDS, Command, find_commands
+from prefect_robomaker.deployments.cli.command_table import COMMANDS, Command, find_commands, find_groups
 from prefect_robomaker.deployments.cli.grammar import build_parser
 
 
 def every_command() -> list[Command]:
-    tops = find_commands(COMMANDS)
+    tops = [command for group in find_groups(COMMANDS) for command in group.commands]
     return [each for top in tops for each in (find_commands(top.path) if top.path.is_dir() else [top])]
 
 
@@ -30,8 +30,10 @@ def test_a_commands_module_has_help_arguments_and_what_it_does(command: Command)
 
 
 def test_a_module_that_is_put_there_is_a_command(robomaker, monkeypatch, tmp_path) -> None:
-    (tmp_path / "commands").mkdir()
-    (tmp_path / "commands" / "wave_back.py").write_text(
+    group = tmp_path / "commands" / "greetings"
+    group.mkdir(parents=True)
+    (group / "__init__.py").write_text('"""Greet robots."""\n')
+    (group / "wave_back.py").write_text(
         '"""Wave back.\n\nTo one robot.\n"""\n\ndef declare(parser): parser.add_argument("robot")\n\n\n'
         "def execute(arguments):\n    print(f'o/ {arguments.robot}')\n    return 5\n"
     )
@@ -41,7 +43,7 @@ def test_a_module_that_is_put_there_is_a_command(robomaker, monkeypatch, tmp_pat
     commands = importlib.import_module(f"{package}.commands")
     monkeypatch.setattr(commands, "__path__", [str(tmp_path / "commands")])
 
-    assert re.search(r"^    wave-back +wave back$", build_parser().format_help(), re.MULTILINE)
+    assert re.search(r"^  Greet robots:\n    wave-back +wave back$", build_parser().format_help(), re.MULTILINE)
     waved = robomaker("wave-back", "scout")
     assert (waved.code, waved.out) == (5, "o/ scout\n")
     assert "Wave back.\n\nTo one robot." in robomaker("wave-back", "--help").out
@@ -50,6 +52,10 @@ def test_a_module_that_is_put_there_is_a_command(robomaker, monkeypatch, tmp_pat
 def test_help_imports_no_command_and_a_command_only_itself() -> None:
     code = "import sys; from prefect_robomaker.deployments.cli.main import main\ntry: main(sys.argv[1:])\n"
     code += "except SystemExit: pass\nprint(*(n for n in sys.modules if '.cli.commands.' in n), file=sys.stderr)"
-    for words, expected in ((["--help"], []), (["plan", "--help"], ["plan"]), (["world", "--help"], [])):
+    for words, expected in (
+        (["--help"], []),
+        (["plan", "--help"], ["specifications", "plan"]),
+        (["world", "--help"], []),
+    ):
         ended = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
         assert [name.rpartition(".")[2] for name in ended.stderr.split()] == expected

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from prefect_robomaker.deployments.cli.commands import call
+from prefect_robomaker.deployments.cli.commands.operations import call
 from prefect_robomaker.deployments.cli.grammar import EPILOGUE
 from prefect_robomaker.schemas import exit_codes
 from prefect_robomaker.schemas.reports.run_record import EXIT_CODES

@@ -1,0 +1,3 @@
+"""Serve, and set up this machine."""
+
+__all__: list[str] = []

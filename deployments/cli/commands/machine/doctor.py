@@ -1,0 +1,57 @@
+"""Say what works on this machine and what is missing."""
+
+import argparse
+import json
+import os
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from ...arguments import add_output
+
+if TYPE_CHECKING:
+    from ...health import Finding
+
+
+_MARKS: dict[str, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"), "broken": ("✗", "31")}
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("--notify", action="store_true", help="send a test message to the channels of ROBOMAKER_NOTIFY")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints all findings; exit code 3 if something is broken, 0 if there are at most warnings."""
+    from .....schemas.settings import Settings
+    from ...health import examine
+
+    findings = examine(Settings.from_environment(os.environ), notify=arguments.notify)
+    if arguments.output == "json":
+        document = {"schema_version": 1, "findings": [asdict(finding) for finding in findings]}
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join(_lines(findings)) + "\n")
+    return 3 if any(finding.health == "broken" for finding in findings) else 0
+
+
+def _lines(findings: "list[Finding]") -> list[str]:
+    colored = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    width = max(len(finding.subject) for finding in findings)
+    lines = []
+    for finding in findings:
+        mark, color = _MARKS[finding.health]
+        shown = f"\x1b[{color}m{mark}\x1b[0m" if colored else mark
+        indent = "\n" + " " * (width + 4)
+        lines.append(f"{shown} {finding.subject.ljust(width)}  {finding.found.replace(chr(10), indent)}")
+        if finding.remedy:
+            lines.append(f"  {' ' * width}  -> {finding.remedy}")
+    broken = sum(finding.health == "broken" for finding in findings)
+    warnings = sum(finding.health == "warning" for finding in findings)
+    lines.append("")
+    if broken:
+        lines.append(f"{broken} of {len(findings)} checks found something broken.")
+    else:
+        lines.append("Everything needed works." + (f" {warnings} warning(s)." if warnings else ""))
+    return lines

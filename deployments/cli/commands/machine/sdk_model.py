@@ -1,0 +1,66 @@
+"""Print how boto3 and the AWS CLI find RoboMaker's service model.
+
+eval "$(robomaker sdk-model)" makes those of one shell find it, --install those of this user.
+"""
+
+import argparse
+import json
+import os
+import shlex
+import sys
+
+from .....schemas.wire.errors import ConfigurationError
+from ....service_model.installation import MODEL_FOLDER, Installation, data_path, install, installed_folder, uninstall
+from ...arguments import add_output
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--install", action="store_true", help="copy it to ~/.aws/models, where they look anyway")
+    where.add_argument("--uninstall", action="store_true", help="remove it from there")
+    parser.add_argument("--force", action="store_true", help="with --install: replace a model from elsewhere")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints where the service model is and how SDKs find it; installs or removes it when asked.
+
+    Raises:
+        ConfigurationError: a model from elsewhere is in the way, or `--force` has nothing to force.
+    """
+    if arguments.force and not arguments.install:
+        raise ConfigurationError("--force belongs to --install; nothing was done")
+    done = None
+    if arguments.install:
+        done = install(force=arguments.force)
+    elif arguments.uninstall:
+        done = uninstall()
+    if arguments.output == "json":
+        sys.stdout.write(json.dumps(_as_data(done), indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(_as_text(done))
+    return 0
+
+
+def _as_text(done: Installation | None) -> str:
+    if done is None:
+        return (
+            f"# RoboMaker's service model for boto3 and the AWS CLI: {MODEL_FOLDER}\n"
+            "# They find it with this line, or without any after `robomaker sdk-model --install`:\n"
+            f"export AWS_DATA_PATH={shlex.quote(data_path(os.environ))}\n"
+        )
+    parts = {"written": done.written, "replaced": done.replaced, "removed": done.removed}
+    lines = [f"{what} {done.folder / name}\n" for what, names in parts.items() for name in names]
+    return "".join(lines) or f"Nothing to do in {done.folder}.\n"
+
+
+def _as_data(done: Installation | None) -> dict[str, object]:
+    data: dict[str, object] = {
+        "model": str(MODEL_FOLDER),
+        "environment": {"AWS_DATA_PATH": data_path(os.environ)},
+        "installedAt": str(installed_folder()),
+    }
+    if done is not None:
+        data |= {"written": done.written, "replaced": done.replaced, "removed": done.removed}
+    return data

@@ -1,0 +1,33 @@
+"""Answer SDKs and the AWS CLI, and carry out the jobs they ask for.
+
+Prints what to set so that clients find it. Access keys: ROBOMAKER_ACCESS_KEYS_FILE (docs/serving.md).
+"""
+
+import argparse
+
+from ...arguments import add_output
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1)")
+    parser.add_argument("--port", type=int, default=8057, help="port to listen at; 0: any (default: 8057)")
+    parser.add_argument(
+        "--execute",
+        dest="backend",
+        choices=("here", "deployments", "none"),
+        default="here",
+        help="who carries jobs out: this program, Prefect's workers, or another program (default: here)",
+    )
+    parser.add_argument(
+        "--max-jobs", type=int, metavar="N", help="simulation jobs at once, besides batches (default: number of CPUs)"
+    )
+    parser.add_argument("--log-requests", action="store_true", help="write a line for each request to standard error")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Serves until it is told to stop."""
+    from ...serving import serve
+
+    return serve(arguments)

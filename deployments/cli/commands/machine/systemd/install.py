@@ -1,0 +1,29 @@
+"""Write the units to where systemd looks for those of your own user.
+
+They go into ~/.config/systemd/user, and a file for settings into ~/.config/robomaker; nothing is started.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds no arguments."""
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Writes the units and prints their paths."""
+    from .....systemd.installation import install
+
+    del arguments
+    for path in install(Path(sys.executable).parent, os.environ):
+        sys.stdout.write(f"{path}\n")
+    sys.stderr.write(
+        "\nSettings go into the file `environment` of ~/.config/robomaker. Then, for example:\n"
+        "  systemctl --user daemon-reload\n"
+        "  systemctl --user enable --now robomaker-prefect robomaker-worker robomaker-gc.timer\n"
+        "  loginctl enable-linger    # so that they run also while you are logged out\n"
+    )
+    return 0

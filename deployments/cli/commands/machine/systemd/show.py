@@ -1,0 +1,19 @@
+"""Print the units, with the paths of this installation."""
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds no arguments."""
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the units."""
+    from .....systemd.installation import units
+
+    del arguments
+    for name, text in units(Path(sys.executable).parent).items():
+        sys.stdout.write(f"# --- {name}\n{text}\n")
+    return 0

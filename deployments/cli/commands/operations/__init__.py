@@ -1,0 +1,3 @@
+"""Call operations, look at worlds."""
+
+__all__: list[str] = []

@@ -1,0 +1,79 @@
+"""Call one operation, as an SDK would.
+
+Takes the same input as the AWS CLI's --cli-input-json and --cli-input-yaml. Each operation with an
+example: docs/operations.md; its members: robomaker schema OPERATION.
+"""
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from ...arguments import add_output
+from ...output.answers import print_answer
+
+if TYPE_CHECKING:
+    from .....schemas.settings import Settings
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("operation", metavar="OPERATION", help="operation: DescribeWorld, describe-world, …")
+    parser.add_argument(
+        "--input", metavar="INPUT", default="{}", help="request: a file, JSON text, or - for standard input"
+    )
+    parser.add_argument("--wait", action="store_true", help="carry a job to its end and print its final description")
+    add_output(parser, "json", "yaml")
+    parser.epilog = _operations_by_group()
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Calls the operation and prints its response."""
+    from .....schemas.operations.registry import OPERATIONS
+    from .....schemas.settings import Settings
+    from .....schemas.specs.check import load_request
+    from .....schemas.specs.resolving import resolve_input
+    from ...inputs.operations import operation_name
+    from ...job import perform
+
+    operation = operation_name(arguments.operation)
+    text, name = _input(arguments.input)
+    checked = load_request(text, name, operation)
+    request = resolve_input(checked.steps[checked.order[0]], {})
+    settings = Settings.from_environment(os.environ)
+    if arguments.wait and OPERATIONS[operation].is_job:
+        return perform(operation, _stored(operation, request, settings)["arn"], settings, arguments.output)
+    answer = _stored(operation, request, settings)
+    print_answer(answer, arguments.output)
+    if OPERATIONS[operation].is_job:
+        sys.stderr.write(f"The job is stored; `robomaker perform {answer['arn']}` carries it to its end.\n")
+    return 0
+
+
+def _input(given: str) -> tuple[str, str]:
+    """The request's text and what to call it in messages."""
+    from ...inputs.specifications import read_text
+
+    if given == "-":
+        return sys.stdin.read(), "standard input"
+    if given.lstrip().startswith("{"):
+        return given, "--input"
+    path = given.removeprefix("file://")
+    return read_text(path), path
+
+
+def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> dict[str, Any]:
+    from .....tasks.operations.registry import call
+    from .....tasks.service.service import Service
+
+    return call(operation, request, Service.open(settings))
+
+
+def _operations_by_group() -> str:
+    from .....schemas.operations.resources import OPERATION_GROUPS
+
+    width = max(len(each.name) for group in OPERATION_GROUPS.values() for each in group)
+    lines = ["operations:"]
+    for title, group in OPERATION_GROUPS.items():
+        lines += [f"  {title}", *(f"    {each.name:<{width}}  {each.description}" for each in group)]
+    return "\n".join(lines)

@@ -1,0 +1,121 @@
+"""Show all worlds of a generation job at a glance.
+
+As a picture, sheet.png, and as a page, sheet.html; worlds with problems come first.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ......schemas.documents.world_generation_jobs import WorldFailures, WorldGenerationJobDocument
+from ......schemas.documents.worlds import WorldDocument
+from ......schemas.wire.errors import StorageError
+from ....arguments import add_open, add_output
+from ....output import browser
+
+if TYPE_CHECKING:
+    from ......tasks.catalog import Resource
+    from ......tasks.service.service import Service
+    from ......tasks.worldforge.viewer.contact_sheet import Sheet, SheetWorld
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("job", metavar="JOB", help="ARN of a world generation job")
+    parser.add_argument("--to", metavar="FOLDER", help="put both there (default: a folder in the data home)")
+    add_output(parser, "text", "json")
+    add_open(parser, "show the page in a browser (by default only on a desktop's terminal)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Writes the sheet as a picture and as a page; prints where they are."""
+    from ......schemas.settings import Settings
+    from ......schemas.wire.arns import ResourceArn
+    from ....inputs.worlds import output_file
+
+    job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
+    from ......tasks.service.service import Service
+    from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png
+    from ......tasks.worldforge.viewer.page_files import write_whole
+
+    service = Service.open(Settings.from_environment(os.environ))
+    job = service.catalog.get(arguments.job, kind="world-generation-job")
+    sheet = job_sheet(job, service)
+    folder = Path(arguments.to) if arguments.to else output_file(job_id, "sheets", "")
+    html = write_whole(sheet_page(sheet), folder / "sheet.html")
+    png = folder / "sheet.png"
+    png.write_bytes(sheet_png(sheet))
+    _print(sheet, job, {"png": str(png), "html": str(html)}, arguments.output)
+    if browser.wanted(arguments.open):
+        browser.open_file(html)
+    return 0
+
+
+def job_sheet(job: "Resource", service: "Service") -> "Sheet":
+    """The sheet of a job's worlds that there are now; those that cannot be read are on it as such."""
+    from ......tasks.worldforge.viewer.contact_sheet import Sheet, SheetFailure, problems_first
+
+    worlds = sorted(
+        service.catalog.children(job.arn, kind="world"), key=lambda world: int(world.arn.rpartition("-")[2])
+    )
+    shown = [_sheet_world(world, service) for world in worlds]
+    failures = (WorldGenerationJobDocument.of(job).failures or WorldFailures()).failures
+    return Sheet(
+        title=f"Worlds of {job.id}",
+        lines=_lines(job, shown),
+        worlds=problems_first(shown),
+        failures=tuple(
+            SheetFailure(each.failure_count, each.failure_code, each.sample_failure_reason) for each in failures
+        ),
+    )
+
+
+def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
+    document = WorldGenerationJobDocument.of(job)
+    requested = document.request.world_count.total
+    verdicts = Counter(world.verdict for world in shown)
+    told = [f"{verdicts['holds']} with all guarantees"]
+    told += [f"{verdicts[key]} {words}" for key, words in _TROUBLES if verdicts[key]]
+    deleted = len(set(document.succeeded_worlds or []) - {world.arn for world in shown})
+    told += [f"{deleted} deleted since"] if deleted else []
+    return (
+        f"{job.status}, {len(shown)} of {requested} worlds: {', '.join(told)}",
+        f"seed {document.seed}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
+    )
+
+
+_TROUBLES = (("broken", "with broken guarantees"), ("not checked", "never checked"), ("gone", "cannot be read"))
+
+
+def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
+    from ......schemas.worlds.world import World
+    from ......tasks.worldforge.bundle.bundle import PREVIEW_FILE, WORLD_FILE
+    from ......tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
+
+    name = resource.id.rpartition("/")[2]
+    bundle = WorldDocument.of(resource).bundle
+    try:
+        if bundle is None:
+            raise StorageError(f"{resource.arn} has no stored bundle")
+        world = World.model_validate_json(service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{WORLD_FILE}"))
+        preview = service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{PREVIEW_FILE}")
+    except (StorageError, ValueError) as error:
+        return SheetWorld(name=name, arn=resource.arn, verdict="gone", problems=(str(error).splitlines()[0],))
+    return sheet_world(name, resource.arn, world, preview)
+
+
+def _print(sheet: "Sheet", job: "Resource", files: dict[str, str], form: str) -> None:
+    if form == "text":
+        failures = [f"{each.count} not made: {each.code}: {each.reason}" for each in sheet.failures]
+        sys.stdout.write("\n".join([sheet.title, *sheet.lines, *failures, *files.values()]) + "\n")
+        return
+    worlds: list[dict[str, Any]] = [
+        {"name": each.name, "arn": each.arn, "verdict": each.verdict, "problems": list(each.problems)}
+        for each in sheet.worlds
+    ]
+    answer = {"schema_version": 1, "job": job.arn, "status": job.status, **files, "worlds": worlds}
+    sys.stdout.write(json.dumps(answer, indent=2, ensure_ascii=False) + "\n")

@@ -1,0 +1,37 @@
+"""Print a world's plan, what was proven of it, and which wishes it misses."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from ....arguments import add_output, add_world
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_world(parser)
+    parser.add_argument(
+        "--pictures", metavar="FOLDER", help="put the plan, a view from above and one from inside each room there"
+    )
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints what there is to say of a world; draws it if a folder for pictures is given."""
+    from ....inputs.worlds import find_world
+    from ....output.world_facts import world_facts
+    from ....output.world_text import print_facts
+
+    found = find_world(arguments.world)
+    facts: dict[str, Any] = world_facts(found)
+    if arguments.pictures:
+        from ......tasks.worldforge.viewer.pictures import write_pictures
+
+        facts["pictures"] = [str(path) for path in write_pictures(found.world, found.folder, Path(arguments.pictures))]
+    if arguments.output == "json":
+        sys.stdout.write(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+    else:
+        print_facts(facts, sys.stdout)
+    return 0

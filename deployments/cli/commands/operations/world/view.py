@@ -1,0 +1,80 @@
+"""Show a world in 3D.
+
+In MuJoCo's viewer where there is a display; otherwise as an HTML page of one file that any
+browser shows without a network, whose path is printed.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....arguments import add_open, add_world
+from ....output import browser
+
+if TYPE_CHECKING:
+    from ....inputs.worlds import FoundWorld
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_world(parser)
+    parser.add_argument("--html", metavar="FILE", help="write the page there, whether there is a display or not")
+    add_open(parser, "show the page in a browser, or do not (either makes a page)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Shows the world; prints the page's path where that is how."""
+    from ....inputs.worlds import find_world, output_file
+
+    found = find_world(arguments.world)
+    if arguments.html is None and arguments.open is None and has_display() and _mujoco_viewer(found):
+        return 0
+    from ......tasks.worldforge.viewer.page_files import write_whole
+    from ......tasks.worldforge.viewer.viewer_page import viewer_page
+
+    path = Path(arguments.html) if arguments.html else output_file(found.name, "views", ".html")
+    write_whole(viewer_page(found.folder, _title(found)), path)
+    sys.stdout.write(f"{path}\n")
+    if browser.wanted(arguments.open):
+        browser.open_file(path)
+    return 0
+
+
+def has_display(environ: Mapping[str, str] | None = None, platform: str = sys.platform) -> bool:
+    """Whether a window can be opened here: on a desktop, not in a session from elsewhere."""
+    environ = os.environ if environ is None else environ
+    if environ.get("CI"):
+        return False
+    if platform in ("darwin", "win32"):
+        return "SSH_CONNECTION" not in environ
+    return bool(environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY"))
+
+
+def _mujoco_viewer(found: "FoundWorld") -> bool:
+    """Opens MuJoCo's viewer and waits until it is closed; tells whether it worked."""
+    model = found.folder / "world.xml"
+    sys.stderr.write("MuJoCo's viewer is opening; this command ends when it is closed.\n")
+    # A process of its own: on a machine whose graphics are broken it crashes.
+    ended = subprocess.run(
+        [sys.executable, "-m", "mujoco.viewer", f"--mjcf={model}"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if ended.returncode == 0:
+        return True
+    said = ended.stderr.strip().splitlines()
+    why = said[-1] if said else f"it ended with code {ended.returncode}"
+    sys.stderr.write(f"MuJoCo's viewer does not work here ({why}); here is a page for browsers instead:\n")
+    return False
+
+
+def _title(found: "FoundWorld") -> str:
+    return f"{found.template_name}, {found.name}" if found.template_name else found.name

@@ -1,0 +1,3 @@
+"""Look back at runs, repeat and remove them."""
+
+__all__: list[str] = []

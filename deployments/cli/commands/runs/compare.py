@@ -1,0 +1,75 @@
+"""Compare two runs job by job: is the second one better or worse?
+
+Jobs are paired by step, world and seed. The answer is that of the exact McNemar test of the verdicts of pairs
+that were judged in both runs. It is also the exit code: 0 better, 1 worse, 6 no difference shown, 7 not
+comparable.
+"""
+
+import argparse
+import os
+import sys
+
+from .....schemas.wire.errors import ConfigurationError
+from ...arguments import add_output
+from ...inputs.runs import find_record
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("before", metavar="A", help="id of the run to compare with")
+    parser.add_argument("after", metavar="B", help="id of the run that may be better, or latest")
+    parser.add_argument(
+        "--alpha",
+        type=float,
+        default=0.05,
+        metavar="P",
+        help="error probability: how often a difference is shown where there is none (default: 0.05)",
+    )
+    parser.add_argument(
+        "--difference",
+        type=float,
+        metavar="POINTS",
+        help="difference of pass rates, in percentage points, that the number of needed pairs is about (default: the "
+        "one found, or 10)",
+    )
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the comparison; the exit code is its answer."""
+    from .....schemas.settings import Settings
+
+    _check(arguments)
+    runs = Settings.from_environment(os.environ).home / "runs"
+    files = [find_record(runs, run) for run in (arguments.before, arguments.after)]
+
+    from .....tasks.comparison.comparing import compare
+    from .....tasks.comparison.nights import NightRun
+    from .....tasks.inspection.run_records import read_record
+
+    before, after = (NightRun.of(read_record(file)) for file in files)
+    if before.run_id == after.run_id:
+        raise ConfigurationError(f"both runs are {before.run_id}; name two")
+    share = None if arguments.difference is None else arguments.difference / 100
+    comparison = compare(before, after, alpha=arguments.alpha, difference=share)
+    if arguments.output == "json":
+        sys.stdout.write(comparison.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        from ...output.comparison import comparison_lines
+
+        sys.stdout.write("\n".join(comparison_lines(comparison)) + "\n")
+    return comparison.exit_code
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Checks the numbers.
+
+    Raises:
+        ConfigurationError: one is out of range.
+    """
+    if not 0 < arguments.alpha < 1:
+        raise ConfigurationError(f"--alpha is {arguments.alpha:g}; it has to be above 0 and below 1, such as 0.05")
+    if arguments.difference is not None and not 0 < arguments.difference <= 100:
+        raise ConfigurationError(
+            f"--difference is {arguments.difference:g}; it has to be above 0 and at most 100 points"
+        )

@@ -1,0 +1,102 @@
+"""Remove old runs, their outputs and jobs, and worlds that nothing needs.
+
+What no rule keeps goes: what is old enough, is not among the newest of its specification, and did not fail where
+failures are kept. What runs, and what a kept report names, always stays. It is shown first, and asked about.
+"""
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from .....schemas.wire.errors import ConfigurationError
+from ...arguments import add_output
+
+if TYPE_CHECKING:
+    from .....schemas.reports.retention import GcReport, RetentionPolicy
+    from .....schemas.settings import Settings
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("--older-than", metavar="TIME", help="keep what ended within this time: 30d, 12h, 8w")
+    parser.add_argument("--keep-runs", metavar="N", type=int, help="keep the newest N runs of each specification")
+    parser.add_argument("--keep-failures", action="store_true", help="keep runs that did not succeed")
+    parser.add_argument(
+        "--keep-results",
+        action="store_true",
+        help="remove only recordings, videos, logs and uploads; records, reports, results and what verify needs stay",
+    )
+    parser.add_argument("--sdk-jobs", action="store_true", help="also jobs that SDKs or `call` ordered, not a run")
+    parser.add_argument("--orphaned-worlds", action="store_true", help="also worlds that no run and no job names")
+    parser.add_argument("--dry-run", action="store_true", help="only show what would be removed")
+    parser.add_argument("-y", "--yes", action="store_true", help="do not ask")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Removes; exit code 3 if something could not be removed."""
+    from .....schemas.settings import Settings
+
+    policy = _policy(arguments)
+    policy.check()
+    if not (arguments.dry_run or arguments.yes or _can_ask(arguments)):
+        raise ConfigurationError("there is no terminal to ask on; --yes removes, --dry-run only shows")
+    settings = Settings.from_environment(os.environ)
+    if arguments.dry_run or not arguments.yes:
+        report = _collected(policy, settings, act=False)
+        if arguments.dry_run:
+            return _told(report, arguments)
+        _told(report, arguments)
+        if not (report.removed or report.flow_runs.count):
+            return 0
+        sys.stderr.write("Remove them? [y/N] ")
+        sys.stderr.flush()
+        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+            sys.stderr.write("Nothing was removed.\n")
+            return 0
+    return _told(_collected(policy, settings, act=True), arguments)
+
+
+def _can_ask(arguments: argparse.Namespace) -> bool:
+    return sys.stdin.isatty() and arguments.output == "text"
+
+
+def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
+    from .....schemas.reports.retention import RetentionPolicy
+    from ...inputs.time_spans import time_span
+
+    if arguments.keep_runs is not None and arguments.keep_runs < 0:
+        raise ConfigurationError(f"--keep-runs is {arguments.keep_runs}; it has to be a whole number from 0")
+    return RetentionPolicy(
+        older_than=time_span(arguments.older_than, "--older-than") if arguments.older_than is not None else None,
+        keep_runs=arguments.keep_runs,
+        keep_failures=arguments.keep_failures,
+        keep_results=arguments.keep_results,
+        sdk_jobs=arguments.sdk_jobs,
+        orphaned_worlds=arguments.orphaned_worlds,
+    )
+
+
+def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) -> "GcReport":
+    from .....tasks.retention.collection import collect, plan_collection
+    from .....tasks.service.service import Service
+    from ....flow_run_history import collect_flow_runs
+
+    service = Service.open(settings)
+    try:
+        report = (collect if act else plan_collection)(policy, service)
+        flow_runs = collect_flow_runs(settings, policy, service.clock(), act=act)
+        return report.model_copy(update={"flow_runs": flow_runs})
+    finally:
+        service.catalog.close()
+
+
+def _told(report: "GcReport", arguments: argparse.Namespace) -> int:
+    if arguments.output == "json":
+        sys.stdout.write(report.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        from ...output.retention import report_lines
+
+        sys.stdout.write("\n".join(report_lines(report)) + "\n")
+    return 3 if report.problems else 0

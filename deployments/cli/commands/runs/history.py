@@ -1,0 +1,84 @@
+"""Show the runs of a specification night by night, and write a page of it.
+
+The page has the pass rate of each run with its interval, requirements, worlds, jobs that are unsteady, and since
+when each failure lasts and what changed when it began.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .....schemas.wire.errors import ConfigurationError
+from ...arguments import add_open, add_output
+from ...output.browser import open_file
+
+if TYPE_CHECKING:
+    from .....tasks.inspection.run_records import FoundRecords
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("name", metavar="NAME", help="name of a specification, as in its file or after `run --name`")
+    parser.add_argument("--runs", type=int, default=100, metavar="N", help="look at the latest N runs (default: 100)")
+    parser.add_argument("--to", metavar="FILE", help="put the page there (default: history/NAME.html in the data home)")
+    add_output(parser, "text", "json")
+    add_open(parser, "show the page in a browser")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the history and writes the page."""
+    from .....schemas.settings import Settings
+
+    if arguments.runs < 1:
+        raise ConfigurationError(f"--runs is {arguments.runs}; it has to be a number from 1")
+    home = Settings.from_environment(os.environ).home
+    page = _page(arguments, home)
+
+    from .....tasks.comparison.history import history_of
+    from .....tasks.comparison.nights import NightRun
+    from .....tasks.inspection.run_records import find_records
+    from .....tasks.reporting import write_history
+
+    found = find_records(home / "runs", arguments.name, arguments.runs)
+    for problem in found.unreadable:
+        sys.stderr.write(f"robomaker: left out: {problem}\n")
+    if not found.records:
+        raise ConfigurationError(_nothing(arguments.name, home / "runs", found))
+    history = history_of(arguments.name, [NightRun.of(record) for record in found.records], found.left_out)
+    path = write_history(history, page)
+    if arguments.output == "json":
+        sys.stdout.write(history.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        from ...output.comparison import history_lines
+
+        sys.stdout.write("\n".join(history_lines(history, path)) + "\n")
+    if arguments.open:
+        open_file(path)
+    return 0
+
+
+def _page(arguments: argparse.Namespace, home: Path) -> Path:
+    """Where the page goes.
+
+    Raises:
+        ConfigurationError: it is a folder, or in one that does not exist.
+    """
+    if arguments.to is None:
+        return home / "history" / f"{Path(arguments.name).name}.html"
+    path = Path(arguments.to).absolute()
+    if path.is_dir() or not path.parent.is_dir():
+        raise ConfigurationError(f"--to is {arguments.to}; it has to be a file in a folder that exists")
+    return path
+
+
+def _nothing(name: str, runs: Path, found: "FoundRecords") -> str:
+    """Why there is no history."""
+    from .....tasks.inspection.run_records import names_of_specifications
+
+    if found.unreadable:
+        return f"no run of {name!r} in {runs} can be read"
+    known = names_of_specifications(runs)
+    there = f"there are runs of {', '.join(known)}" if known else "there are none yet; `robomaker run SPEC` makes one"
+    return f"there is no run of {name!r} in {runs}; {there}"

@@ -1,0 +1,54 @@
+"""Write the report of a run again and print its path."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from .....schemas.wire.errors import ConfigurationError
+from ...arguments import add_open, add_output
+from ...inputs.runs import read_record
+from ...output.browser import open_file
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
+    parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
+    add_output(parser, "text", "json")
+    add_open(parser, "show it in a browser")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the report's path, or its numbers."""
+    from .....schemas.settings import Settings
+
+    junit = _checked(arguments.junit)
+    settings = Settings.from_environment(os.environ)
+    record = read_record(settings.home / "runs", arguments.run)
+
+    from .....tasks.inspection.reports import rebuild_report
+    from .....tasks.service.service import Service
+
+    summary = rebuild_report(record, Service.open(settings), junit)
+    if arguments.output == "json":
+        sys.stdout.write(summary.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        sys.stdout.write(f"{summary.report_path}\n")
+    if arguments.open and summary.report_path:
+        open_file(summary.report_path)
+    return 0
+
+
+def _checked(junit: str | None) -> Path | None:
+    """Where the JUnit file goes.
+
+    Raises:
+        ConfigurationError: it is a folder, or in one that does not exist.
+    """
+    if junit is None:
+        return None
+    path = Path(junit).absolute()
+    if path.is_dir() or not path.parent.is_dir():
+        raise ConfigurationError(f"--junit is {junit}; it has to be a file in a folder that exists")
+    return path

@@ -1,0 +1,47 @@
+"""Put a simulation into a folder, run it again with video, and write a pytest file for it.
+
+The folder has all that the run needs: world, application bundles, data, seed.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from ...arguments import add_output, add_simulation
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_simulation(parser)
+    parser.add_argument("--to", metavar="FOLDER", help="put it there (default: repro-<job id>)")
+    parser.add_argument("--no-video", action="store_true", help="do not record a video of the rerun")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Writes the folder and says what to run."""
+    from .....schemas.runs.verification import ROBOT_IN_WORDS
+    from .....schemas.settings import Settings
+    from .....tasks.inspection.replays import reproduce_run
+    from .....tasks.service.service import Service
+
+    folder = Path(arguments.to or f"repro-{_name_of(arguments.run)}")
+    service = Service.open(Settings.from_environment(os.environ))
+    made = reproduce_run(arguments.run, folder, service, "none" if arguments.no_video else "always")
+    if arguments.output == "json":
+        sys.stdout.write(made.model_dump_json(indent=2) + "\n")
+        return 0
+    as_before = "as the run did" if made.same_ending else "which is not how the run ended"
+    sys.stdout.write(f"The rerun {made.ending}, {as_before}{ROBOT_IN_WORDS[made.robot]}.\n")
+    if made.other_inputs:
+        sys.stdout.write(f"It is not the same run: {'; '.join(made.other_inputs)}. The folder has what there is now.\n")
+    if made.video is not None:
+        sys.stdout.write(f"Video: {made.video}\n")
+    sys.stdout.write(f"Run it again: python -m pytest {made.test}\n")
+    return 0
+
+
+def _name_of(run: str) -> str:
+    """The last part of what names the run, as a part of a folder's name."""
+    return run.rstrip("/").replace("/", ":").rsplit(":", 1)[-1] or "run"

@@ -1,0 +1,64 @@
+"""Run jobs of an earlier run again: all of them, or those that failed, of some worlds, or by name.
+
+Worlds, seeds and requests are those of the earlier run; applications are what they are now. The options combine:
+`--failed --world W` runs again what failed in the world W. When nothing has failed, nothing is run and the exit code
+is 0; otherwise it says how the rerun ended, as that of `robomaker run` does.
+"""
+
+import argparse
+import os
+import sys
+
+from ...arguments import add_open, add_output, add_report
+from ...inputs.runs import read_record
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("run", metavar="RUN", help="id of a run, its folder, or latest")
+    parser.add_argument(
+        "--failed", action="store_true", help="only jobs without a good result: failed, broken, cancelled, never begun"
+    )
+    parser.add_argument(
+        "--job", action="append", default=[], metavar="J", help="only this job, by id or ARN; may be given again"
+    )
+    parser.add_argument(
+        "--world", action="append", default=[], metavar="W", help="only jobs in this world, such as world-3; likewise"
+    )
+    add_report(parser)
+    add_output(parser, "text", "json")
+    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Runs the jobs; the exit code says how they ended."""
+    from .....schemas.settings import Settings
+    from .....schemas.specs.check import load_spec
+    from ...pipelines import carry_out, check_report
+
+    check_report(arguments.report)
+    settings = Settings.from_environment(os.environ)
+    record = read_record(settings.home / "runs", arguments.run)
+
+    from .....tasks.inspection.reruns import Selection, plan_rerun
+    from .....tasks.service.service import Service
+
+    selection = Selection(arguments.failed, tuple(arguments.job), tuple(arguments.world))
+    rerun = plan_rerun(record, selection, Service.open(settings))
+    if rerun is None:
+        sys.stdout.write(f"nothing to run again: no job of the run {record.run_id} is {selection.words}\n")
+        return 0
+    # The run keeps the text; no file of the user's has it.
+    spec = load_spec(rerun.spec_text, f"rerun of {record.run_id}")
+    return carry_out(
+        spec, settings, arguments, again(arguments, record.run_id), spec_path=record.spec_path, rerun_of=rerun.rerun_of
+    )
+
+
+def again(arguments: argparse.Namespace, run_id: str) -> list[str]:
+    """The command that does the same again, also when another run is the latest."""
+    command = ["robomaker", "rerun", run_id, *(["--failed"] if arguments.failed else [])]
+    for option in ("job", "world"):
+        for value in getattr(arguments, option):
+            command += [f"--{option}", value]
+    return [*command, "--report", arguments.report] if arguments.report else command

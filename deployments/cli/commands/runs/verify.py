@@ -1,0 +1,36 @@
+"""Run a simulation again and say whether all states are the same.
+
+Exit code 0: bit-identical; 1: diverged, when and in which joint; 3: not comparable, and why.
+Neither the job nor its outputs are touched.
+"""
+
+import argparse
+import os
+import sys
+
+from ...arguments import add_output, add_simulation
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_simulation(parser)
+    parser.add_argument(
+        "--run-program",
+        action="store_true",
+        help="run a robot application that is a program again too, instead of what was recorded of it",
+    )
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints what came of it; the exit code says the same."""
+    from .....schemas.runs.verification import EXIT_CODES
+    from .....schemas.settings import Settings
+    from .....tasks.inspection.replays import verify_run
+    from .....tasks.service.service import Service
+
+    service = Service.open(Settings.from_environment(os.environ))
+    verification = verify_run(arguments.run, service, run_program=arguments.run_program)
+    text = verification.model_dump_json(indent=2) if arguments.output == "json" else str(verification)
+    sys.stdout.write(f"{text}\n")
+    return EXIT_CODES[verification.answer]

@@ -1,0 +1,3 @@
+"""Check, run and deploy specifications."""
+
+__all__: list[str] = []

@@ -1,0 +1,179 @@
+"""Keep specifications in Prefect, to be run by workers: by hand, or on a schedule.
+
+A deployment keeps the text of its specification, so that workers need this package and no copy of the file. Deploying
+again changes a deployment in place; its schedule stays until --schedule or --no-schedule says otherwise.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
+from ...arguments import add_output
+
+if TYPE_CHECKING:
+    from .....schemas.settings import Settings
+    from .....schemas.specs.model import CheckedSpec
+    from ....deploying.deployables import Deployable
+    from ....deploying.registration import Registered
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("specs", metavar="SPEC", nargs="*", help="specification, a YAML file")
+    parser.add_argument("--operations", action="store_true", help="deploy the flows of all operations, too")
+    parser.add_argument("--pool", required=True, metavar="POOL", help="work pool whose workers run it")
+    when = parser.add_mutually_exclusive_group()
+    when.add_argument("--schedule", metavar="CRON", help="when it runs by itself, such as '0 2 * * *'")
+    when.add_argument("--no-schedule", action="store_true", help="take away the schedule that it has")
+    parser.add_argument("--timezone", metavar="TZ", help="time zone of --schedule (default: UTC)")
+    parser.add_argument("--name", help="name of the deployment, in place of the specification's")
+    parser.add_argument("--tag", action="append", default=[], help="one more tag; may be repeated")
+    parser.add_argument("--image", help="container image of its runs, in pools that start containers")
+    parser.add_argument(
+        "--block",
+        action="append",
+        default=[],
+        metavar="TYPE/NAME",
+        help="take settings from this block of Prefect, such as robomaker-object-store/lab; may be repeated",
+    )
+    parser.add_argument(
+        "--env", action="append", default=[], metavar="NAME=VALUE", help="variable for its runs; may be repeated"
+    )
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Deploys everything that is named, or nothing."""
+    from .....schemas.settings import Settings
+    from ....deploying.deployables import operation_deployables
+    from ....deploying.job_variables import environment_of_words
+    from ...prefect_server import SHELL_SETUP, use_server, uses_local_server
+
+    _check_usage(arguments)
+    specs = _read(arguments.specs)
+    environment = tuple(environment_of_words(arguments.env).items())
+    deployables = _named(specs, arguments)
+    settings = Settings.from_environment(os.environ)
+    for warning in _warnings(specs, settings):
+        sys.stderr.write(f"robomaker: {warning}\n")
+    is_local = uses_local_server(settings)
+    api_url = use_server(settings)
+
+    from ....deploying.registration import NoSuchPoolError, Target, register
+    from ....deploying.schedules import cron_schedule
+
+    zone = {"timezone": arguments.timezone} if arguments.timezone else {}
+    schedule = cron_schedule(arguments.schedule, **zone) if arguments.schedule else None
+    target = Target(
+        pool=arguments.pool,
+        schedule=schedule,
+        unscheduled=arguments.no_schedule,
+        image=arguments.image,
+        environment=environment,
+        blocks=tuple(arguments.block),
+    )
+    try:
+        registered = register(deployables, target)
+        if arguments.operations:
+            # They have no schedule: each wants a request.
+            registered += register(operation_deployables(), replace(target, schedule=None))
+    except NoSuchPoolError as error:
+        if is_local:
+            raise ConfigurationError(f"{error}; before it, so that it finds this server: {SHELL_SETUP}") from error
+        raise
+    if arguments.output == "json":
+        document = {"schema_version": 1, "deployments": [asdict(each) for each in registered]}
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join(_lines(registered)) + "\n")
+        first = [f"In each terminal:  {SHELL_SETUP}"] if is_local else []
+        sys.stderr.write("\n".join([*first, *_next_steps(registered, api_url)]) + "\n")
+    return 0
+
+
+def _check_usage(arguments: argparse.Namespace) -> None:
+    if not arguments.specs and not arguments.operations:
+        raise ConfigurationError("there is nothing to deploy; name a SPEC, or --operations for all operations")
+    if arguments.name is not None:
+        from .....schemas.specs.model import is_spec_name
+
+        if len(arguments.specs) != 1:
+            raise ConfigurationError(f"--name is {arguments.name!r}; it is for one SPEC, not {len(arguments.specs)}")
+        if not is_spec_name(arguments.name):
+            raise ConfigurationError(f"--name is {arguments.name!r}; letters, digits, - and _ would be right")
+    if not arguments.specs and (arguments.schedule or arguments.no_schedule):
+        raise ConfigurationError("--schedule and --no-schedule are for a SPEC; operations run when they are called")
+    if arguments.timezone and not arguments.schedule:
+        raise ConfigurationError(f"--timezone is {arguments.timezone!r}; it is of use with --schedule only")
+
+
+def _read(paths: Sequence[str]) -> "list[CheckedSpec]":
+    """Reads all specifications.
+
+    Raises:
+        SpecError: with the problems of all.
+    """
+    from ...inputs.specifications import read_spec
+
+    specs: list[CheckedSpec] = []
+    problems: list[Problem] = []
+    for path in paths:
+        try:
+            specs.append(read_spec(path))
+        except SpecError as error:
+            problems += error.problems
+    if problems:
+        raise SpecError(problems)
+    return specs
+
+
+def _named(specs: "Sequence[CheckedSpec]", arguments: argparse.Namespace) -> "list[Deployable]":
+    from ....deploying.deployables import spec_deployable
+
+    made = [
+        spec_deployable(spec, origin=path, name=arguments.name, tags=arguments.tag)
+        for path, spec in zip(arguments.specs, specs, strict=True)
+    ]
+    origins: dict[str, str] = {}
+    for path, each in zip(arguments.specs, made, strict=True):
+        if (other := origins.setdefault(each.name, path)) != path:
+            raise ConfigurationError(f"{other} and {path} are both named {each.name!r}; give one another name")
+    return made
+
+
+def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]:
+    """What the specifications name that is not in the object store of this machine's settings."""
+    from .....schemas.wire.errors import StorageError
+    from .....tasks.storage import open_store
+    from ....deploying.needs import missing_objects, needs_of
+
+    needs = [need for spec in specs for need in needs_of(spec)]
+    if not any(need.uri.startswith("s3://") for need in needs):
+        return []
+    try:
+        missing = missing_objects(needs, open_store(settings, os.environ))
+    except StorageError as error:
+        return [f"warning: it cannot be told whether the object store has what the steps name: {error}"]
+    return [f"warning: {settings.object_store} has no {need.sentence}; runs need it there" for need in missing]
+
+
+def _lines(registered: "Sequence[Registered]") -> list[str]:
+    width = max(len(each.name) for each in registered)
+    return [
+        f"{each.name.ljust(width)}  {each.change}{''.join(f', runs at {when}' for when in each.schedules)}"
+        for each in registered
+    ]
+
+
+def _next_steps(registered: "Sequence[Registered]", api_url: str) -> list[str]:
+    first = registered[0]
+    return [
+        f"Start a worker:    prefect worker start --pool {first.pool}",
+        f"Run it now:        prefect deployment run {first.name} --watch",
+        f"See its page:      {api_url.removesuffix('/api')}/deployments/deployment/{first.id}",
+    ]

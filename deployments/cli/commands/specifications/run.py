@@ -1,0 +1,67 @@
+"""Run a specification and report what came of it.
+
+The exit code says how it ended; `robomaker --help` lists them.
+"""
+
+import argparse
+import dataclasses
+import os
+from typing import TYPE_CHECKING
+
+from .....schemas.wire.errors import ConfigurationError
+from ...arguments import add_open, add_output, add_report, add_spec
+
+if TYPE_CHECKING:
+    from .....schemas.specs.model import CheckedSpec
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_spec(parser)
+    parser.add_argument("--name", help="name of the run, in place of the specification's")
+    parser.add_argument(
+        "--seed", type=int, metavar="N", help="seed of worlds and simulations, in place of those in SPEC"
+    )
+    parser.add_argument(
+        "--reuse", action="store_true", help="take over worlds and results of earlier runs that had the same inputs"
+    )
+    add_report(parser)
+    add_output(parser, "text", "json")
+    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Runs the specification; the exit code says how it ended."""
+    from .....schemas.settings import Settings
+    from ...pipelines import carry_out, check_report
+
+    spec = _chosen(arguments)
+    settings = Settings.from_environment(os.environ)
+    check_report(arguments.report)
+    return carry_out(spec, settings, arguments, again(arguments), spec_path=arguments.spec, reuse=arguments.reuse)
+
+
+def again(arguments: argparse.Namespace) -> list[str]:
+    """The command that does the same again."""
+    command = ["robomaker", "run", arguments.spec]
+    for option in ("name", "seed", "report"):
+        if (value := getattr(arguments, option)) is not None:
+            command += [f"--{option}", str(value)]
+    return [*command, "--reuse"] if arguments.reuse else command
+
+
+def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
+    """The specification, with what the options put in place of its own values."""
+    from .....schemas.specs.model import is_spec_name, with_seed
+    from ...inputs.specifications import read_spec
+
+    spec = read_spec(arguments.spec)
+    if arguments.name is not None:
+        if not is_spec_name(arguments.name):
+            raise ConfigurationError(f"--name is {arguments.name!r}; letters, digits, - and _ would be right")
+        spec = dataclasses.replace(spec, name=arguments.name)
+    if arguments.seed is not None:
+        if arguments.seed < 0:
+            raise ConfigurationError(f"--seed is {arguments.seed}; it has to be a whole number from 0")
+        spec = with_seed(spec, arguments.seed)
+    return spec

@@ -1,0 +1,26 @@
+"""Print the JSON Schema of specifications, or of an operation's request."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from .....schemas.specs import __file__ as specs_file
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("operation", metavar="OPERATION", nargs="?", help="an operation, such as CreateWorldTemplate")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints a schema."""
+    if arguments.operation is None:
+        sys.stdout.write(Path(specs_file).with_name("pipeline.schema.json").read_text())
+        return 0
+    from .....schemas.operations.registry import operation_shape
+    from ...inputs.operations import operation_name
+
+    schema = operation_shape(operation_name(arguments.operation)).request.model_json_schema()
+    sys.stdout.write(json.dumps(schema, indent=2) + "\n")
+    return 0

@@ -1,0 +1,52 @@
+"""Check specifications without running anything.
+
+Every problem is printed as file:line:column: path: message.
+"""
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
+from ...arguments import add_output
+from ...output.problems import print_problems
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("specs", metavar="SPEC", nargs="+", help="specification, a YAML file")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Checks every file, also after problems in others; exit code 2 if any has a problem."""
+    from ...inputs.specifications import InputFileError, read_spec
+
+    answers = []
+    problems: list[Problem] = []
+    for path in arguments.specs:
+        try:
+            answers.append({"file": path, "valid": True, "steps": len(read_spec(path).steps), "problems": []})
+        except SpecError as error:
+            problems += error.problems
+            answers.append({"file": path, "valid": False, "problems": [_as_json(each) for each in error.problems]})
+        except InputFileError as error:
+            sys.stderr.write(f"robomaker: {error}\n")
+            answers.append({"file": path, "valid": False, "problems": [{"message": str(error)}]})
+    if arguments.output == "json":
+        sys.stdout.write(json.dumps({"schema_version": 1, "files": answers}, indent=2) + "\n")
+    else:
+        for answer in answers:
+            if answer["valid"]:
+                steps = answer["steps"]
+                sys.stdout.write(f"{answer['file']}: valid, {steps} step{'s' if steps != 1 else ''}\n")
+        sys.stdout.flush()
+        if problems:
+            print_problems(problems)
+    return 0 if all(answer["valid"] for answer in answers) else ConfigurationError.exit_code
+
+
+def _as_json(problem: Problem) -> dict[str, Any]:
+    place = problem.place
+    return {"line": place.line, "column": place.column, "path": problem.path, "message": problem.message}
