@@ -7,6 +7,7 @@
 | `ROBOMAKER_OBJECT_STORE` | folder, or URL of an S3 endpoint (`https://…`), or `aws` | `objects` under the home |
 | `ROBOMAKER_REGION`, `ROBOMAKER_ACCOUNT` | what ARNs say | `us-east-1`, `000000000000` |
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
+| `ROBOMAKER_BACKEND` | where the jobs of batches run: `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once when a batch names no `maxConcurrency` | number of CPUs |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
@@ -61,6 +62,11 @@ class Settings(Model):
         default="robomaker",
         pattern=r"^[a-z0-9][a-z0-9.\-]{1,61}[a-z0-9]$",
         description="Bucket for worlds, and for outputs that name none.",
+    )
+    backend: str = Field(
+        default="local",
+        pattern=r"^(local|(workers|dask|ray):.+)$",
+        description="Where the jobs of batches run: local, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once when a batch names no maxConcurrency.")
     max_job_disk_gb: int = Field(
@@ -117,7 +123,7 @@ class Settings(Model):
             values["notify"] = tuple(channels.split())
         if when := environ.get("ROBOMAKER_NOTIFY_WHEN"):
             values["notify_when"] = _notify_when(when)
-        for name in ("region", "account", "bucket"):
+        for name in ("region", "account", "bucket", "backend"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
         if access_keys_file := environ.get("ROBOMAKER_ACCESS_KEYS_FILE"):

@@ -39,6 +39,9 @@ class BatchProgress(FailureChanges):
 
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
     failed_count: int | None = Field(default=None, description="How many those are.")
+    concurrency: int | None = Field(
+        default=None, description="How many of its jobs may be held at once by the job workers of a backend, right now."
+    )
     verdicts: dict[str, int] | None = Field(
         default=None, description="How many of its jobs that are Completed have which verdict; absent until it ends."
     )

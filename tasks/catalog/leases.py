@@ -1,10 +1,10 @@
 """Leases: which job worker runs which job, which jobs wait, and how many job workers died while they ran a job."""
 
 from collections.abc import Mapping, Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, and_, case, or_, select, update
+from sqlalchemy import ColumnElement, and_, case, func, or_, select, update
 
 from ...schemas.lifecycles import LIFECYCLES
 from .queries import COLUMNS, changed_one, not_found, one_row, resource_of
@@ -35,16 +35,46 @@ class CatalogLeases(CatalogReader):
             ResourceNotFoundException: there is no such resource.
         """
         now = self._now()
-        free = or_(
-            resources.c.lease_owner.is_(None), resources.c.lease_owner == owner, resources.c.lease_expires_at <= now
+        return self._lease(arn, or_(_is_free(now), resources.c.lease_owner == owner), _taken(owner, now, lease_s))
+
+    def claim_child(
+        self, parent: str, kind: str, owner: str, lease_s: float, *, most: str, parent_in: Sequence[str]
+    ) -> str | None:
+        """Takes the lease of the oldest resource of a parent that has not ended and that no other owner holds.
+
+        No more of them are ever held at once than the parent's document says: they are counted in the transaction
+        that takes the lease, and such transactions of one parent come one after the other.
+
+        Args:
+            parent: their parent.
+            kind: their kind.
+            owner: name of the caller, which no other has in this process or another.
+            lease_s: after how many seconds another may take it, unless it is renewed.
+            most: member of the parent's document that says how many may be held at once.
+            parent_in: statuses of the parent in which they are taken.
+
+        Returns:
+            ARN of the resource; `None`: there is none, or as many are held as may be.
+        """
+        now = self._now()
+        # PostgreSQL locks the parent's row; a writer of SQLite has locked the whole file.
+        allowed = (
+            select(resources.c.document[most].as_integer())
+            .where(resources.c.arn == parent, resources.c.status.in_(parent_in))
+            .with_for_update(key_share=True)
         )
-        left_behind = and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != owner)
-        values = {
-            "lost_workers": resources.c.lost_workers + case((left_behind, 1), else_=0),
-            "lease_owner": owner,
-            "lease_expires_at": now + timedelta(seconds=lease_s),
-        }
-        return self._lease(arn, free, values)
+        living = and_(resources.c.parent == parent, resources.c.kind == kind, resources.c.status.in_(_alive(kind)))
+        held = select(func.count()).select_from(resources).where(living, ~_is_free(now))
+        first = select(resources.c.arn).where(living, _is_free(now)).order_by(resources.c.sequence).limit(1)
+        with self._transaction(self._writer) as connection:
+            most_held = connection.scalar(allowed) or 0  # first: from here on the transaction is alone
+            if (connection.scalar(held) or 0) >= most_held:
+                return None
+            arn = connection.scalar(first)
+            if arn is not None:
+                taken = update(resources).where(resources.c.arn == arn).values(_taken(owner, now, lease_s))
+                connection.execute(taken)
+            return arn
 
     def renew(self, arn: str, owner: str, lease_s: float) -> bool:
         """Prolongs a lease, even one that ran out, as long as no other owner has taken it.
@@ -137,6 +167,21 @@ class CatalogLeases(CatalogReader):
                 return True
             one_row(connection, arn)
             return False
+
+
+def _is_free(now: datetime) -> ColumnElement[bool]:
+    """Whether no living owner holds a resource."""
+    return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
+
+
+def _taken(owner: str, now: datetime, lease_s: float) -> dict[str, Any]:
+    """What taking a lease sets; a lease of another that has run out was a lost worker's."""
+    left_behind = and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != owner)
+    return {
+        "lost_workers": resources.c.lost_workers + case((left_behind, 1), else_=0),
+        "lease_owner": owner,
+        "lease_expires_at": now + timedelta(seconds=lease_s),
+    }
 
 
 def _alive(kind: str) -> list[str]:

@@ -159,6 +159,19 @@ class CatalogReader:
                 counts.setdefault(kind, {})[status] = number
         return counts
 
+    @property
+    def address(self) -> str:
+        """Where it is, without a password."""
+        return self._engine.url.render_as_string(hide_password=True)
+
+    def children_standing(self, parent: str, kind: str) -> dict[str, str]:
+        """The statuses of the resources of a kind that came from a parent, by ARN."""
+        query = select(resources.c.arn, resources.c.status).where(
+            resources.c.parent == parent, resources.c.kind == kind
+        )
+        with self._transaction(self._engine) as connection:
+            return {row[0]: row[1] for row in connection.execute(query)}
+
     @contextmanager
     def _transaction(self, engine: Engine) -> Generator[Connection]:
         try:

@@ -90,6 +90,12 @@ class Slots:
                     self._free.append(lease)
                     self._changed.notify()
 
+    @property
+    def count(self) -> int:
+        """How many slots this worker holds."""
+        with self._changed:
+            return len(self._free) + len(self._used)
+
     def remove(self) -> None:
         """Deletes the limit; called once, after the batch has ended."""
         self._delete_limit()

@@ -9,7 +9,7 @@ import os
 import socket
 import threading
 import uuid
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -87,6 +87,25 @@ class HeldLeases:
             return True
         self._forget(arn)
         return False
+
+    def reserve_any(self, take: Callable[[str], str | None]) -> str | None:
+        """Claims a job that is chosen meanwhile, as `reserve` does; `cancel_reservation` has to follow.
+
+        Args:
+            take: takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
+
+        Returns:
+            The job; `None`: there was none to take, or this process takes no more.
+        """
+        with self._lock:
+            if self._closed:
+                return None
+        owner = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
+        if (arn := take(owner)) is not None:
+            with self._lock:
+                self._owners[arn] = owner
+                self._reserved.add(arn)
+        return arn
 
     def renew_reservation(self, arn: str, catalog: Catalog, lease_s: float) -> None:
         """Renews a job's lease until the job begins."""

@@ -1,9 +1,10 @@
 """Runs of stored jobs, side by side: simulation job, batch, world generation job, world export job.
 
-May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.runtime.limits`, `tasks.runtime.supervision`,
-`tasks.service`, `tasks.simulations`, `tasks.simulations.containers`, `tasks.simulations.environment`,
-`tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.simulations.ros`, `tasks.worlds`.
+May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.execution`, `tasks.runtime.limits`,
+`tasks.runtime.supervision`, `tasks.service`, `tasks.simulations`, `tasks.simulations.containers`,
+`tasks.simulations.environment`, `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.simulations.ros`,
+`tasks.worlds`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["batch_runs", "export_runs", "generation_runs", "job_folders", "job_runs", "world_jobs"]
+__all__ = ["batch_runs", "batch_workers", "export_runs", "generation_runs", "job_folders", "job_runs", "world_jobs"]

@@ -1,8 +1,10 @@
 """Performing one simulation job batch: its requests become jobs, the jobs run, the batch ends."""
 
+import logging
+import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
@@ -14,34 +16,36 @@ from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError
+from ..backends.backend import Backend
 from ..catalog import ClientToken, Resource
 from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import reuse_job, store_job
+from .awaited_jobs import AwaitedJobs
+from .batch_stops import STOP_EVENTS, STOPPING
 from .job_runs import perform_job, stop_idle_job
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
 
 _WAIT_S = 0.5
+_MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
     "Completed": "complete",
     "Failed": "fail",
     "TimedOut": "timed_out",
     "Canceled": "canceled",
 }
-# Why the jobs of a batch have to stop, by its status.
-_STOPPING: Mapping[str, StopReason] = {"Canceling": StopReason.BATCH_CANCELED, "TimingOut": StopReason.BATCH_TIMED_OUT}
-# What befalls a batch whose jobs have to stop, by the reason: their failure code.
-_STOPS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReason.BATCH_TIMED_OUT: "time_out"}
 # What becomes of a request that the service's own checks refuse for good.
 _FAILURE_CODES: Mapping[str, str] = {
     "ResourceNotFoundException": "ResourceNotFound",
     "InvalidParameterException": "InvalidInput",
     "LimitExceededException": "LimitExceeded",
 }
+
+_logger = logging.getLogger(__name__)
 
 
 def jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
@@ -68,7 +72,9 @@ class BatchRun:
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
-        self._stop: StopReason | None = _STOPPING.get(batch.status)
+        self._stop: StopReason | None = STOPPING.get(batch.status)
+        self._concurrency: int | None = None
+        self._workers = ""
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
 
     def run(self) -> None:
@@ -123,26 +129,68 @@ class BatchRun:
     def _run_requests(self, indices: list[int]) -> None:
         from ..execution.batch_slots import Slots
 
-        limit = self._policy.max_concurrency
-        with Slots(f"robomaker-{self._batch.id}", limit, min(limit, len(indices))) as slots:
-
-            def simulate(index: int) -> None:
-                self._simulate(index, slots)
-
+        most = min(self._policy.max_concurrency, len(indices))
+        with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
             try:
-                run_tasks(
-                    "simulate-request",
-                    simulate,
-                    [{"index": index} for index in indices],
-                    run_name="request-{index}",
-                    workers=min(limit, len(indices)),
-                    job_arn=self._arn,
-                    service=self._service,
-                    look=self._look,
-                )
+                if self._service.backend is None:
+                    self._run_tasks(indices, lambda index: self._simulate(index, slots), most, self._look)
+                else:
+                    self._run_elsewhere(indices, slots, most, self._service.backend)
             finally:
                 if not self._lease.lost:  # else the slots are another job worker's
                     slots.remove()
+
+    def _run_tasks(
+        self, indices: list[int], simulate: Callable[[int], None], at_once: int, look: Callable[[], bool]
+    ) -> None:
+        run_tasks(
+            "simulate-request",
+            simulate,
+            [{"index": index} for index in indices],
+            run_name="request-{index}",
+            workers=at_once,
+            job_arn=self._arn,
+            service=self._service,
+            look=look,
+        )
+
+    def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
+        """Has job workers of a backend run the jobs; here they are only made and awaited.
+
+        Some more are made than may run, so that a worker that has ended one finds the next.
+        """
+        awaited, broken = AwaitedJobs(self._service.catalog, self._arn), threading.Event()
+
+        def simulate(index: int) -> None:
+            if (job := self.create_job(index)) is not None:
+                self._report()
+                awaited.wait(job.arn, lambda: self._stop is not None or broken.is_set())
+            self._report()
+
+        def look() -> bool:
+            try:
+                self._allow(slots.count)
+                awaited.look()
+                self._note_workers(workers.look())
+                return self._look()
+            except BaseException:
+                broken.set()  # no thread looks any more, so none may wait for what it would see
+                raise
+
+        with backend.job_workers(self._arn, most) as workers:
+            self._run_tasks(indices, simulate, min(most + min(most, _MOST_AHEAD), len(indices)), look)
+
+    def _allow(self, concurrency: int) -> None:
+        """Says how many jobs may be held at once by job workers."""
+        if concurrency != self._concurrency:
+            self._lease.update(BatchProgress(concurrency=concurrency))
+            self._concurrency = concurrency
+
+    def _note_workers(self, workers: str) -> None:
+        """Says once which job workers there are."""
+        if workers != self._workers:
+            _logger.info("%s: %s", self._batch.id, workers)
+            self._workers = workers
 
     def _simulate(self, index: int, slots: "Slots") -> None:
         """Turns one request into a job, while holding a slot of the batch, and runs it."""
@@ -227,18 +275,18 @@ class BatchRun:
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""
-        event = _STOPS.get(self._why_stop() or "")
+        event = STOP_EVENTS.get(self._why_stop() or "")
         if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)
 
     def _settle(self) -> None:
         jobs = jobs_by_request(self._batch, self._service)
         waiting = self._waiting()
-        if waiting or any(SimulationJobDocument.of(job).failure_code in _STOPS for job in jobs.values()):
+        if waiting or any(SimulationJobDocument.of(job).failure_code in STOP_EVENTS for job in jobs.values()):
             self._note_stop()  # the last jobs may have ended before anybody looked why
         status = self._lease.job.status
         for index in waiting:
-            code = _STOPPING.get(status, "InternalServiceError")
+            code = STOPPING.get(status, "InternalServiceError")
             self._fail_request(index, code, "the batch ended before a job was made of this request")
         self._save_failures()
         end = batch_outcome(

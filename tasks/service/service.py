@@ -19,6 +19,8 @@ from ...schemas.documents.base import Document
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import resource_arn
 from ...schemas.wire.ids import IdPrefix, new_id
+from ..backends.backend import Backend
+from ..backends.opening import open_backend
 from ..catalog import Catalog, ClientToken, Resource
 from ..storage import open_store
 from ..storage.base import ObjectStore
@@ -59,6 +61,9 @@ class Service:
     settings: Settings
     catalog: Catalog
     store: ObjectStore
+    backend: Backend | None = None
+    """Who starts the job workers of batches; `None`: they run where they are carried out."""
+
     clock: Callable[[], datetime] = _utc_now
     chance: random.Random = field(default_factory=random.SystemRandom)
     """Source of ids, and of seeds that requests do not give."""
@@ -80,11 +85,12 @@ class Service:
             ConfigurationError: a setting leads nowhere.
             StorageError: the object store does not answer.
         """
+        backend = open_backend(settings.backend)
         prepare_home(settings)
         catalog = Catalog.open(settings.catalog_url, clock=_utc_now)
         store = open_store(settings, os.environ if environ is None else environ)
         register_builtins(catalog, settings)
-        return cls(settings=settings, catalog=catalog, store=store)
+        return cls(settings=settings, catalog=catalog, store=store, backend=backend)
 
     @classmethod
     def current(cls) -> "Service":

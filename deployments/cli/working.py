@@ -1,0 +1,43 @@
+"""Working for a batch: this process is a job worker of it."""
+
+import logging
+import os
+import signal
+import sys
+import threading
+
+from ...schemas.settings import Settings
+from ...tasks.jobs.batch_workers import BatchWorker
+from ...tasks.service.service import Service
+from .signals import interrupted_by_signals
+
+
+def work(batch: str, *, end_with_input: bool) -> int:
+    """Runs jobs of a batch until none is left.
+
+    Args:
+        batch: its ARN.
+        end_with_input: whether the process ends when its standard input closes.
+
+    Raises:
+        ConfigurationError: the catalog of this machine does not have the batch.
+    """
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S", stream=sys.stderr)
+    service = Service.open(Settings.from_environment(os.environ))
+    if end_with_input:
+        threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()
+    try:
+        with interrupted_by_signals():
+            count = BatchWorker(batch, service, service.settings.max_jobs).run()
+    except KeyboardInterrupt:
+        sys.stderr.write("robomaker: interrupted; other job workers go on with the jobs\n")
+        sys.stderr.flush()
+        os._exit(130)  # its jobs are released: nothing of them may go on here
+    sys.stderr.write(f"robomaker: ran {count} {'job' if count == 1 else 'jobs'} of {batch}\n")
+    return 0
+
+
+def _interrupt_at_end_of_input() -> None:
+    while os.read(sys.stdin.fileno(), 1):  # not by `sys.stdin`, whose lock this thread would hold when Python ends
+        pass
+    signal.raise_signal(signal.SIGINT)

@@ -1,0 +1,43 @@
+"""What a backend does for a batch: it has job workers on machines as long as the batch runs."""
+
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+from ...schemas.wire.errors import RobomakerError
+
+
+class BackendError(RobomakerError):
+    """The job workers of a batch cannot be started, and waiting does not help; the message says why."""
+
+
+class JobWorkers(Protocol):
+    """The job workers of one batch."""
+
+    def look(self) -> str:
+        """Starts job workers on machines that have come, and again where one has ended before the batch did.
+
+        Called several times a second, from one thread; returns at once.
+
+        Returns:
+            What there is, in words that a user reads while the batch runs: `2 job workers on tcp://10.0.0.7:8786`.
+
+        Raises:
+            BackendError: none can be started.
+        """
+        ...
+
+
+class Backend(Protocol):
+    """Starts job workers on machines."""
+
+    def job_workers(self, batch: str, wanted: int) -> AbstractContextManager[JobWorkers]:
+        """Has job workers for a batch inside the block; at its end those that are left are told to end.
+
+        Args:
+            batch: ARN of the batch.
+            wanted: how many can be of use.
+
+        Raises:
+            BackendError: there is no such cluster or pool.
+        """
+        ...

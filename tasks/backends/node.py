@@ -1,0 +1,67 @@
+"""Runs a job worker as a process of its own on the machine where this is called.
+
+A process, not a call: Dask's workers may have no children of `multiprocessing`, and a job worker that dies must not
+take the cluster's worker with it. It ends when this process does.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import NamedTuple
+
+_COMMAND = ("-P", "-m", "prefect_robomaker", "work")
+_LAST_WORDS = 2_000  # characters of its messages: enough for the reason, little to send
+_LOOK_S = 0.5
+
+
+class Ended(NamedTuple):
+    """How a job worker ended. Plain values: it is sent between machines that may have different versions of us."""
+
+    host: str
+    exit_code: int
+    last_words: str
+    """The end of what it wrote to standard error."""
+
+    @property
+    def reason(self) -> str:
+        """One line of it."""
+        said = self.last_words.strip().splitlines()
+        return f"{self.host}: {said[-1] if said else f'exit code {self.exit_code}'}"
+
+
+def run_job_worker(
+    batch: str, environment: Mapping[str, str] | None = None, should_stop: Callable[[], bool] = lambda: False
+) -> Ended:
+    """Takes jobs of a batch on this machine until none is left.
+
+    Args:
+        batch: ARN of the batch.
+        environment: variables besides those of this process.
+        should_stop: asked twice a second; once true, the worker releases its jobs and ends.
+
+    Returns:
+        How it ended.
+    """
+    with tempfile.TemporaryFile() as messages:
+        process = subprocess.Popen(
+            [sys.executable, *_COMMAND, batch, "--end-with-input"],
+            stdin=subprocess.PIPE,  # its other end closes when this process ends, in whatever way
+            stdout=subprocess.DEVNULL,
+            stderr=messages,
+            env={**os.environ, **(environment or {})},
+            start_new_session=True,
+        )
+        assert process.stdin is not None
+        while process.poll() is None:
+            if should_stop():
+                process.stdin.close()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_LOOK_S)
+        process.stdin.close()
+        messages.seek(max(0, messages.seek(0, os.SEEK_END) - _LAST_WORDS))
+        last_words = messages.read().decode("utf-8", "replace")
+    return Ended(socket.gethostname(), process.returncode, last_words)

@@ -1,0 +1,173 @@
+"""A job worker of one batch: takes its jobs from the catalog, one after the other, until none is left.
+
+Any number of them may work on a batch, on any machines. The process that carries the batch out makes jobs of its
+requests, and says in the batch's document how many may be held at once; the catalog counts them as it gives them out.
+"""
+
+import concurrent.futures
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+
+from ...schemas.lifecycles import is_terminal
+from ...schemas.runs.stops import StopReason
+from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
+from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
+from ..execution.claims import run_under_lease
+from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
+from ..execution.retry_limit import fail_job
+from ..service.service import Service
+from .batch_stops import STOPPING
+from .job_folders import KIND
+from .job_runs import launcher, perform_job
+
+_BATCH = "simulation-job-batch"
+_LOOK_S = 0.25
+_LONGEST_PAUSE_S = 10.0
+_ABANDONED_LEASES = 2
+"""How many leases long a batch may be carried out by no process before its workers leave it: the next one to carry it
+out starts workers again."""
+
+_logger = logging.getLogger(__name__)
+
+
+class BatchWorker:
+    """The job worker of this process for one batch.
+
+    Args:
+        batch: ARN of the batch.
+        service: where it is stored.
+        at_once: how many jobs this machine runs at once.
+        held: where this process notes the leases that it holds.
+        perform: carries a job to its end.
+    """
+
+    def __init__(
+        self,
+        batch: str,
+        service: Service,
+        at_once: int,
+        held: HeldLeases = HELD,
+        perform: Callable[..., None] = perform_job,
+    ) -> None:
+        self._batch = batch
+        self._service = service
+        self._at_once = at_once
+        self._held = held
+        self._perform = perform
+        self._status = ""
+        self._alone_since: float | None = None
+        self._ended = threading.Event()
+
+    def run(self) -> int:
+        """Runs jobs until the batch has ended, or no process carries it out any more.
+
+        Returns:
+            How many were run here.
+
+        Raises:
+            ConfigurationError: the catalog of this machine does not have the batch.
+            BaseException: the interruption that ended it; its jobs have been released, and the process has to end.
+        """
+        self._check()
+        launcher().start()
+        pool = ThreadPoolExecutor(self._at_once, thread_name_prefix="job")
+        try:
+            return self._run(pool)
+        except BaseException:
+            self._held.give_back_all(self._service.catalog)
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+    def stop(self) -> None:
+        """Takes no more jobs; `run` returns once those that run have ended."""
+        self._ended.set()
+
+    def _check(self) -> None:
+        try:
+            self._service.catalog.get(self._batch, kind=_BATCH)
+        except ResourceNotFoundException as error:
+            url = self._service.catalog.address
+            raise ConfigurationError(
+                f"the catalog of this machine, {url}, does not have {self._batch}: set ROBOMAKER_CATALOG_URL and "
+                "ROBOMAKER_OBJECT_STORE to what the machine uses that runs the batch"
+            ) from error
+
+    def _run(self, pool: ThreadPoolExecutor) -> int:
+        running: set[Future[None]] = set()
+        count, pause_s = 0, _LOOK_S
+        while True:
+            try:
+                over = self._ended.is_set() or self._is_over()
+                while not over and len(running) < self._at_once and (arn := self._claim()) is not None:
+                    running.add(pool.submit(self._run_job, arn))
+                    count += 1
+                pause_s = _LOOK_S
+            except CatalogUnavailable as error:
+                over = False
+                _logger.warning("no job is begun, the catalog does not answer: %s", error)
+                pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+            if over and not running:
+                return count
+            if not running:
+                self._ended.wait(pause_s)
+            running = concurrent.futures.wait(running, pause_s, concurrent.futures.FIRST_COMPLETED).not_done
+
+    def _is_over(self) -> bool:
+        """Whether there is nothing to take any more."""
+        self._status, _ = self._service.catalog.standing(self._batch)
+        if is_terminal(_BATCH, self._status) or self._status in STOPPING:
+            return True
+        if self._status == "Completing" and not self._living():
+            return True
+        owner, has_run_out = self._service.catalog.lease_of(self._batch)
+        if owner is not None and not has_run_out:
+            self._alone_since = None
+            return False
+        self._alone_since = self._alone_since or time.monotonic()
+        if time.monotonic() - self._alone_since < _ABANDONED_LEASES * self._service.timing.lease_s:
+            return False
+        _logger.warning("no process carries out %s any more; `robomaker perform %s` does", self._batch, self._batch)
+        return True
+
+    def _living(self) -> bool:
+        """Whether any job of the batch has not ended; a worker may die, and its job is then to be taken."""
+        standing = self._service.catalog.count_children(self._batch, KIND)
+        return any(not is_terminal(KIND, status) for status in standing)
+
+    def _claim(self) -> str | None:
+        """Takes a job of the batch, if there is one and it may run now."""
+        catalog, lease_s = self._service.catalog, self._service.timing.lease_s
+
+        def take(owner: str) -> str | None:
+            places = ("InProgress", "Completing")
+            return catalog.claim_child(self._batch, KIND, owner, lease_s, most="concurrency", parent_in=places)
+
+        return self._held.reserve_any(take)
+
+    def _run_job(self, arn: str) -> None:
+        """Carries a claimed job to its end; one that this worker cannot carry out fails."""
+        try:
+            self._perform(arn, self._service, self._why_stop)
+        except (CatalogUnavailable, WorkerStopping) as error:
+            _logger.warning("%s is left to another job worker: %s", arn, error)
+        except Exception as error:
+            _logger.exception("%s broke its job worker", arn)
+            self._fail(arn, f"running it failed: {type(error).__name__}: {error}")
+        finally:
+            try:
+                self._held.cancel_reservation(arn, self._service.catalog)
+            except CatalogUnavailable as error:
+                _logger.warning("the lease of %s is not given back; it runs out by itself: %s", arn, error)
+
+    def _fail(self, arn: str, reason: str) -> None:
+        try:
+            run_under_lease(arn, KIND, self._service, lambda lease: fail_job(lease, reason, self._service), self._held)
+        except RobomakerError as error:
+            _logger.warning("%s could not be marked as failed: %s", arn, error)
+
+    def _why_stop(self) -> StopReason | None:
+        """Why jobs of the batch have to end, by the status that was seen last."""
+        return STOPPING.get(self._status)

@@ -1,0 +1,46 @@
+"""A backend whose machines are homes on this one: each job worker is a real process with a home of its own."""
+
+import threading
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from prefect_robomaker.tasks.backends.node import Ended, run_job_worker
+
+
+@dataclass
+class HomesBackend:
+    """Starts one job worker for each home, once."""
+
+    homes: list[Path]
+    variables: Mapping[str, str]
+    """Where catalog and object store are."""
+
+    ended: list[Ended] = field(default_factory=list)
+    """How the workers ended."""
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Generator["HomesBackend"]:
+        """Has job workers inside the block."""
+        del wanted
+        stop = threading.Event()
+        threads = [
+            threading.Thread(target=lambda home=home: self.ended.append(self._work(batch, home, stop)))
+            for home in self.homes
+        ]
+        for thread in threads:
+            thread.start()
+        try:
+            yield self
+        finally:
+            stop.set()
+            for thread in threads:
+                thread.join()
+
+    def look(self) -> str:
+        """Starts no others."""
+        return f"{len(self.homes)} job workers on this machine"
+
+    def _work(self, batch: str, home: Path, stop: threading.Event) -> Ended:
+        return run_job_worker(batch, {**self.variables, "ROBOMAKER_HOME": str(home)}, stop.is_set)
