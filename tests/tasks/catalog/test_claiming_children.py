@@ -1,6 +1,7 @@
 """Claiming the jobs of a batch: each once, never more than the batch says, however many ask at once."""
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -78,6 +79,7 @@ def test_many_workers_at_once_never_hold_more_than_allowed_and_no_job_twice(
                 held[0] += 1
                 most[0] = max(most[0], held[0])
                 given.append(arn)
+            time.sleep(0.02)  # so that the others ask meanwhile
             for event in ("prepare", "start", "finish", "complete"):
                 catalog.transition(arn, event, owner=owner)
             with lock:
