@@ -8,7 +8,7 @@
 | `ROBOMAKER_REGION`, `ROBOMAKER_ACCOUNT` | what ARNs say | `us-east-1`, `000000000000` |
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_BACKEND` | where the jobs of batches run: `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
-| `ROBOMAKER_MAX_JOBS` | simulation jobs at once when a batch names no `maxConcurrency` | number of CPUs |
+| `ROBOMAKER_MAX_JOBS` | simulation jobs at once on this machine, whatever batches ask for | number of CPUs |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
@@ -68,7 +68,7 @@ class Settings(Model):
         pattern=r"^(local|(workers|dask|ray):.+)$",
         description="Where the jobs of batches run: local, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
     )
-    max_jobs: int = Field(ge=1, description="Simulation jobs at once when a batch names no maxConcurrency.")
+    max_jobs: int = Field(ge=1, description="Simulation jobs at once on this machine, whatever batches ask for.")
     max_job_disk_gb: int = Field(
         default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
     )

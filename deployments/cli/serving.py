@@ -49,7 +49,8 @@ def _serve(
         _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
         return
     prepare_home(settings)
-    worker = WorkerProcess(settings, arguments.backend, about["max_jobs"], _variables_of_jobs(arguments))
+    variables = {**_variables_of_jobs(arguments), "ROBOMAKER_MAX_JOBS": str(about["max_jobs"])}
+    worker = WorkerProcess(settings, arguments.backend, about["max_jobs"], variables)
     worker.start()
     try:
         if arguments.backend == "deployments":

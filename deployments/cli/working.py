@@ -28,7 +28,7 @@ def work(batch: str, *, end_with_input: bool) -> int:
         threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()
     try:
         with interrupted_by_signals():
-            count = BatchWorker(batch, service, service.settings.max_jobs).run()
+            count = BatchWorker(batch, service).run()
     except KeyboardInterrupt:
         sys.stderr.write("robomaker: interrupted; other job workers go on with the jobs\n")
         sys.stderr.flush()

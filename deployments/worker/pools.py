@@ -25,7 +25,7 @@ def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
     """Returns the pools of all kinds of jobs.
 
     Args:
-        max_jobs: simulation jobs at once, besides those in batches: each batch has a `maxConcurrency` of its own.
+        max_jobs: simulation jobs at once; those of batches share the machine with them.
     """
     return (
         JobPool("simulation-job", "CreateSimulationJob", max_jobs),

@@ -7,4 +7,13 @@ May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.execution`, `ta
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["batch_runs", "batch_workers", "export_runs", "generation_runs", "job_folders", "job_runs", "world_jobs"]
+__all__ = [
+    "batch_runs",
+    "batch_workers",
+    "export_runs",
+    "generation_runs",
+    "job_folders",
+    "job_runs",
+    "machine_slots",
+    "world_jobs",
+]

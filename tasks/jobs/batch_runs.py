@@ -26,6 +26,7 @@ from ..simulations.stored_jobs import reuse_job, store_job
 from .awaited_jobs import AwaitedJobs
 from .batch_stops import STOP_EVENTS, STOPPING
 from .job_runs import perform_job, stop_idle_job
+from .machine_slots import MachineSlots
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
@@ -73,6 +74,7 @@ class BatchRun:
         self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
         self._stop: StopReason | None = STOPPING.get(batch.status)
+        self._machine = MachineSlots(service.settings)
         self._concurrency: int | None = None
         self._workers = ""
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
@@ -193,9 +195,11 @@ class BatchRun:
             self._workers = workers
 
     def _simulate(self, index: int, slots: "Slots") -> None:
-        """Turns one request into a job, while holding a slot of the batch, and runs it."""
-        with slots.hold(lambda: self._why_stop() is not None) as held:
-            if held and (job := self.create_job(index)) is not None:
+        """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it."""
+        should_stop = lambda: self._why_stop() is not None  # noqa: E731
+        name = f"request {index} of {self._batch.id}"
+        with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name) as has_room:
+            if may_run and has_room and (job := self.create_job(index)) is not None:
                 self._report()
                 perform_job(job.arn, self._service, self._why_stop)
         self._report()

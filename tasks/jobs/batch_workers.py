@@ -22,6 +22,7 @@ from ..service.service import Service
 from .batch_stops import STOPPING
 from .job_folders import KIND
 from .job_runs import launcher, perform_job
+from .machine_slots import MachineSlots
 
 _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25
@@ -39,7 +40,6 @@ class BatchWorker:
     Args:
         batch: ARN of the batch.
         service: where it is stored.
-        at_once: how many jobs this machine runs at once.
         held: where this process notes the leases that it holds.
         perform: carries a job to its end.
     """
@@ -48,18 +48,17 @@ class BatchWorker:
         self,
         batch: str,
         service: Service,
-        at_once: int,
         held: HeldLeases = HELD,
         perform: Callable[..., None] = perform_job,
     ) -> None:
         self._batch = batch
         self._service = service
-        self._at_once = at_once
         self._held = held
         self._perform = perform
         self._status = ""
         self._alone_since: float | None = None
         self._ended = threading.Event()
+        self._machine = MachineSlots(service.settings)
 
     def run(self) -> int:
         """Runs jobs until the batch has ended, or no process carries it out any more.
@@ -73,7 +72,7 @@ class BatchWorker:
         """
         self._check()
         launcher().start()
-        pool = ThreadPoolExecutor(self._at_once, thread_name_prefix="job")
+        pool = ThreadPoolExecutor(self._service.settings.max_jobs, thread_name_prefix="job")
         try:
             return self._run(pool)
         except BaseException:
@@ -101,8 +100,8 @@ class BatchWorker:
         while True:
             try:
                 over = self._ended.is_set() or self._is_over()
-                while not over and len(running) < self._at_once and (arn := self._claim()) is not None:
-                    running.add(pool.submit(self._run_job, arn))
+                while not over and (begun := self._begin(pool)) is not None:
+                    running.add(begun)
                     count += 1
                 pause_s = _LOOK_S
             except CatalogUnavailable as error:
@@ -137,6 +136,19 @@ class BatchWorker:
         standing = self._service.catalog.count_children(self._batch, KIND)
         return any(not is_terminal(KIND, status) for status in standing)
 
+    def _begin(self, pool: ThreadPoolExecutor) -> Future[None] | None:
+        """Begins a job, if there is one and this machine has room."""
+        slot = self._machine.take()
+        if slot is None:
+            return None
+        arn = None
+        try:
+            arn = self._claim()
+        finally:
+            if arn is None:
+                self._machine.give_back(slot)
+        return None if arn is None else pool.submit(self._run_job, arn, slot)
+
     def _claim(self) -> str | None:
         """Takes a job of the batch, if there is one and it may run now."""
         catalog, lease_s = self._service.catalog, self._service.timing.lease_s
@@ -147,8 +159,8 @@ class BatchWorker:
 
         return self._held.reserve_any(take)
 
-    def _run_job(self, arn: str) -> None:
-        """Carries a claimed job to its end; one that this worker cannot carry out fails."""
+    def _run_job(self, arn: str, slot: int) -> None:
+        """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""
         try:
             self._perform(arn, self._service, self._why_stop)
         except (CatalogUnavailable, WorkerStopping) as error:
@@ -157,6 +169,7 @@ class BatchWorker:
             _logger.exception("%s broke its job worker", arn)
             self._fail(arn, f"running it failed: {type(error).__name__}: {error}")
         finally:
+            self._machine.give_back(slot)
             try:
                 self._held.cancel_reservation(arn, self._service.catalog)
             except CatalogUnavailable as error:

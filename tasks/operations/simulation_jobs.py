@@ -22,6 +22,7 @@ from ..catalog import ClientToken, Resource
 from ..execution.task_pool import run_alone
 from ..execution.task_runs import step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
+from ..jobs.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE
 from ..simulations.stored_jobs import reuse_job, store_job
@@ -40,7 +41,16 @@ _FILTERS = {
 def perform_simulation_job(arn: str, service: Service) -> None:
     """Runs the job's simulation in a process of its own and stores its outputs."""
     run_step = step_runner()
-    run_alone(lambda: perform_job(arn, service, run_step=run_step), job_arn=arn, service=service)
+
+    def has_to_end() -> bool:
+        status, is_canceled = service.catalog.standing(arn)
+        return is_canceled or is_terminal(KIND, status)
+
+    def perform() -> None:
+        with MachineSlots(service.settings).hold(has_to_end, arn):
+            perform_job(arn, service, run_step=run_step)  # ends one that has no slot because it has to end
+
+    run_alone(perform, job_arn=arn, service=service)
     status = service.catalog.get(arn).status
     service.report_progress(Progress({status.lower(): 1}, 1))
 

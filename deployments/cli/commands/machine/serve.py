@@ -20,7 +20,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="who carries jobs out: this program, Prefect's workers, or another program (default: here)",
     )
     parser.add_argument(
-        "--max-jobs", type=int, metavar="N", help="simulation jobs at once, besides batches (default: number of CPUs)"
+        "--max-jobs",
+        type=int,
+        metavar="N",
+        help="simulation jobs at once, those of batches too (default: number of CPUs)",
     )
     parser.add_argument("--log-requests", action="store_true", help="write a line for each request to standard error")
     add_output(parser, "text", "json")
