@@ -7,7 +7,7 @@ for a caller in this process who watches.
 import logging
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from datetime import datetime
@@ -33,6 +33,7 @@ from ..schemas.reports.run_states import (
     verdicts_of,
 )
 from ..schemas.settings import Settings
+from ..schemas.specs.campaigns import EarlierParts, Part, parts_of
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.resolving import resolve_input
@@ -268,60 +269,86 @@ class PipelineRun:
 
     def _run_step(self, name: str) -> bool:
         """Runs a step; answers whether the next may start."""
-        self._listener(StepStarted(name, self._checked.steps[name].operation))
-        started_at = self._service.clock()
+        step, began = self._checked.steps[name], self._service.clock()
+        self._listener(StepStarted(name, step.operation))
         try:
-            output = self._call(name)
-        except RobomakerError as problem:
-            return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), _error_in_words(problem))
-        except Exception as defect:  # the report and the later steps' records are written all the same
-            _logger.exception("step %s broke", name)
-            words = f"{type(defect).__name__}: {defect}"
-            return self._note_end(name, started_at, "Failed", self._outputs.get(name, {}), words)
+            parts = parts_of(step.operation, resolve_input(step, self._outputs))
+        except Exception as error:
+            last = self._note_end(name, Part({}), began, "Failed", {}, _error_in_words(error))
+        else:
+            last = self._run_parts(name, parts)
+        duration_s = (self._service.clock() - began).total_seconds()
+        self._listener(StepEnded(name, last.status, duration_s, last.error or last.arn or ""))
+        return last.status not in BAD_ENDS
+
+    def _run_parts(self, name: str, parts: Sequence[Part]) -> StepRecord:
+        """Runs the parts of a step, one after the other, until one ends badly; answers the record of the last."""
+        earlier, progress = EarlierParts(), Progress({}, 0)
+
+        def watch(told: Progress) -> None:
+            nonlocal progress
+            progress = told
+            self._listener(StepProgress(name, earlier.with_counts(told.counts), part.total or told.total))
+
+        ended = [self._run_part(name, parts[0], watch)]
+        for part in parts[1:]:
+            earlier = earlier.followed_by(ended[-1].output, progress.counts)
+            if ended[-1].status in BAD_ENDS or self._is_canceled:
+                break
+            ended.append(self._run_part(name, part, watch))
+        if len(ended) > 1:
+            self._outputs[name] = earlier.followed_by(ended[-1].output, {}).output
+        return ended[-1]
+
+    def _run_part(self, name: str, part: Part, watch: Callable[[Progress], None]) -> StepRecord:
+        """Runs one part of a step, mostly the only one; answers its record."""
+        started_at = self._service.clock()
+        self._outputs.pop(name, None)  # of the part before
+        try:
+            output = self._call(name, part, watch)
+        except Exception as error:  # the report and the later steps' records are written all the same
+            left = self._outputs.get(name, {})
+            return self._note_end(name, part, started_at, "Failed", left, _error_in_words(error))
         except BaseException:
-            self._note_end(name, started_at, "Canceled", self._cancelled(name), "interrupted")
+            ended = self._note_end(name, part, started_at, "Canceled", self._cancelled(name), "interrupted")
+            duration_s = (self._service.clock() - started_at).total_seconds()
+            self._listener(StepEnded(name, ended.status, duration_s, "interrupted"))
             raise
         status = output.get("status", "Completed")
-        return self._note_end(name, started_at, status, output, why_not_completed(output) if is_bad(status) else None)
+        error = why_not_completed(output) if is_bad(status) else None
+        return self._note_end(name, part, started_at, status, output, error)
 
     def _note_end(
-        self, name: str, started_at: datetime, status: str, output: dict[str, Any], error: str | None
-    ) -> bool:
-        """Records the end of a step; answers whether the next may start."""
+        self, name: str, part: Part, started_at: datetime, status: str, output: dict[str, Any], error: str | None
+    ) -> StepRecord:
+        """Records the end of a step, or of a part of it."""
         self._outputs[name] = output
-        arn = output.get("arn")
-        ended_at = self._service.clock()
-        step = StepRecord(
-            name=name,
+        record = StepRecord(
+            name=part.name(name),
             operation=self._checked.steps[name].operation,
             status=status,
             started_at=started_at,
-            ended_at=ended_at,
-            arn=arn,
+            ended_at=self._service.clock(),
+            arn=output.get("arn"),
             output=output,
             error=error,
         )
-        self._steps.append(step)
-        self._listener(StepEnded(name, status, (ended_at - started_at).total_seconds(), error or arn or ""))
-        return status not in BAD_ENDS
+        self._steps.append(record)
+        return record
 
     def _cancelled(self, name: str) -> dict[str, Any]:
         """What is left of a step that was interrupted: how the job that it made stands."""
         entry, output = registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
         return entry.described(output["arn"], self._service) if entry.run_job and output else output
 
-    def _call(self, name: str) -> dict[str, Any]:
-        """Calls a step's operation; jobs are performed to their end."""
+    def _call(self, name: str, part: Part, watch: Callable[[Progress], None]) -> dict[str, Any]:
+        """Calls a step's operation for a part of its request; jobs are performed to their end."""
         step = self._checked.steps[name]
-        request = resolve_input(step, self._outputs)
         entry = registry()[step.operation]
-        output = self._reused(step.operation, step.if_exists, request) or entry.answer(request, self._service)
+        output = self._reused(step.operation, step.if_exists, part.request) or entry.answer(part.request, self._service)
         if entry.run_job is None:
             return output
         self._outputs[name] = output
-
-        def watch(progress: Progress) -> None:
-            self._listener(StepProgress(name, dict(progress.counts), progress.total))
 
         with self._service.watched_by(watch).activated():
             answer, _ = perform(step.operation, output["arn"])
@@ -417,8 +444,14 @@ def _read(path: Path) -> str:
         ) from error
 
 
-def _error_in_words(error: RobomakerError) -> str:
-    return f"{error.code}: {error}" if isinstance(error, ServiceError) else str(error)
+def _error_in_words(error: Exception) -> str:
+    """What a step failed of; a defect is also logged."""
+    if isinstance(error, ServiceError):
+        return f"{error.code}: {error}"
+    if isinstance(error, RobomakerError):
+        return str(error)
+    _logger.error("a step broke", exc_info=error)
+    return f"{type(error).__name__}: {error}"
 
 
 def _log(event: ProgressEvent) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NoReturn
 
 from pydantic import ValidationError
@@ -10,6 +11,7 @@ from ..operations.registry import OPERATIONS
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import problems_of
+from .campaigns import Part, parts_of
 from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
 from .references import ReferenceMistake, parse_template
 from .text import ListNode, Location, MappingNode, Node, path_text
@@ -17,6 +19,8 @@ from .text import ListNode, Location, MappingNode, Node, path_text
 
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
+
+    One that is for more jobs than a batch may have is run in parts, see `campaigns`.
 
     Args:
         step: a checked step.
@@ -29,10 +33,17 @@ def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -
     body = resolved.get("templateBody")
     if isinstance(body, dict):
         resolved["templateBody"] = json.dumps(body, ensure_ascii=False)
+    for part in parts_of(step.operation, resolved):
+        _check(part, step)
+    return resolved
+
+
+def _check(part: Part, step: CheckedStep) -> None:
     model = OPERATIONS[step.operation].request
     try:
-        model.model_validate(resolved)
+        model.model_validate(part.request)
     except ValidationError as error:
+        problems = [replace(problem, location=part.location(problem.location)) for problem in problems_of(error, model)]
         raise SpecError(
             [
                 Problem(
@@ -40,10 +51,9 @@ def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -
                     path_text((*step.location, *problem.location)),
                     problem.message,
                 )
-                for problem in problems_of(error, model)
+                for problem in problems
             ]
         ) from error
-    return resolved
 
 
 def _resolve(node: Node, scope: Mapping[str, Any], location: Location) -> Any:

@@ -22,6 +22,7 @@ from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJob
 from ...schemas.operations.world_templates import CreateWorldTemplateRequest
 from ...schemas.reports.run_record import RunRecord, StepRecord
 from ...schemas.runs.plan import ApplicationRole
+from ...schemas.specs.campaigns import parts_of
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.resolving import resolve_input
 from ...schemas.templates.parsing import unwrapped_text
@@ -99,13 +100,14 @@ def plan_reuse(checked: CheckedSpec, service: Service) -> dict[str, list[Planned
 def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
     try:
         members = resolve_input(step, plan.outputs)
-        request = parse_request(step.operation, members)
+        batches = [parse_request(step.operation, part.request) for part in parts_of(step.operation, members)]
     except (SpecError, ServiceError) as error:
         plan.outputs[step.name] = {}
         makes_parts = step.operation in ("CreateWorldGenerationJob", "CreateSimulationJob", "StartSimulationJobBatch")
         return [PlannedPart("all", reuse=False, why=f"known only in the run: {error}")] if makes_parts else []
     arn = plan.service.arn("world-template", f"planned-{step.name}")  # whatever it makes: nothing looks it up
     plan.outputs[step.name] = {"arn": arn}
+    request = batches[0]
     if isinstance(request, CreateWorldTemplateRequest) and request.templateBody:
         plan.templates[arn] = unwrapped_text(request.templateBody)
     elif step.operation in _ROLES:
@@ -115,7 +117,8 @@ def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
     elif isinstance(request, CreateSimulationJobRequest):
         return [_plan_job(step.name, 0, "job", request, plan)]
     elif isinstance(request, StartSimulationJobBatchRequest):
-        orders = request.createSimulationJobRequests
+        more = [each for each in batches if isinstance(each, StartSimulationJobBatchRequest)]
+        orders = [order for each in more for order in each.createSimulationJobRequests]
         return [_plan_job(step.name, i, f"request {i + 1}", order, plan) for i, order in enumerate(orders)]
     return []
 

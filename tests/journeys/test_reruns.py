@@ -138,3 +138,28 @@ def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
         refused = robomaker("rerun", "latest", *words)
         assert refused.returncode == 2
         assert problem in refused.stderr
+
+
+@pytest.mark.deep
+@pytest.mark.timeout(900)
+def test_more_requests_than_a_batch_may_have_are_one_step_of_several_batches(
+    robomaker: Robomaker, tmp_path: Path
+) -> None:
+    spec = tmp_path / "poles.yaml"
+    spec.write_text(jobs("1"))
+    assert robomaker("run", spec, "-o", "json").returncode == 0
+    spec.write_text(APPLICATIONS + JOB.replace("SEED", "1").replace("MOST", "1") * 1001)
+
+    planned = json.loads(robomaker("plan", spec, "--reuse", "-o", "json").stdout)["steps"][2]["parts"]
+    assert [part["reuse"] for part in planned] == [True] * 1001
+    ended = robomaker("run", spec, "--reuse", "-o", "json")
+
+    assert ended.returncode == 0, ended.stderr
+    record = RunRecord.model_validate_json(ended.stdout)
+    assert [step.name for step in record.steps][2:] == ["balance_1_of_2", "balance_2_of_2"]
+    assert len(record.jobs) == 1001
+    assert all(job.verdict == "PASS" and job.reused_from for job in record.jobs)
+    one_of_the_second = record.jobs[1000].label
+    again = robomaker("rerun", record.run_id, "--job", one_of_the_second, "-o", "json")
+    assert again.returncode == 0, again.stderr
+    assert [step.name for step in RunRecord.model_validate_json(again.stdout).steps] == ["balance_2_of_2"]

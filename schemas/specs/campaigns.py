@@ -1,0 +1,96 @@
+"""Campaigns: a step with more simulation requests than one batch may have becomes several batches, one after the other.
+
+A batch on the wire has at most 1,000 requests, as with the service; a `forEach` may make any number.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeAlias
+
+from ..wire.json_values import is_list
+
+Location: TypeAlias = tuple[str | int, ...]
+_OPERATION = "StartSimulationJobBatch"
+_REQUESTS = "createSimulationJobRequests"
+_CLIENT_TOKEN = "clientRequestToken"  # noqa: S105 - a member's name
+_LISTS = frozenset({"createdRequests", "failedRequests", "pendingRequests"})
+MOST_REQUESTS = 1000
+"""Of one batch."""
+
+
+class Part(NamedTuple):
+    """What a step orders at once: all of it, or one batch of a campaign."""
+
+    request: dict[str, Any]
+    number: int = 1
+    """Which part of the step it is, from 1."""
+
+    of: int = 1
+    """How many parts the step has."""
+
+    total: int = 0
+    """How many requests the whole step has; 0: it is no campaign."""
+
+    def name(self, step: str) -> str:
+        """The name of the step, or of its part: `simulate_2_of_3`."""
+        return step if self.of == 1 else f"{step}_{self.number}_of_{self.of}"
+
+    def location(self, inside: Location) -> Location:
+        """Where in the step's whole request a value of this part is."""
+        if len(inside) > 1 and inside[0] == _REQUESTS and isinstance(place := inside[1], int):
+            return (_REQUESTS, place + (self.number - 1) * MOST_REQUESTS, *inside[2:])
+        return inside
+
+
+def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:
+    """Splits the request of a step where it is for more jobs than one batch may have.
+
+    Args:
+        operation: the step's operation.
+        request: its resolved request, not yet checked.
+
+    Returns:
+        The parts, in order; each job request is in one of them.
+    """
+    requests = request.get(_REQUESTS)
+    if operation != _OPERATION or not is_list(requests) or len(requests) <= MOST_REQUESTS:
+        return [Part(dict(request))]
+    starts = range(0, len(requests), MOST_REQUESTS)
+    parts: list[Part] = []
+    for number, start in enumerate(starts, 1):
+        members: dict[str, Any] = {**request, _REQUESTS: requests[start : start + MOST_REQUESTS]}
+        if isinstance(token := request.get(_CLIENT_TOKEN), str) and number > 1:  # each batch is a request of its own
+            members[_CLIENT_TOKEN] = hashlib.sha256(f"{token}/{number}".encode()).hexdigest()
+        parts.append(Part(members, number, len(starts), len(requests)))
+    return parts
+
+
+@dataclass(frozen=True)
+class EarlierParts:
+    """What the parts of a step that have ended came to, taken together."""
+
+    output: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What references see of the step so far: the jobs of all its batches under the ARN of the last."""
+
+    counts: Mapping[str, int] = field(default_factory=dict[str, int])
+    """How many requests of the batches that have ended are in which state."""
+
+    def followed_by(self, output: Mapping[str, Any], counts: Mapping[str, int]) -> "EarlierParts":
+        """These parts and one more.
+
+        Args:
+            output: the final description of the one more.
+            counts: how many of its requests are in which state.
+        """
+        lists = {
+            name: [*self.output.get(name, []), *entries]
+            for name, entries in output.items()
+            if name in _LISTS and is_list(entries)
+        }
+        return EarlierParts({**output, **lists}, self.with_counts(counts))
+
+    def with_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
+        """The counts of a part that runs, with those of the parts before it."""
+        return dict(Counter(self.counts) + Counter(counts))

@@ -1,0 +1,64 @@
+"""Steps with more requests than one batch may have."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.specs.campaigns import MOST_REQUESTS, EarlierParts, Part, parts_of
+
+BATCH = "StartSimulationJobBatch"
+
+
+@given(st.integers(min_value=0, max_value=3 * MOST_REQUESTS + 1))
+def test_every_request_is_in_one_part_in_order_and_no_part_is_too_large(count: int) -> None:
+    request = {"createSimulationJobRequests": [{"tags": {"n": str(n)}} for n in range(count)], "tags": {"a": "b"}}
+
+    parts = parts_of(BATCH, request)
+
+    assert [each for part in parts for each in part.request["createSimulationJobRequests"]] == request[
+        "createSimulationJobRequests"
+    ]
+    assert all(len(part.request["createSimulationJobRequests"]) <= MOST_REQUESTS for part in parts)
+    assert all(part.request["tags"] == {"a": "b"} for part in parts)
+    assert [part.number for part in parts] == list(range(1, len(parts) + 1))
+    assert {part.of for part in parts} == {len(parts)}
+
+
+def test_a_step_that_fits_is_one_part_under_its_own_name() -> None:
+    assert [part.name("drive") for part in parts_of(BATCH, {"createSimulationJobRequests": [{}]})] == ["drive"]
+    assert parts_of("CreateWorldTemplate", {"name": "flat"}) == [Part({"name": "flat"})]
+
+
+def test_the_batches_of_a_campaign_have_names_and_tokens_of_their_own() -> None:
+    request = {"createSimulationJobRequests": [{}] * (2 * MOST_REQUESTS + 1), "clientRequestToken": "night-7"}
+
+    parts = parts_of(BATCH, request)
+
+    assert [part.name("drive") for part in parts] == ["drive_1_of_3", "drive_2_of_3", "drive_3_of_3"]
+    tokens = [part.request["clientRequestToken"] for part in parts]
+    assert tokens[0] == "night-7"
+    assert len(set(tokens)) == 3
+    assert all(len(token) <= 64 for token in tokens)
+    assert tokens == [part.request["clientRequestToken"] for part in parts_of(BATCH, request)]
+
+
+def test_problems_are_told_where_they_are_in_the_whole_step() -> None:
+    part = Part({}, number=3, of=3)
+
+    assert part.location(("createSimulationJobRequests", 5, "iamRole")) == (
+        "createSimulationJobRequests",
+        2 * MOST_REQUESTS + 5,
+        "iamRole",
+    )
+    assert part.location(("batchPolicy",)) == ("batchPolicy",)
+
+
+def test_what_references_see_has_the_jobs_of_all_batches_and_progress_counts_them() -> None:
+    first = {"arn": "batch/1", "status": "Completed", "createdRequests": [{"arn": "sim/1"}], "failedRequests": []}
+    second = {"arn": "batch/2", "status": "Completed", "createdRequests": [{"arn": "sim/2"}], "failedRequests": [{}]}
+
+    earlier = EarlierParts().followed_by(first, {"completed": 1}).followed_by(second, {"completed": 1, "failed": 1})
+
+    assert earlier.output["createdRequests"] == [{"arn": "sim/1"}, {"arn": "sim/2"}]
+    assert earlier.output["failedRequests"] == [{}]
+    assert earlier.output["arn"] == "batch/2"
+    assert earlier.with_counts({"running": 2}) == {"completed": 2, "failed": 1, "running": 2}
