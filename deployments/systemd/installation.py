@@ -7,6 +7,8 @@ from ...schemas.wire.errors import ConfigurationError
 
 _FOLDER = Path(__file__).parent
 _SETTINGS = "environment"
+_UNSAFE = " \t\n\"'`\\%$&;|<>()*?["
+"""What systemd or a shell, which one of the units starts, takes for more than a character."""
 
 
 def units(programs: Path) -> dict[str, str]:
@@ -18,10 +20,8 @@ def units(programs: Path) -> dict[str, str]:
     Raises:
         ConfigurationError: systemd cannot take its path.
     """
-    if any(character in str(programs) for character in " \t\n\"'\\%$"):
-        raise ConfigurationError(
-            f"{programs} cannot be in a unit: a path without blanks, quotes, \\, % and $ would be right"
-        )
+    if found := "".join(character for character in str(programs) if character in _UNSAFE):
+        raise ConfigurationError(f"{programs} cannot be in a unit: a path without {found!r} would be right")
     paths = sorted([*_FOLDER.glob("*.service"), *_FOLDER.glob("*.timer")])
     return {path.name: path.read_text().replace("@BIN@", str(programs)) for path in paths}
 

@@ -2,6 +2,7 @@
 
 import configparser
 import os
+import shlex
 import shutil
 import stat
 import subprocess
@@ -10,6 +11,8 @@ from typing import Any
 
 import pytest
 from helpers.required_programs import needs
+
+from prefect_robomaker.deployments.systemd.installation import units
 
 SERVICES = {"robomaker-gc", "robomaker-prefect", "robomaker-serve", "robomaker-worker"}
 
@@ -65,12 +68,12 @@ def test_systemd_takes_the_units(installed: Path, tmp_path: Path) -> None:
     assert (told.returncode, complaints) == (0, []), told.stderr
 
 
-def test_a_path_that_systemd_cannot_take_is_refused() -> None:
-    from prefect_robomaker.deployments.systemd.installation import units
+@pytest.mark.parametrize(("path", "named"), [("/a folder/bin", "' '"), ("/opt/robo(1)&/bin", r"'\(\)&'")])
+def test_a_path_that_systemd_cannot_take_is_refused(path: str, named: str) -> None:
     from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
-    with pytest.raises(ConfigurationError, match="/a folder/bin cannot be in a unit"):
-        units(Path("/a folder/bin"))
+    with pytest.raises(ConfigurationError, match=f"cannot be in a unit: a path without {named} would be right"):
+        units(Path(path))
 
 
 def test_they_are_printed(robomaker: Any) -> None:
@@ -79,3 +82,24 @@ def test_they_are_printed(robomaker: Any) -> None:
     assert told.code == 0
     assert "ExecStart=" in told.out
     assert "@BIN@" not in told.out
+
+
+@pytest.mark.parametrize(("code", "started"), [(0, "http://127.0.0.1:4200/api\n"), (2, "")])
+def test_the_worker_starts_only_with_a_server(tmp_path: Path, code: int, started: str) -> None:
+    answer = f"exit {code}" if code else "echo export PREFECT_API_URL=http://127.0.0.1:4200/api"
+    program(tmp_path / "robomaker", answer)
+    program(tmp_path / "prefect", "echo $PREFECT_API_URL")
+    text = units(tmp_path)["robomaker-worker.service"]
+    (line,) = (line for line in text.splitlines() if line.startswith("ExecStart="))
+
+    environ = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    command = shlex.split(line.removeprefix("ExecStart=").replace("$$", "$"))
+    told = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
+
+    assert (told.returncode, told.stdout) == (code, started)
+
+
+def program(path: Path, text: str) -> None:
+    """Writes an executable shell script."""
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
