@@ -21,8 +21,9 @@ from prefect.client.schemas.objects import StateType
 from prefect.context import FlowRunContext
 from prefect.events import emit_event
 from prefect.exceptions import PrefectException
-from prefect.settings import PREFECT_API_URL
+from prefect.settings import PREFECT_API_URL, PREFECT_CLIENT_MAX_RETRIES, temporary_settings
 
+from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Catalog
 from .flow_ends import started_by_worker
 from .orphans import end_orphan, watch_parent
@@ -36,6 +37,12 @@ BEAT_S = 10.0
 
 _LOOK_S = 2.0
 """How often the server is asked whether a run was cancelled."""
+
+_ANSWER_S = 5.0
+"""How long it may take to answer."""
+
+_MOST_MISSES = 3
+"""How often it may give no answer, one time after the other, since it is only busy."""
 
 _is_watched: ContextVar[bool] = ContextVar("robomaker_run_is_watched", default=False)
 _logger = logging.getLogger(__name__)
@@ -57,7 +64,7 @@ class RunWatch:
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _is_running: bool = False
-    _answers: bool = True
+    _misses: int = 0
 
     @contextmanager
     def watching(self, run: UUID, name: str, cancel: Callable[[], None]) -> Generator[None]:
@@ -66,7 +73,7 @@ class RunWatch:
         Args:
             run: the flow run's id.
             name: its name.
-            cancel: called once, from another thread, when it is cancelled in Prefect.
+            cancel: called from another thread when it is cancelled in Prefect; again while the catalog does not answer.
         """
         with self._changed:
             self._runs[run] = _Watched(name, cancel)
@@ -101,10 +108,10 @@ class RunWatch:
 
     def _note_answer(self, error: Exception | None) -> None:
         """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
-        if error is not None and self._answers:
+        self._misses = 0 if error is None else self._misses + 1
+        if self._misses == _MOST_MISSES:
             url = PREFECT_API_URL.value()
             _logger.warning("the Prefect server at %s does not answer; what runs goes on, and is not shown there", url)
-        self._answers = error is None
 
     @staticmethod
     def _beat(runs: dict[UUID, _Watched]) -> None:
@@ -121,11 +128,19 @@ class RunWatch:
             return
         cancelled = FlowRunFilterStateType(any_=[StateType.CANCELLING, StateType.CANCELLED])
         chosen = FlowRunFilter(id=FlowRunFilterId(any_=open_runs), state=FlowRunFilterState(type=cancelled))
-        with get_client(sync_client=True) as client:
+        # Signs of life wait meanwhile: a server that is busy is asked again at the next look, not by Prefect's client.
+        with (
+            temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}),
+            get_client(sync_client=True, httpx_settings={"timeout": _ANSWER_S}) as client,
+        ):
             found = client.read_flow_runs(flow_run_filter=chosen)
         for run in found:
-            runs[run.id].is_told = True
-            runs[run.id].cancel()
+            try:
+                runs[run.id].cancel()
+            except ServiceUnavailableException as error:
+                _logger.warning("the cancellation of %s is passed on later: %s", runs[run.id].name, error)
+            else:
+                runs[run.id].is_told = True
 
 
 WATCH = RunWatch()
@@ -138,7 +153,8 @@ def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]
 
     Args:
         catalog: where the jobs are that it runs; their leases are released if the process has to end as an orphan.
-        cancel: called once, from another thread, when the run is cancelled in Prefect.
+        cancel: called from another thread when the run is cancelled in Prefect; again while the catalog does not
+            answer.
     """
     context = FlowRunContext.get()
     if context is None or context.flow_run is None or _is_watched.get():

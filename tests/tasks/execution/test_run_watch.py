@@ -1,0 +1,75 @@
+"""Watching flow runs: a cancellation is passed on until it is taken, and a server that fails holds nothing up."""
+
+import http.server
+import threading
+import uuid
+from typing import Any
+
+import httpx
+import pytest
+from helpers.processes import wait_for
+from prefect.settings import PREFECT_API_URL, temporary_settings
+
+from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
+from prefect_robomaker.tasks.execution.run_watch import RunWatch, _Watched
+
+
+@pytest.fixture
+def cancelled_run(prefect_server: str) -> Any:
+    """Id of a flow run that is cancelled in Prefect."""
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelling
+
+    @flow(name="watched")
+    def watched() -> None:
+        """Does nothing."""
+
+    with get_client(sync_client=True) as client:
+        run = client.create_flow_run(watched)
+        client.set_flow_run_state(run.id, Cancelling(), force=True)
+    return run.id
+
+
+def test_a_cancellation_that_the_catalog_does_not_take_is_passed_on_again_and_then_once(cancelled_run: Any) -> None:
+    calls: list[str] = []
+
+    def cancel() -> None:
+        calls.append("cancel")
+        if len(calls) == 1:
+            raise ServiceUnavailableException("the catalog does not answer")
+
+    with RunWatch().watching(cancelled_run, "watched", cancel):
+        wait_for(lambda: len(calls) == 2, "the second try", 30)
+    runs = {cancelled_run: _Watched("watched", cancel)}
+    RunWatch._pass_on_cancellations(runs)
+    RunWatch._pass_on_cancellations(runs)
+
+    assert len(calls) == 3
+
+
+def test_a_busy_server_is_asked_once_at_a_time_since_signs_of_life_wait_meanwhile() -> None:
+    asked: list[str] = []
+
+    class Busy(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_response(503)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        do_POST = do_GET  # noqa: N815 - its name there
+
+        def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002 - its name there
+            """Says nothing."""
+
+    with http.server.HTTPServer(("127.0.0.1", 0), Busy) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        chosen: dict[Any, Any] = {PREFECT_API_URL: f"http://127.0.0.1:{server.server_address[1]}/api"}
+        with temporary_settings(chosen), pytest.raises(httpx.HTTPStatusError):
+            RunWatch._pass_on_cancellations({uuid.uuid4(): _Watched("watched", lambda: None)})
+        server.shutdown()
+        thread.join()
+
+    assert len(asked) == 1
