@@ -38,7 +38,7 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.resolving import resolve_input
 from ..schemas.specs.world_counts import check_world_counts
-from ..schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ..schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError, ServiceError
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.execution.schedule_overlaps import skipped_night
@@ -246,11 +246,15 @@ class PipelineRun:
         return self._record
 
     def cancel(self) -> None:
-        """Has the run end soon: the job of its present step is cancelled, and no other step starts."""
+        """Has the run end soon: the job of its present step is cancelled, and no other step starts.
+
+        Raises:
+            ServiceUnavailableException: the catalog does not answer, so that it has to be called again.
+        """
         self._is_canceled = True
         for output in list(self._outputs.values()):
             if arn := output.get("arn"):
-                with suppress(ServiceError):  # no job, or one that has ended
+                with suppress(ResourceNotFoundException):  # it was removed meanwhile
                     self._service.catalog.request_cancel(arn)
 
     def result(self) -> FlowResult:
@@ -349,6 +353,8 @@ class PipelineRun:
         if entry.run_job is None:
             return output
         self._outputs[name] = output
+        if self._is_canceled:  # while the job was made
+            self.cancel()
 
         with self._service.watched_by(watch).activated():
             answer, _ = perform(step.operation, output["arn"])
@@ -365,7 +371,8 @@ class PipelineRun:
 
     def _skipped(self, name: str) -> StepRecord:
         operation = self._checked.steps[name].operation
-        self._listener(StepEnded(name, "Skipped", 0.0, "an earlier step failed"))
+        why = "the run was cancelled" if self._is_canceled else "an earlier step failed"
+        self._listener(StepEnded(name, "Skipped", 0.0, why))
         return StepRecord(name=name, operation=operation, status="Skipped")
 
     def _finish(self) -> RunRecord:

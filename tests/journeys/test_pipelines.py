@@ -15,7 +15,7 @@ from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, Step
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, WorldGenerationError
 from prefect_robomaker.tasks.inspection import reports
 from prefect_robomaker.tasks.inspection.reports import rebuild_report
 from prefect_robomaker.tasks.operations import registry as operation
@@ -236,6 +236,43 @@ def test_an_interrupted_run_has_a_record_and_a_report(run: Run) -> None:
     assert (record.state, record.exit_code) == ("canceled", 4)
     assert statuses(record) == {"template": "Completed"}
     assert (record.run_dir / "report.html").exists()
+
+
+def test_a_run_that_is_cancelled_just_before_its_step_makes_a_job_cancels_that_job_too(
+    service: Service, order: Callable[..., dict[str, Any]], prefect_server: str
+) -> None:
+    later = {"operation": "ListWorlds", "needs": ["drive"]}
+    steps = {"drive": {"operation": "CreateSimulationJob", "input": order({"DURATION_S": "30"})}, "later": later}
+    checked = load_spec(json.dumps({"version": 1, "name": "cancelled", "steps": steps}), "cancelled.yaml")
+    told: list[ProgressEvent] = []
+
+    def cancel(event: ProgressEvent) -> None:
+        told.append(event)
+        if event == StepStarted("drive", "CreateSimulationJob"):
+            pipeline.cancel()
+
+    pipeline = PipelineRun(checked, service, cancel, "cancelled.yaml")
+    record = pipeline.run()
+
+    assert statuses(record) == {"drive": "Canceled", "later": "Skipped"}
+    assert record.state == "canceled"
+    assert told[-1] == StepEnded("later", "Skipped", 0.0, "the run was cancelled")
+
+
+def test_a_cancellation_that_the_catalog_does_not_take_is_not_taken_for_done(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked = load_spec(json.dumps({"version": 1, "name": "one", "steps": {"template": TEMPLATE}}), "one.yaml")
+    pipeline = PipelineRun(checked, service, lambda _: None, "one.yaml")
+    pipeline._outputs.update({"gone": {"arn": NOBODY}})
+    pipeline.cancel()
+
+    def busy(arn: str) -> None:
+        raise ServiceUnavailableException("the catalog does not answer")
+
+    monkeypatch.setattr(service.catalog, "request_cancel", busy)
+    with pytest.raises(ServiceUnavailableException):
+        pipeline.cancel()
 
 
 def ended(status: str, **members: Any) -> JobRecord:
