@@ -7,8 +7,8 @@ ends as if it had been killed; simulations and world builders die with it.
 import logging
 import os
 import threading
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from uuid import UUID
 
 import httpx
@@ -26,14 +26,19 @@ _TELL_PREFECT_S = 5.0
 _logger = logging.getLogger(__name__)
 
 
-def watch_parent(orphaned: Callable[[], None]) -> None:
-    """Watches in a thread for the death of the process that started this one.
+@contextmanager
+def watching_parent(orphaned: Callable[[], None]) -> Generator[None]:
+    """Watches, inside the block and in a thread, for the death of the process that started this one.
 
     Args:
         orphaned: called when it has died; has to end this process.
     """
-    thread = threading.Thread(target=_watch, args=(os.getppid(), orphaned), name="parent", daemon=True)
-    thread.start()
+    ended = threading.Event()
+    threading.Thread(target=_watch, args=(os.getppid(), ended, orphaned), name="parent", daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()  # what has come to its end is not said to have crashed
 
 
 def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
@@ -43,20 +48,25 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
         catalog: where the jobs are.
         flow_run: the flow run that this process was started for.
     """
-    arns = HELD.give_back_all(catalog)
-    words = "its Prefect worker has died, so that it ended itself"
-    if arns:
-        words += f"; `robomaker perform {arns[-1]}` goes on with what it ran"
-    telling = threading.Thread(target=on_same_server(lambda: _say_crashed(flow_run, words)), daemon=True)
-    telling.start()
-    telling.join(_TELL_PREFECT_S)
-    os._exit(1)
+    try:
+        arns = HELD.give_back_all(catalog)
+        words = "its Prefect worker has died, so that it ended itself"
+        if arns:
+            words += f"; `robomaker perform {arns[-1]}` goes on with what it ran"
+        telling = threading.Thread(target=on_same_server(lambda: _say_crashed(flow_run, words)), daemon=True)
+        telling.start()
+        telling.join(_TELL_PREFECT_S)
+    except Exception:
+        _logger.exception("the end of an orphan is not told; its leases run out by themselves")
+    finally:
+        os._exit(1)
 
 
-def _watch(parent: int, orphaned: Callable[[], None]) -> None:
-    while os.getppid() == parent:  # another process adopts orphans
-        time.sleep(_LOOK_S)
-    orphaned()
+def _watch(parent: int, ended: threading.Event, orphaned: Callable[[], None]) -> None:
+    while not ended.wait(_LOOK_S):
+        if os.getppid() != parent:  # another process adopts orphans
+            orphaned()
+            return
 
 
 def _say_crashed(flow_run: UUID, words: str) -> None:

@@ -9,7 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from uuid import UUID
@@ -26,7 +26,7 @@ from prefect.settings import PREFECT_API_URL, PREFECT_CLIENT_MAX_RETRIES, tempor
 from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Catalog
 from .flow_ends import started_by_worker
-from .orphans import end_orphan, watch_parent
+from .orphans import end_orphan, watching_parent
 from .prefect_settings import on_same_server
 
 HEARTBEAT = "robomaker.flow-run.heartbeat"
@@ -161,11 +161,13 @@ def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]
         yield
         return
     run = context.flow_run.id
-    if started_by_worker():
-        watch_parent(on_same_server(lambda: end_orphan(catalog, run)))
+    orphaned = on_same_server(lambda: end_orphan(catalog, run))
     token = _is_watched.set(True)
     try:
-        with WATCH.watching(run, context.flow_run.name, cancel):
+        with (
+            watching_parent(orphaned) if started_by_worker() else nullcontext(),
+            WATCH.watching(run, context.flow_run.name, cancel),
+        ):
             yield
     finally:
         _is_watched.reset(token)
