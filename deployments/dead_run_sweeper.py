@@ -9,9 +9,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
-import httpx
 from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_client
-from prefect.exceptions import PrefectException
 from prefect.settings import get_current_settings
 
 from ..tasks.execution.dead_runs import ensure_automation, sweep
@@ -60,10 +58,9 @@ def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: 
                 while not pause.wait(SWEEP_S):
                     sweep(client)
                     is_told = False
-        except (httpx.HTTPError, PrefectException, RuntimeError) as error:
-            # Prefect's client raises RuntimeError when its server cannot be reached.
+        except Exception as error:  # whatever breaks a sweep, runs die later too
             if not is_told:
-                _logger.info("dead runs are not closed: %s", error)
+                _logger.warning("dead runs are not closed: %s: %s", type(error).__name__, error)
                 is_told = True
             pause.wait(_RETRY_S)
 
@@ -72,5 +69,5 @@ def _sweep_once() -> None:
     try:
         with get_client(sync_client=True) as client:
             sweep(client)
-    except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+    except Exception as error:  # what the user has begun has nothing to do with it
         _logger.debug("dead runs are not closed: %s", error)

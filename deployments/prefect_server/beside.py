@@ -1,11 +1,6 @@
-"""Code of ours that runs in the server's process, once the server answers: a place to add some.
+"""Code of ours that runs in the server's process, once the server answers.
 
-A job gets a client of the server and may run as long as it likes; it ends, cancelled, with the server. `JOBS` is read
-when the server starts:
-
-```python
-async def create_automations(client: PrefectClient) -> None: ...
-```
+A job gets a client of the server and may run as long as it likes; it ends, cancelled, with the server.
 """
 
 import asyncio
@@ -20,9 +15,6 @@ if TYPE_CHECKING:
     from prefect.client.orchestration import PrefectClient
 
     Job = Callable[[PrefectClient], Awaitable[None]]
-
-JOBS: "tuple[Job, ...]" = ()
-"""What runs beside every local server, all at the same time."""
 
 _logger = logging.getLogger(__name__)
 

@@ -1,0 +1,32 @@
+"""The thread that closes dead runs: what breaks a sweep is logged once, and the next one comes."""
+
+import logging
+import threading
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.deployments.dead_run_sweeper import _close_until_end
+
+
+def test_a_defect_is_logged_once_and_the_thread_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    calls: list[str] = []
+
+    def connect() -> Any:
+        calls.append("connect")
+        if len(calls) < 3:
+            raise ValueError("an answer that cannot be read")
+        raise SystemExit
+
+    def sweep_until_told_to_end() -> None:
+        with suppress(SystemExit):
+            _close_until_end(connect)
+
+    with caplog.at_level(logging.WARNING):
+        thread = threading.Thread(target=sweep_until_told_to_end)
+        thread.start()
+        thread.join(30)
+
+    assert len(calls) == 3
+    assert caplog.messages == ["dead runs are not closed: ValueError: an answer that cannot be read"]
