@@ -55,6 +55,12 @@ def test_units_have_what_unattended_services_need_and_no_secret(installed: Path)
             assert unit["Install"]["WantedBy"] == "default.target"
 
 
+def test_no_unit_stops_a_server_that_was_started_by_hand(installed: Path) -> None:
+    # Where the command of a forking unit leaves no process behind, since a server runs already, systemd stops the unit.
+    texts = [path.read_text() for path in (installed / "systemd" / "user").glob("*.service")]
+    assert [line for text in texts for line in text.splitlines() if line.startswith("ExecStop")] == []
+
+
 @needs("systemd", shutil.which("systemd-analyze"), "systemd-analyze is not in PATH")
 def test_systemd_takes_the_units(installed: Path, tmp_path: Path) -> None:
     environ = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}
