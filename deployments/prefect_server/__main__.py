@@ -1,11 +1,13 @@
-"""The process of the local Prefect server: `python -m prefect_robomaker.deployments.prefect_server --port PORT`.
+"""The process of the local Prefect server: `python -m prefect_robomaker.deployments.prefect_server`.
 
 It serves the home that `ROBOMAKER_HOME` names, and reads the home's secret itself, so that neither its command line
-nor the environment it was started with holds it.
+nor the environment it was started with holds it. `--socket` is the number of an inherited socket that listens at
+`--port` of 127.0.0.1; by its port the process is found again.
 """
 
 import argparse
 import os
+import socket
 
 from ...schemas.settings import Settings
 from .secret import auth_string, server_folder
@@ -15,16 +17,19 @@ def main() -> None:
     """Serves until SIGTERM or SIGINT."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, required=True)
-    port = parser.parse_args().port
+    parser.add_argument("--socket", type=int, required=True)
+    arguments = parser.parse_args()
+    listener = socket.socket(fileno=arguments.socket)
+    listener.set_inheritable(False)
     settings = Settings.from_environment(os.environ)
     secret = auth_string(settings)
     from .server_environment import server_variables
 
     # Prefect reads its settings when it is imported.
-    os.environ.update(server_variables(server_folder(settings), port, secret))
+    os.environ.update(server_variables(server_folder(settings), arguments.port, secret))
     from .server_process import run
 
-    run(port, secret)
+    run(listener, secret)
 
 
 if __name__ == "__main__":

@@ -87,7 +87,8 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
     given = os.environ if environ is None else environ
     variables = {"PREFECT_API_URL": api_url}
     # One's own server may also be named by PREFECT_API_URL; what logs in elsewhere is for its user to say.
-    if configured_api_url(given) is None or api_url == _known_server(settings).api_url:
+    known = _known_server(settings)
+    if configured_api_url(given) is None or (api_url == known.api_url and _is_alive(known)):
         variables["PREFECT_API_AUTH_STRING"] = auth_string(settings)
     return variables
 
@@ -127,11 +128,13 @@ def _start(settings: Settings) -> str:
     auth_string(settings)  # a secret that cannot be used is told here, not in the server's log
     folder = server_folder(settings)
     log = folder / "server.log"
-    port = _port(folder / "port")
-    api_url = f"http://127.0.0.1:{port}/api"
-    with log.open("wb") as output:
+    # The server inherits the socket: until it answers, no other program can take the port and get our secret.
+    with _listener(folder / "port") as listener, log.open("wb") as output:
+        port = str(listener.getsockname()[1])
+        api_url = f"http://127.0.0.1:{port}/api"
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", _PROGRAM, "--port", str(port)],
+            [sys.executable, "-P", "-m", _PROGRAM, "--port", port, "--socket", str(listener.fileno())],
+            pass_fds=[listener.fileno()],
             env={**_without_client_variables(os.environ), "ROBOMAKER_HOME": str(settings.home)},
             stdin=subprocess.DEVNULL,
             stdout=output,
@@ -208,22 +211,21 @@ def _is_alive(status: ServerStatus, *, or_old: bool = False) -> bool:
     return {_PROGRAM, *port} <= arguments or (or_old and {*_OLD_PROGRAM, *port} <= arguments)
 
 
-def _port(memory: Path) -> int:
-    """The port of the last time, so that bookmarks and workers keep working; another one if it is taken."""
+def _listener(memory: Path) -> socket.socket:
+    """Listens at the port of the last time, so that bookmarks and workers keep working; at another one if it is taken.
+
+    Who connects waits until the server answers.
+    """
     try:
         wanted = int(memory.read_text())
     except (OSError, ValueError):
         wanted = 0
-    with socket.socket() as probe:
-        # Connections of the last server that are still closing do not make its port a taken one.
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", wanted))
-        except (OSError, OverflowError):
-            probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    memory.write_text(str(port))
-    return port
+    try:
+        listener = socket.create_server(("127.0.0.1", wanted))
+    except (OSError, OverflowError):
+        listener = socket.create_server(("127.0.0.1", 0))
+    memory.write_text(str(listener.getsockname()[1]))
+    return listener
 
 
 def _known_server(settings: Settings) -> ServerStatus:

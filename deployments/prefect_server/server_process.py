@@ -26,18 +26,17 @@ def make_application(port: int, auth_string: str) -> ASGIApp:
     return Guard(LoginPage(create_app(final=True), f"http://{_HOST}:{port}", auth_string))
 
 
-def run(port: int, auth_string: str) -> None:
-    """Serves at a port of 127.0.0.1 until SIGTERM or SIGINT.
+def run(listener: socket.socket, auth_string: str) -> None:
+    """Serves until SIGTERM or SIGINT.
 
     Args:
-        port: the port.
+        listener: a socket that listens at a port of 127.0.0.1.
         auth_string: what every request to Prefect's API has to carry.
     """
     prefect = get_current_settings().server.api
+    port: int = listener.getsockname()[1]
     config = uvicorn.Config(
         make_application(port, auth_string),
-        host=_HOST,
-        port=port,
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -46,7 +45,7 @@ def run(port: int, auth_string: str) -> None:
         ws_ping_interval=prefect.websocket_ping_interval,
         ws_ping_timeout=prefect.websocket_ping_timeout,
     )
-    _Server(config, f"http://{_HOST}:{port}/api", auth_string).run()
+    _Server(config, f"http://{_HOST}:{port}/api", auth_string).run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):

@@ -13,6 +13,8 @@ from helpers.prefect_server import server_settings
 
 from prefect_robomaker.deployments.prefect_server import local_server
 from prefect_robomaker.deployments.prefect_server.local_server import (
+    LocalServerError,
+    client_variables,
     configured_api_url,
     ensure_server,
     server_status,
@@ -74,15 +76,18 @@ def test_a_state_file_of_a_dead_server_is_not_believed(settings: Settings) -> No
 def test_a_server_that_is_started_again_has_the_port_it_had(tmp_path: Path) -> None:
     memory = tmp_path / "port"
 
-    port = local_server._port(memory)
+    def port() -> int:
+        with local_server._listener(memory) as listener:
+            return listener.getsockname()[1]
 
-    assert local_server._port(memory) == port
+    first = port()
+    assert port() == first
     with socket.socket() as taken:
-        taken.bind(("127.0.0.1", port))
+        taken.bind(("127.0.0.1", first))
         taken.listen()
-        assert local_server._port(memory) != port
+        assert port() != first
     memory.write_text("nonsense")
-    assert local_server._port(memory) > 0
+    assert port() > 0
 
 
 def test_a_damaged_state_file_counts_as_no_server(settings: Settings) -> None:
@@ -105,6 +110,41 @@ def test_the_active_prefect_profile_is_respected(tmp_path: Path) -> None:
     assert configured_api_url({"PREFECT_PROFILES_PATH": str(profiles)}) == "https://prefect.example/api"
     assert configured_api_url({"PREFECT_PROFILES_PATH": str(profiles), "PREFECT_PROFILE": "other"}) is None
     assert configured_api_url({"PREFECT_HOME": str(tmp_path / "nowhere")}) is None
+
+
+def test_no_other_program_can_take_the_port_while_the_server_starts(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def take(process: subprocess.Popen[bytes], api_url: str, log: Path) -> None:
+        with socket.socket() as squatter:
+            squatter.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            squatter.bind(("127.0.0.1", int(api_url.removesuffix("/api").rpartition(":")[2])))
+            squatter.listen()
+
+    monkeypatch.setattr(local_server, "_wait_until_healthy", take)
+    try:
+        with pytest.raises(OSError, match="Address already in use"):
+            ensure_server(settings, {"PREFECT_HOME": str(settings.home)})
+    finally:
+        stop_server(settings)
+
+
+def test_a_server_that_dies_while_it_starts_is_not_waited_for(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_server, "_PROGRAM", "no_such_module")
+
+    with pytest.raises(LocalServerError, match="No module named no_such_module"):
+        ensure_server(settings, {"PREFECT_HOME": str(settings.home)})
+
+
+def test_the_secret_is_not_for_what_answers_at_the_address_of_a_dead_server(settings: Settings) -> None:
+    folder = settings.home / "prefect"
+    folder.mkdir(parents=True)
+    url = "http://127.0.0.1:1/api"
+    (folder / "server.json").write_text(json.dumps({"running": True, "api_url": url, "pid": 1}))
+
+    assert client_variables(url, settings, {"PREFECT_API_URL": url}) == {"PREFECT_API_URL": url}
 
 
 def test_an_interrupted_start_leaves_no_server(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
