@@ -132,7 +132,18 @@ class Slots:
 
     def _renew(self) -> None:
         for lease in (*self._free, *self._used):
-            self._connection.renew_concurrency_lease(lease_id=lease, lease_duration=_LEASE_S)
+            try:
+                self._connection.renew_concurrency_lease(lease_id=lease, lease_duration=_LEASE_S)
+            except httpx.HTTPStatusError as error:
+                if error.response.status_code != HTTPStatus.GONE:
+                    raise
+                self._forget(lease)  # it ran out, since the machine slept
+
+    def _forget(self, lease: UUID) -> None:
+        """Drops a free slot that the server does not know any more; one in use goes when its job has ended."""
+        with self._changed:
+            if lease in self._free:
+                self._free.remove(lease)
 
     def _follow_limit(self) -> None:
         """Releases slots above the limit, and takes free ones below it."""

@@ -54,3 +54,15 @@ def test_a_limit_that_is_lowered_on_the_server_is_obeyed(client: SyncPrefectClie
             with slots.hold(lambda: time.monotonic() > gave_up) as second:
                 assert (first, second) == (True, False)
         slots.remove()
+
+
+def test_slots_that_the_server_has_given_to_others_are_taken_anew(client: SyncPrefectClient) -> None:
+    with Slots("lost", 2, 2, look_s=0.2) as slots:
+        for lease in list(slots._free):  # as after the machine slept
+            client.release_concurrency_slots_with_lease(lease)
+        slots._renew()
+
+        wait_for(lambda: client.read_global_concurrency_limit_by_name("lost").active_slots == 2)
+        with slots.hold(never) as first, slots.hold(never) as second:
+            assert (first, second) == (True, True)
+        slots.remove()
