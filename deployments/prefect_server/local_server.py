@@ -169,13 +169,14 @@ def _stop(settings: Settings) -> bool:
     _state_file(settings).unlink(missing_ok=True)
     if status.pid is None or not _is_alive(status, or_old=True):
         return False
-    with suppress(ProcessLookupError):  # it may end by itself at any moment
-        os.killpg(status.pid, signal.SIGTERM)
-        deadline = time.monotonic() + 15
-        while _is_alive(status, or_old=True) and time.monotonic() < deadline:
+    for number, patience_s in ((signal.SIGTERM, 15.0), (signal.SIGKILL, 5.0)):
+        with suppress(ProcessLookupError):  # it may end by itself at any moment
+            os.killpg(status.pid, number)
+        deadline = time.monotonic() + patience_s
+        while not (has_ended := _has_ended(status.pid)) and time.monotonic() < deadline:
             time.sleep(0.1)
-        if _is_alive(status, or_old=True):
-            os.killpg(status.pid, signal.SIGKILL)
+        if has_ended:
+            break
     return True
 
 
@@ -209,6 +210,14 @@ def _is_alive(status: ServerStatus, *, or_old: bool = False) -> bool:
         return False
     port = {"--port", str(urlsplit(status.api_url or "").port)}
     return {_PROGRAM, *port} <= arguments or (or_old and {*_OLD_PROGRAM, *port} <= arguments)
+
+
+def _has_ended(pid: int) -> bool:
+    """Whether a process has closed all that it had open; its command line is gone before."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] in "ZX"
+    except OSError:
+        return True
 
 
 def _listener(memory: Path) -> socket.socket:

@@ -2,6 +2,7 @@ import http.server
 import json
 import socket
 import subprocess
+import sys
 import threading
 import time
 import urllib.request
@@ -172,6 +173,30 @@ def test_a_process_with_the_id_of_a_dead_server_is_not_stopped(settings: Setting
         assert not stop_server(settings)
         assert other.poll() is None
         other.kill()
+
+
+@pytest.mark.slow
+def test_a_server_that_does_not_end_has_ended_when_it_counts_as_stopped(settings: Settings) -> None:
+    folder = settings.home / "prefect"
+    folder.mkdir(parents=True)
+    program = """if True:
+        import signal, socket, time
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        ballast = bytearray(2**30)
+        listener = socket.create_server(("127.0.0.1", 0))
+        print(listener.getsockname()[1], flush=True)
+        time.sleep(300)
+    """
+    command = [sys.executable, "-c", program, local_server._PROGRAM, "--port", "1"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as stubborn:
+        assert stubborn.stdout is not None
+        port = int(stubborn.stdout.readline())
+        state = {"running": True, "api_url": "http://127.0.0.1:1/api", "pid": stubborn.pid}
+        (folder / "server.json").write_text(json.dumps(state))
+
+        assert stop_server(settings)
+        with socket.create_server(("127.0.0.1", port)):
+            """Its port is free."""
 
 
 @pytest.mark.parametrize(("code", "usable"), [(200, True), (401, True), (403, True), (404, False), (503, False)])
