@@ -13,6 +13,7 @@ from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_c
 from prefect.settings import get_current_settings
 
 from ..tasks.execution.dead_runs import ensure_automation, sweep
+from ..tasks.operations.registry import flow_names
 
 SWEEP_S = 5.0
 """Time from one sweep to the next."""
@@ -56,7 +57,7 @@ def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: 
                     ensure_automation(client)
                     make_automation = False
                 while not pause.wait(SWEEP_S):
-                    sweep(client)
+                    sweep(client, flow_names())
                     is_told = False
         except Exception as error:  # whatever breaks a sweep, runs die later too
             if not is_told:
@@ -68,6 +69,6 @@ def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: 
 def _sweep_once() -> None:
     try:
         with get_client(sync_client=True) as client:
-            sweep(client)
+            sweep(client, flow_names())
     except Exception as error:  # what the user has begun has nothing to do with it
         _logger.debug("dead runs are not closed: %s", error)

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..schemas.reports.retention import GcFlowRuns, RetentionPolicy
 from ..schemas.settings import Settings
-from ..tasks.operations.registry import registry
+from ..tasks.operations.registry import flow_names
 from .prefect_server.local_server import client_variables, server_status
 
 _NO_PROFILE = {"PREFECT_PROFILES_PATH": os.devnull}
@@ -59,15 +59,9 @@ def _filters(policy: RetentionPolicy, before: datetime) -> dict[str, Any]:
     states = filters.FlowRunFilterStateType(any_=sorted(TERMINAL_STATES - kept))
     ended = filters.FlowRunFilterEndTime(before_=DateTime.fromisoformat(before.isoformat()))
     return {
-        "flow_filter": filters.FlowFilter(name=filters.FlowFilterName(any_=sorted(_flow_names()))),
+        "flow_filter": filters.FlowFilter(name=filters.FlowFilterName(any_=sorted(flow_names()))),
         "flow_run_filter": filters.FlowRunFilter(state=filters.FlowRunFilterState(type=states), end_time=ended),
     }
-
-
-def _flow_names() -> set[str]:
-    operations = registry().values()
-    performing = {entry.perform_name for entry in operations if entry.run_job}
-    return {"RunPipeline", *performing, *(entry.name for entry in operations)}
 
 
 def _remove(client: Any, chosen: dict[str, Any]) -> None:

@@ -12,6 +12,8 @@ from uuid import UUID
 
 from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import (
+    FlowFilter,
+    FlowFilterName,
     FlowRunFilter,
     FlowRunFilterEndTime,
     FlowRunFilterId,
@@ -73,18 +75,20 @@ def ensure_automation(client: SyncPrefectClient) -> UUID:
     return current[0] if current else client.create_automation(wanted)
 
 
-def sweep(client: SyncPrefectClient, now: datetime | None = None) -> Swept:
+def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> Swept:
     """Closes task runs and subflow runs that are open in flow runs that have died or were cancelled.
 
     Args:
         client: the server's client.
+        flow_names: names of the flows whose task runs and subflow runs these are; others on the server are left alone.
         now: the time; absent: the present.
     """
     before = (now or datetime.now(UTC)) - timedelta(seconds=_SETTLE_S)
+    ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
     flow_runs = task_runs = 0
     for _ in range(_DEPTH):
-        tasks = _open_tasks_of_dead(client, before)
-        flows = _open_flows_of_dead(client, before)
+        tasks = _open_tasks_of_dead(client, ours, before)
+        flows = _open_flows_of_dead(client, ours, before)
         for task in tasks:
             client.set_task_run_state(task, Crashed(message="the flow run that it belongs to has died"), force=True)
         for flow_run in flows:
@@ -124,21 +128,22 @@ def _dead(before: datetime, ids: Iterable[UUID] | None = None) -> FlowRunFilter:
     return FlowRunFilter(state=state, end_time=ended, id=FlowRunFilterId(any_=list(ids)))
 
 
-def _open_tasks_of_dead(client: SyncPrefectClient, before: datetime) -> list[UUID]:
+def _open_tasks_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: datetime) -> list[UUID]:
     is_open = TaskRunFilterState(type=TaskRunFilterStateType(any_=_OPEN))
     return [
         task.id
         for task in client.read_task_runs(
-            task_run_filter=TaskRunFilter(state=is_open), flow_run_filter=_dead(before)
+            flow_filter=ours, task_run_filter=TaskRunFilter(state=is_open), flow_run_filter=_dead(before)
         )
     ]  # fmt: skip
 
 
-def _open_flows_of_dead(client: SyncPrefectClient, before: datetime) -> list[UUID]:
+def _open_flows_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: datetime) -> list[UUID]:
     """Open subflow runs whose flow run has died."""
     is_open = FlowRunFilterState(type=FlowRunFilterStateType(any_=_OPEN))
     has_parent = FlowRunFilterParentTaskRunId(is_null_=False)
-    subflows = client.read_flow_runs(flow_run_filter=FlowRunFilter(state=is_open, parent_task_run_id=has_parent))
+    chosen = FlowRunFilter(state=is_open, parent_task_run_id=has_parent)
+    subflows = client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
     if not subflows:
         return []
     parents = _tasks(client, [run.parent_task_run_id for run in subflows if run.parent_task_run_id])

@@ -190,3 +190,10 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
         parse_request(name, data)  # raises, naming the nearest operations
         raise InvalidParameterException(f"operation {name!r} is not served yet")
     return operations[name].answer(data, service)
+
+
+def flow_names() -> set[str]:
+    """The names of this package's flows in Prefect."""
+    operations = registry().values()
+    performing = {entry.perform_name for entry in operations if entry.run_job}
+    return {"RunPipeline", *performing, *(entry.name for entry in operations)}
