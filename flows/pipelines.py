@@ -292,7 +292,7 @@ class PipelineRun:
         def watch(told: Progress) -> None:
             nonlocal progress
             progress = told
-            self._listener(StepProgress(name, earlier.with_counts(told.counts), part.total or told.total))
+            self._listener(StepProgress(name, earlier.with_counts(told.counts), parts[0].total or told.total))
 
         ended = [self._run_part(name, parts[0], watch)]
         for part in parts[1:]:

@@ -7,7 +7,7 @@ what the validator then says about a placeholder itself is left out.
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -17,6 +17,7 @@ from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import RequestProblem, nearest
+from .campaigns import parts_of
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
 from .reference_kinds import (
     ANYTHING,
@@ -191,12 +192,19 @@ class InputCheck:
     # The request
 
     def _request_problems(self, request: Any) -> Iterator[Problem]:
-        first = check_request(self.operation, _fill(request, _TEXTS))
-        again = {problem.location for problem in check_request(self.operation, _fill(request, _TEXTS[::-1]))}
+        first = self._checked(_fill(request, _TEXTS))
+        again = {problem.location for problem in self._checked(_fill(request, _TEXTS[::-1]))}
         for problem in first:
             unknown = not problem.about_key and any(_within(problem.location, at) for at in self._references)
             if problem.location in again and not unknown:
                 yield self._placed(problem)
+
+    def _checked(self, request: Any) -> list[RequestProblem]:
+        return [
+            replace(problem, location=part.location(problem.location))
+            for part in parts_of(self.operation, request)
+            for problem in check_request(self.operation, part.request)
+        ]
 
     def _placed(self, problem: RequestProblem) -> Problem:
         written = as_written(self.node, problem.location)
