@@ -13,7 +13,7 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
 from ..service.service import Service
-from ..storage import read_manifest
+from ..storage import read_manifest, removed_before
 
 _KIND = "simulation-job"
 _RESULT_FILE = "result.json"
@@ -57,6 +57,8 @@ def with_results_of(document: SimulationJobDocument, job: Resource) -> Simulatio
     return document.model_copy(
         update={
             "simulation_time_millis": earlier.simulation_time_millis,
+            "verdict": earlier.verdict,
+            "verdict_reason": earlier.verdict_reason,
             "finished": earlier.finished,
             "outputs": earlier.outputs,
             "made_of": earlier.made_of,
@@ -82,9 +84,11 @@ def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str |
     if (place := document.outputs) is None:
         return "has no outputs"
     try:
-        named = {file.path for file in read_manifest(service.store, place.bucket, place.prefix).files}
-        if _RESULT_FILE not in named:
+        manifest = read_manifest(service.store, place.bucket, place.prefix)
+        if _RESULT_FILE not in {file.path for file in manifest.files}:
             return f"has no {_RESULT_FILE}"
+        if removed := removed_before(manifest)[0]:
+            return f"has outputs of which {removed} files were removed to free space"
         stored = service.store.get_bytes(place.bucket, f"{place.prefix}/{_RESULT_FILE}")
         result = RunResult.model_validate_json(stored)
     except (StorageError, ValidationError) as error:

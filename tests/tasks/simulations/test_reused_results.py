@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from helpers.swing_fixtures import upload_swinger
 
+from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
@@ -14,7 +15,7 @@ from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_job_batches import perform_simulation_job_batch
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.storage import unpublish
+from prefect_robomaker.tasks.storage import thin, unpublish
 
 Simulate = Callable[..., dict[str, Any]]
 
@@ -52,6 +53,8 @@ def test_a_job_of_the_same_inputs_has_the_same_results_without_running(
     assert told["simulationTimeMillis"] == first["simulationTimeMillis"]
     earlier, later = document(service, first), document(service, second)
     assert later.outputs == earlier.outputs
+    assert later.verdict == earlier.verdict == "FAIL"
+    assert later.verdict_reason == earlier.verdict_reason is not None
     assert later.run_id is None
     assert later.reused_from is not None
     assert (later.reused_from.job, later.reused_from.spec_run, later.spec_run) == (first["arn"], None, "night-2")
@@ -119,6 +122,15 @@ def test_results_that_are_gone_are_made_again(swing: Simulate, service: Service,
     assert order_again(reusing, first)["status"] == "Pending"
 
 
+def test_results_without_their_recordings_are_made_again(swing: Simulate, service: Service, reusing: Service) -> None:
+    first = swing(TIME_LIMIT_S="1")
+    place = document(service, first).outputs
+    assert place is not None
+    thin(service.store, place.bucket, place.prefix, lambda name: name == "result.json")
+
+    assert order_again(reusing, first)["status"] == "Pending"
+
+
 @pytest.mark.slow
 def test_a_batch_runs_only_what_is_not_there(
     swing: Simulate, service: Service, reusing: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch
@@ -139,3 +151,5 @@ def test_a_batch_runs_only_what_is_not_there(
     assert [bool(by_place[place].reused_from) for place in range(4)] == [True, False, True, False]
     assert {job.status for job in jobs} == {"Completed"}
     assert {each.spec_run for each in by_place.values()} == {"night-2"}
+    ended = SimulationJobBatchDocument.of(service.catalog.get(batch["arn"]))
+    assert ended.verdicts == {"PASS": 4}, "results that are taken over are judged, too"
