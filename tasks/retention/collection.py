@@ -19,6 +19,7 @@ from .inventory import (
     find_orders,
     find_runs,
     find_worlds,
+    takers_over,
     with_failure,
     worlds_of_jobs,
 )
@@ -89,7 +90,9 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
         units += [_judged(unit, policy, service) for unit in find_orders(service, runs)]
     reasons = why_kept((unit.candidate for unit in units), policy, service.clock())
     names = {unit.candidate.id: unit.names for unit in units}
-    chosen = _Chosen(units, reasons, named_by(names, reasons.keys()), [], notes)
+    # Jobs of runs that go on, or whose records cannot be read, are in no unit.
+    holders = takers_over(service, {arn for unit in units for arn in unit.jobs}) | named_by(names, reasons.keys())
+    chosen = _Chosen(units, reasons, holders, [], notes)
     return replace(chosen, worlds=_orphans(policy, service, runs, chosen)) if readable else chosen
 
 

@@ -92,9 +92,20 @@ def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     return {world for job in named for world in worlds_in(_content(job))}
 
 
+def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
+    """Says of jobs whose results others have taken over, by ARN, which job has.
+
+    Args:
+        service: where they are stored.
+        besides: ARNs of those that do not count.
+    """
+    others = (job for job in _all(service, (JOB,)) if job.arn not in besides)
+    return {origin.job: job.arn for job in others if (origin := _origin(job))}
+
+
 def open_since(runs: list[Unit]) -> datetime | None:
     """When the first of the runs that may be going on began: what was made since may be theirs."""
-    return min((_begun(run) for run in runs if run.record is None), default=None)
+    return min((_begun(run) for run in runs if run.record is None and run.candidate.busy), default=None)
 
 
 def _is_since(resource: Resource, since: datetime | None) -> bool:

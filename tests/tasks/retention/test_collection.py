@@ -166,6 +166,36 @@ def test_results_that_a_kept_run_took_over_stay(service: Service, job: Any, nigh
     assert any("sim-origin/run-sim-origin/result.json" in key for key in keys(service))
 
 
+@pytest.mark.parametrize("record", [None, "{"], ids=["it goes on", "it cannot be read"])
+def test_results_stay_that_a_run_without_a_readable_record_took_over(
+    service: Service, job: Any, night: MakeRun, record: str | None
+) -> None:
+    origin, other = job("sim-origin"), job("sim-other")
+    night("night-20260101T020000000", [origin, other], days=60)
+    reused = job("sim-reused", of=origin)
+    folder = service.folder("runs", "night-20260301T020000000")
+    if record is not None:
+        (folder / "run.json").write_text(record)
+
+    item = by_id(collect(MONTH, service).items)["night-20260101T020000000"]
+
+    assert item.reason == f"1 of its jobs stay: {reused.arn} names them"
+    assert service.catalog.get(origin.arn).status == "Completed"
+    assert {key.split("/")[1] for key in keys(service)} == {"sim-origin", "sim-reused"}
+
+
+def test_a_run_that_died_does_not_keep_what_was_made_since_for_ever(service: Service, job: Any) -> None:
+    dead = service.folder("runs", f"night-{datetime.now(UTC):%Y%m%dT%H%M%S%f}"[:-3])
+    orphan = job("sim-orphan")
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
+    policy = MONTH.model_copy(update={"sdk_jobs": True, "keep_failures": True})
+
+    items = by_id(collect(policy, later).items)
+
+    assert (items[dead.name].action, items[dead.name].reason) == ("keep", "it did not succeed")
+    assert items[orphan.arn].action == "remove"
+
+
 def test_what_two_removed_runs_name_counts_once(service: Service, job: Any, night: MakeRun) -> None:
     shared = job("sim-shared")
     night("night-1", [shared], days=40)
