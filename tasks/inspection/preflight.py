@@ -1,6 +1,7 @@
 """Checks before a pipeline's first step: mistakes are told before worlds are generated, not after."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from ...schemas.runs.requested_requirements import no_such_room
@@ -11,6 +12,9 @@ from ...schemas.wire.request_problems import nearest
 from ..service.service import Service
 from ..simulations.inputs.world_rooms import room_names
 from ..simulations.outputs.output_places import prepare_bucket
+
+Rooms = Callable[[str], Sequence[str] | None]
+"""Names of the rooms of a world, by its ARN; None where they are not known."""
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 
@@ -31,25 +35,31 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
         for step in checked.steps.values()
         if step.operation.endswith("Application") and isinstance(name := plain(step.input).get("name"), str)
     }
+    is_stored = cache(lambda kind, name: service.catalog.find(kind, name) is not None)
+    rooms_of = cache(lambda arn: _rooms(arn, service))
     problems = []
     for step in checked.steps.values():
         for path, kind, name in _named(plain(step.input), f"steps.{step.name}.input"):
-            if (kind, name) not in made and service.catalog.find(kind, name) is None:
+            if (kind, name) not in made and not is_stored(kind, name):
                 known = {there for made_kind, there in made if made_kind == kind}
                 known |= {resource.name for resource in service.catalog.list(kind).resources}
                 words = f"there is no {kind.replace('-', ' ')} {name!r}{nearest(name, sorted(known))}"
                 problems.append(Problem(step.place, path, words))
-        problems += _room_problems(step, service)
+        problems += _room_problems(step, rooms_of)
     if problems:
         raise SpecError(problems)
 
 
-def _room_problems(step: CheckedStep, service: Service) -> Iterator[Problem]:
+def _rooms(arn: str, service: Service) -> Sequence[str] | None:
+    world = service.catalog.get_many([arn]).get(arn)
+    return None if world is None else room_names(world, service)
+
+
+def _room_problems(step: CheckedStep, rooms_of: Rooms) -> Iterator[Problem]:
     """Goals in rooms that worlds do not have which are there already."""
     for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
         arn = _written_world(order)
-        world = service.catalog.get_many([arn]).get(arn) if arn else None
-        rooms = room_names(world, service) if world is not None else None
+        rooms = rooms_of(arn) if arn else None
         for index, goal in enumerate(order["requirements"] if rooms is not None else []):
             room = goal.get("room") if isinstance(goal, Mapping) else None
             if isinstance(room, str) and "${{" not in room and room not in (rooms or ()):
