@@ -3,13 +3,10 @@
 The steps are followed as a run would take them, with what is there already in the place of what they would make.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
-
-from pydantic import ValidationError
 
 from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.reuse_inputs import ReuseInputs, in_short
@@ -20,7 +17,7 @@ from ...schemas.operations.simulation_job_batches import StartSimulationJobBatch
 from ...schemas.operations.simulation_jobs import CreateSimulationJobRequest, SimulationJobRequestMembers
 from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJobRequest
 from ...schemas.operations.world_templates import CreateWorldTemplateRequest
-from ...schemas.reports.run_record import RunRecord, StepRecord
+from ...schemas.reports.run_record import StepRecord
 from ...schemas.runs.plan import ApplicationRole
 from ...schemas.specs.campaigns import parts_of
 from ...schemas.specs.model import CheckedSpec, CheckedStep
@@ -36,6 +33,7 @@ from ..simulations.reused_results import find_results
 from ..simulations.stored_jobs import job_document
 from ..worlds.generation import world_seeds_of
 from ..worlds.reuse import find_world_again
+from .run_records import find_records
 
 NO_SEED = "no seed is given, so each run draws its own"
 _NEW_WORLD = "its world is generated first"
@@ -222,17 +220,5 @@ def _jobs_of(step: StepRecord, plan: _Plan) -> Mapping[int, SimulationJobDocumen
 
 def _steps_of_earlier_runs(name: str, service: Service) -> list[Mapping[str, StepRecord]]:
     """The steps of earlier runs of a specification by name, the newest first; reruns have other requests."""
-    of_name = re.compile(rf"{re.escape(name)}-[0-9]{{8}}T[0-9]{{9}}")
-    files = sorted(
-        (file for file in (service.settings.home / "runs").glob("*/run.json") if of_name.fullmatch(file.parent.name)),
-        reverse=True,
-    )
-    found = []
-    for file in files[:_RUNS_LOOKED_AT]:
-        try:
-            record = RunRecord.model_validate_json(file.read_bytes())
-        except (OSError, ValidationError):
-            continue  # another version wrote it, or it has just been removed
-        if record.rerun_of is None:
-            found.append({step.name: step for step in record.steps})
-    return found
+    records = find_records(service.settings.home / "runs", name, _RUNS_LOOKED_AT).records
+    return [{step.name: step for step in record.steps} for record in reversed(records)]

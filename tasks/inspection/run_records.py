@@ -1,7 +1,7 @@
 """The records of runs in their folders: reading one, and finding the runs of a specification."""
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -64,7 +64,7 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
     """
     records: list[RunRecord] = []
     unreadable: list[str] = []
-    paths = _latest_first(runs, f"{name}-")
+    paths = _latest_first(runs, name)
     looked_at = 0
     for path in paths:
         if len(records) == most:
@@ -75,14 +75,25 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
         except (ConfigurationError, OSError) as problem:
             unreadable.append(str(problem))
             continue
-        if record.name == name and record.rerun_of is None and (before is None or record.started_at < before):
+        if record.rerun_of is None and (before is None or record.started_at < before):
             records.append(record)
-    return FoundRecords(sorted(records, key=lambda each: each.started_at), len(paths) - looked_at, unreadable)
+    return FoundRecords(records[::-1], len(paths) - looked_at, unreadable)
+
+
+def run_before(record: RunRecord) -> RunRecord | None:
+    """The last run of the same specification that ended before a run began; none that was cancelled, and no rerun."""
+    for path in _latest_first(record.run_dir.parent, record.name):
+        with suppress(ConfigurationError, OSError):
+            earlier = read_record(path)
+            told = earlier.rerun_of is None and earlier.state != "canceled"
+            if told and earlier.ended_at <= record.started_at:
+                return earlier
+    return None
 
 
 def names_of_specifications(runs: Path) -> list[str]:
     """Names of the specifications that have runs, by the names of the runs' folders."""
-    return sorted({path.parent.name.rpartition("-")[0] for path in _latest_first(runs, "")} - {""})
+    return sorted({_name_of(path) for path in _records(runs)} - {""})
 
 
 def since_last(run: NightRun, runs: Path) -> SinceLastRun:
@@ -91,18 +102,14 @@ def since_last(run: NightRun, runs: Path) -> SinceLastRun:
     return since_last_run([*map(NightRun.of, earlier), run])
 
 
-def _latest_first(runs: Path, prefix: str) -> Sequence[Path]:
-    return [path for _, path in sorted(_dated(runs, prefix), reverse=True)]
+def _latest_first(runs: Path, name: str) -> list[Path]:
+    """Records of the runs of a specification; their folders are named after it and the time when they began."""
+    return sorted((path for path in _records(runs) if _name_of(path) == name), reverse=True)
 
 
-def _dated(runs: Path, prefix: str) -> Iterator[tuple[float, Path]]:
-    try:
-        folders = [entry.path for entry in os.scandir(runs) if entry.name.startswith(prefix)]
-    except FileNotFoundError:
-        return
-    for folder in folders:
-        path = Path(folder, RECORD_NAME)
-        try:
-            yield path.stat().st_mtime, path
-        except OSError:
-            continue  # the run goes on, or is no run
+def _name_of(record: Path) -> str:
+    return record.parent.name.rpartition("-")[0]
+
+
+def _records(runs: Path) -> Iterator[Path]:
+    return runs.glob(f"*/{RECORD_NAME}")

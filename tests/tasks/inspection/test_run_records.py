@@ -1,20 +1,25 @@
 """Records of runs in their folders."""
 
 import os
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from helpers.night_records import make_night, store_night
+from helpers.night_records import FIRST_NIGHT, make_night, store_night
 
-from prefect_robomaker.schemas.reports.run_record import RerunOf
+from prefect_robomaker.schemas.reports.run_record import RerunOf, RunRecord
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.inspection.run_records import (
     find_records,
     names_of_specifications,
     read_record,
+    run_before,
     since_last,
+    write_record,
 )
+
+RERUN_OF = RerunOf(run_id="nightly-1", selection="failed", jobs_total=2, earlier={"drive": ["sim-1: FAIL"]})
 
 
 @pytest.fixture
@@ -43,10 +48,36 @@ def test_the_latest_runs_of_one_specification(runs: Path) -> None:
     assert names_of_specifications(runs) == ["nightly", "nightly-long", "other"]
 
 
+def test_runs_of_other_specifications_are_not_counted(runs: Path) -> None:
+    os.utime(runs / "nightly-long-20260301T020000000" / "run.json", (-1, -1))
+    assert find_records(runs, "nightly", most=4).left_out == 0
+    assert find_records(runs, "nightly", most=3).left_out == 1
+
+
+def test_a_record_that_is_written_again_is_no_later_run(runs: Path) -> None:
+    """`robomaker report` completes records of version 1."""
+    write_record(make_night("PF", 0, runs=runs))
+    assert days(runs, most=2) == [3, 4]
+
+
 def test_reruns_of_some_jobs_are_no_nights(runs: Path) -> None:
-    rerun_of = RerunOf(run_id="nightly-1", selection="failed", jobs_total=2, earlier={"drive": ["sim-1: FAIL"]})
-    store_night(make_night("F", 9, runs=runs).model_copy(update={"rerun_of": rerun_of}))
+    store_night(make_night("F", 9, runs=runs).model_copy(update={"rerun_of": RERUN_OF}))
     assert days(runs) == [1, 2, 3, 4]
+
+
+def test_the_run_before_is_the_last_whole_one_that_told_something(runs: Path) -> None:
+    def before(record: RunRecord) -> int | None:
+        found = run_before(record)
+        return found.started_at.day if found else None
+
+    assert before(make_night("P", 4, runs=runs)) == 4
+    assert before(make_night("P", 0, runs=runs)) is None
+    store_night(make_night("P", 4, runs=runs).model_copy(update={"rerun_of": RERUN_OF}))
+    store_night(make_night("P", 5, runs=runs).model_copy(update={"state": "canceled"}))
+    store_night(make_night("P", 6, runs=runs).model_copy(update={"ended_at": FIRST_NIGHT + timedelta(days=9)}))
+    (runs / "nightly-20260308T020000000").mkdir()
+    (runs / "nightly-20260308T020000000" / "run.json").write_text("{")
+    assert before(make_night("P", 8, runs=runs)) == 4
 
 
 def test_records_survive_being_written(runs: Path) -> None:
