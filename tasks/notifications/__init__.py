@@ -1,7 +1,7 @@
 # pyright: reportUnsupportedDunderAll=false
 """Telling people how a run ended: by webhook, e-mail or chat, through apprise.
 
-May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.storage`.
+May import: `schemas`, `tasks.inspection`, `tasks.service`, `tasks.simulations.planning`.
 """
 
 __all__ = ["messages", "notices", "sending"]

@@ -1,9 +1,11 @@
 """What a notification says, and when one is sent: pure functions of a run and of the one before it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...schemas.reports.run_record import JobRecord, RunRecord
+from ...schemas.reports.run_states import case_outcome, count_outcomes
+from ...schemas.reports.states import CaseOutcome
 from ...schemas.runs.plan import Requirement
 from ...schemas.settings import NotifyWhen
 
@@ -11,21 +13,7 @@ WORST = 3
 """How many failures a message has."""
 
 _MAX_REASON = 300
-_NO_JOB = ("Failed", "NotCreated")
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A job that did not pass."""
-
-    job: JobRecord
-    missed: tuple[Requirement, ...] = ()
-    """The requirements that it missed, as far as they are known."""
-
-    @property
-    def broke(self) -> bool:
-        """Whether it could not be judged, which is worse than a verdict."""
-        return self.job.status in _NO_JOB or self.job.verdict == "ERROR"
+_WORDS: Mapping[CaseOutcome, str] = {"passed": "pass", "failed": "fail", "broken": "broke", "canceled": "canceled"}
 
 
 @dataclass(frozen=True)
@@ -58,29 +46,28 @@ def is_due(when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | N
 
 
 def failed_jobs(record: RunRecord) -> list[JobRecord]:
-    """The jobs that did not pass, in the order of their requests; those that were cancelled do not count."""
-    return [job for job in record.jobs if job.status != "Canceled" and (Failure(job).broke or job.verdict == "FAIL")]
+    """The jobs that did not pass, the worst first; those that were cancelled do not count.
+
+    What broke comes before verdicts, then what missed most requirements; else the order is that of the requests.
+    """
+    failed = [job for job in record.jobs if _outcome(job) in ("broken", "failed")]
+    return sorted(failed, key=lambda job: (_outcome(job) != "broken", -len(_missed(job))))
 
 
-def worst_first(failures: Sequence[Failure]) -> list[Failure]:
-    """What broke first, then those that missed most requirements; else in the order of their requests."""
-    return sorted(failures, key=lambda failure: (not failure.broke, -len(failure.missed)))
-
-
-def message_of(record: RunRecord, failures: Sequence[Failure], before: RunRecord | None) -> Message:
+def message_of(record: RunRecord, before: RunRecord | None) -> Message:
     """Writes the message of a run.
 
     Args:
         record: the run.
-        failures: all its failures, the worst first.
         before: the last run of the specification before it; None: there is none.
     """
     good = record.state == "succeeded"
     again = ", good again" if good and before is not None and before.state != "succeeded" else ""
-    counts = _counts(record, failures)
-    lines = [f"{counts}." if counts else "It made no simulation jobs.", ""]
+    counts, failures = _counts(record), failed_jobs(record)
+    nothing = "It made no simulation jobs." if record.report_path else "Its report could not be written."
+    lines = [f"{counts}." if counts else nothing, ""]
     lines += [f"Step {step.name} ({step.operation}): {_short(step.error)}" for step in record.steps if step.error]
-    lines += [f"{number}. {_line(failure)}" for number, failure in enumerate(failures[:WORST], start=1)]
+    lines += [f"{number}. {_line(job)}" for number, job in enumerate(failures[:WORST], start=1)]
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")
     if lines[-1]:
@@ -92,27 +79,30 @@ def message_of(record: RunRecord, failures: Sequence[Failure], before: RunRecord
     return Message(f"{record.name}: {record.state}{again}" + (f", {counts}" if counts else ""), "\n".join(lines), good)
 
 
-def _counts(record: RunRecord, failures: Sequence[Failure]) -> str:
+def _counts(record: RunRecord) -> str:
     if not record.jobs:
         return ""
-    broke = sum(failure.broke for failure in failures)
-    told: Mapping[str, int] = {
-        "pass": sum(job.verdict == "PASS" and job.status == "Completed" for job in record.jobs),
-        "fail": len(failures) - broke,
-        "broke": broke,
-        "canceled": sum(job.status == "Canceled" for job in record.jobs),
-    }
-    parts = [f"{count} {word}" for word, count in told.items() if count or word == "pass"]
+    counts = count_outcomes(record.jobs)
+    parts = [
+        f"{counts.get(outcome, 0)} {word}" for outcome, word in _WORDS.items() if outcome in counts or word == "pass"
+    ]
     return f"{', '.join(parts)} of {len(record.jobs)} job{'s' if len(record.jobs) != 1 else ''}"
 
 
-def _line(failure: Failure) -> str:
-    job = failure.job
+def _line(job: JobRecord) -> str:
     where = f"{job.label} in {job.world}" if job.world else job.label
-    if failure.missed and not job.failure_reason:
-        return f"{where}: " + _short("; ".join(f"{each.name}: {each.detail}" for each in failure.missed))
+    if (missed := _missed(job)) and not job.failure_reason:
+        return f"{where}: " + _short("; ".join(f"{each.name}: {each.detail}" for each in missed))
     reason = job.failure_reason or job.verdict_reason or ""
     return f"{where}: " + _short(": ".join(part for part in (job.failure_code, reason) if part) or job.status)
+
+
+def _missed(job: JobRecord) -> list[Requirement]:
+    return [each for each in job.requirements if each.counts and not each.satisfied]
+
+
+def _outcome(job: JobRecord) -> CaseOutcome:
+    return case_outcome(job.status, job.verdict, job.failure_code)
 
 
 def _short(text: str | None) -> str:

@@ -2,23 +2,18 @@
 
 import logging
 import re
-from collections.abc import Callable, Iterable
-
-from pydantic import ValidationError
+from collections.abc import Sequence
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import JobRecord, RunRecord
-from ...schemas.runs.plan import RunResult
 from ...schemas.wire.errors import RobomakerError
+from ..inspection.run_records import run_before
 from ..service.service import Service
-from .messages import WORST, Failure, failed_jobs, is_due, message_of, worst_first
+from ..simulations.planning.run_plans import world_arn
+from .messages import WORST, failed_jobs, is_due, message_of
 from .sending import send
-
-_POSTER, _PREVIEW = "poster.png", "preview.png"
-_MOST_READ = 200
-"""Failures whose results are read; the worst of these are told."""
 
 _logger = logging.getLogger(__name__)
 
@@ -34,11 +29,10 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
     if not service.settings.notify:
         return
     try:
-        before = run_before(record, service)
+        before = run_before(record)
         if is_due(service.settings.notify_when, record, before):
-            failures = worst_first([_failure(job, service) for job in failed_jobs(record)[:_MOST_READ]])
-            message = message_of(record, failures, before)
-            problems = send(service.settings.notify, message, _pictures(failures[:WORST], service))
+            pictures = _pictures(failed_jobs(record)[:WORST], service)
+            problems = send(service.settings.notify, message_of(record, before), pictures)
         else:
             problems = []
     except Exception as error:
@@ -48,65 +42,27 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
         listener(Note(f"not notified: {problem}"))
 
 
-def run_before(record: RunRecord, service: Service) -> RunRecord | None:
-    """The last run of the same specification that ended before a run began, and was not cancelled."""
-    earlier: list[RunRecord] = []
-    for path in (service.settings.home / "runs").glob(f"{record.name}-*/run.json"):
-        # Runs of `night-two` begin with `night-` too.
-        if re.fullmatch(r"\d{8}T\d{9}", path.parent.name.removeprefix(f"{record.name}-")):
-            earlier += _read(path.read_bytes)
-    earlier = [each for each in earlier if each.ended_at <= record.started_at and each.state != "canceled"]
-    return max(earlier, key=lambda each: each.ended_at, default=None)
-
-
-def _read(content: Callable[[], bytes]) -> Iterable[RunRecord]:
-    try:
-        return [RunRecord.model_validate_json(content())]
-    except (OSError, ValidationError):
-        return []
-
-
-def _failure(job: JobRecord, service: Service) -> Failure:
-    if (place := _place(job, service)) is None:
-        return Failure(job)
-    try:
-        result = RunResult.model_validate_json(service.store.get_bytes(place.bucket, f"{place.prefix}/result.json"))
-    except (RobomakerError, ValidationError):
-        return Failure(job)
-    return Failure(job, tuple(each for each in result.requirements if each.counts and not each.satisfied))
-
-
-def _pictures(failures: Iterable[Failure], service: Service) -> dict[str, bytes]:
+def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, bytes]:
     """A picture of each failure: of its video, else of its world."""
+    stored = service.catalog.get_many(job.arn for job in failures if job.arn)
     pictures: dict[str, bytes] = {}
-    for number, failure in enumerate(failures, start=1):
-        places = [(_place(failure.job, service), _POSTER), (_bundle(failure.job, service), _PREVIEW)]
-        for place, name in places:
-            if place is not None and (picture := _fetched(place, name, service)):
-                pictures[f"{number}-{re.sub('[^A-Za-z0-9-]+', '-', failure.job.label)}.png"] = picture
-                break
+    for number, job in enumerate(failures, start=1):
+        if job.arn in stored and (picture := _picture(SimulationJobDocument.of(stored[job.arn]), service)):
+            pictures[f"{number}-{re.sub('[^A-Za-z0-9-]+', '-', job.label)}.png"] = picture
     return pictures
 
 
-def _fetched(place: StoredPlace, name: str, service: Service) -> bytes:
+def _picture(job: SimulationJobDocument, service: Service) -> bytes:
+    """A picture of a job; empty if there is none."""
+    if poster := _fetched(job.outputs, "poster.png", service):
+        return poster
+    arn = world_arn(job.request)
+    world = service.catalog.get_many([arn]).get(arn) if arn else None
+    return _fetched(WorldDocument.of(world).bundle, "preview.png", service) if world else b""
+
+
+def _fetched(place: StoredPlace | None, name: str, service: Service) -> bytes:
     try:
-        return service.store.get_bytes(place.bucket, f"{place.prefix}/{name}")
+        return service.store.get_bytes(place.bucket, f"{place.prefix}/{name}") if place else b""
     except RobomakerError:
         return b""
-
-
-def _place(job: JobRecord, service: Service) -> StoredPlace | None:
-    stored = service.catalog.get_many([job.arn]) if job.arn else {}
-    return SimulationJobDocument.of(stored[job.arn]).outputs if job.arn in stored else None
-
-
-def _bundle(job: JobRecord, service: Service) -> StoredPlace | None:
-    """Where the bundle of the world is that a job drove in."""
-    stored = service.catalog.get_many([job.arn]) if job.arn else {}
-    if job.arn not in stored:
-        return None
-    applications = SimulationJobDocument.of(stored[job.arn]).request.get("simulationApplications") or [{}]
-    worlds = applications[0].get("worldConfigs") or [{}]
-    arn = worlds[0].get("world")
-    world = service.catalog.get_many([arn]).get(arn) if arn else None
-    return WorldDocument.of(world).bundle if world is not None else None

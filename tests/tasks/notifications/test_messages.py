@@ -11,7 +11,7 @@ from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, S
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.settings import NotifyWhen, Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.notifications.messages import Failure, failed_jobs, is_due, message_of, worst_first
+from prefect_robomaker.tasks.notifications.messages import failed_jobs, is_due, message_of
 
 MOMENT = datetime(2026, 11, 23, tzinfo=UTC)
 
@@ -19,15 +19,13 @@ MOMENT = datetime(2026, 11, 23, tzinfo=UTC)
 def record(state: RunState, jobs: list[JobRecord] | None = None, **members: Any) -> RunRecord:
     return RunRecord(
         run_id="night-1", name="night", spec_path="night.yaml", state=state, exit_code=0, started_at=MOMENT,
-        ended_at=MOMENT, run_dir=Path("/runs/night-1"), report_path=Path("/runs/night-1/report.html"),
-        jobs=jobs or [], **{"steps": [], **members},
+        ended_at=MOMENT, run_dir=Path("/runs/night-1"), jobs=jobs or [],
+        **{"steps": [], "report_path": Path("/runs/night-1/report.html"), **members},
     )  # fmt: skip
 
 
-def missed(count: int) -> tuple[Requirement, ...]:
-    return tuple(
-        Requirement(name=f"goal-{number}", satisfied=False, detail=f"{number} of 9") for number in range(count)
-    )
+def missed(count: int) -> list[Requirement]:
+    return [Requirement(name=f"goal-{number}", satisfied=False, detail=f"{number} of 9") for number in range(count)]
 
 
 @pytest.mark.parametrize(
@@ -60,17 +58,16 @@ def test_when_somebody_is_told(when: NotifyWhen, state: RunState, before: RunSta
 def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
     jobs = [
         JobRecord(label="sim-a", status="Completed", verdict="PASS"),
-        JobRecord(label="sim-b", status="Completed", verdict="FAIL", world="flat/world-2"),
-        JobRecord(label="sim-c", status="Completed", verdict="FAIL", world="flat/world-3"),
+        JobRecord(label="sim-b", status="Completed", verdict="FAIL", world="flat/world-2", requirements=missed(1)),
+        JobRecord(label="sim-c", status="Completed", verdict="FAIL", world="flat/world-3", requirements=missed(2)),
         JobRecord(label="sim-d", status="Failed", failure_code="SimulationApplicationCrash", failure_reason="it\nfell"),
         JobRecord(label="sim-e", status="Completed", verdict="FAIL", verdict_reason="x" * 1000),
         JobRecord(label="sim-f", status="Canceled", verdict="FAIL"),
     ]
     run = record("broken", jobs)
-    assert [job.label for job in failed_jobs(run)] == ["sim-b", "sim-c", "sim-d", "sim-e"]
-    failures = worst_first([Failure(job, missed(2 if job.label == "sim-c" else 1)) for job in failed_jobs(run)])
+    assert [job.label for job in failed_jobs(run)] == ["sim-d", "sim-c", "sim-b", "sim-e"]
 
-    message = message_of(run, failures, None)
+    message = message_of(run, None)
 
     assert message.title == "night: broken, 1 pass, 3 fail, 1 broke, 1 canceled of 6 jobs"
     assert not message.good
@@ -87,9 +84,25 @@ def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
     ]
 
 
+def test_all_failures_count_and_the_worst_comes_first_however_many_there_are() -> None:
+    jobs = [JobRecord(label=f"sim-{number}", status="Completed", verdict="FAIL") for number in range(300)]
+    broken = JobRecord(label="sim-last", status="Failed", failure_code="RobotApplicationCrash", failure_reason="gone")
+
+    message = message_of(record("broken", [*jobs, broken]), None)
+
+    assert message.title == "night: broken, 0 pass, 300 fail, 1 broke of 301 jobs"
+    assert message.body.splitlines()[2] == "1. sim-last: RobotApplicationCrash: gone"
+    assert "and 298 more" in message.body.splitlines()
+
+
+def test_a_run_without_a_report_is_not_said_to_have_made_no_jobs() -> None:
+    assert "It made no simulation jobs." in message_of(record("succeeded"), None).body
+    assert "Its report could not be written." in message_of(record("broken", report_path=None), None).body
+
+
 def test_a_good_night_after_bad_ones_says_so() -> None:
     message = message_of(
-        record("succeeded", [JobRecord(label="a", status="Completed", verdict="PASS")]), [], record("failed")
+        record("succeeded", [JobRecord(label="a", status="Completed", verdict="PASS")]), record("failed")
     )
 
     assert message.title == "night: succeeded, good again, 1 pass of 1 job"
@@ -100,16 +113,16 @@ def test_a_good_night_after_bad_ones_says_so() -> None:
 def test_a_step_that_failed_is_told() -> None:
     step = StepRecord(name="worlds", operation="CreateWorldGenerationJob", status="Failed", error="no walls\nmet")
 
-    message = message_of(record("broken", steps=[step]), [], None)
+    message = message_of(record("broken", steps=[step]), None)
 
     assert message.title == "night: broken"
     assert "Step worlds (CreateWorldGenerationJob): no walls met" in message.body.splitlines()
 
 
 def test_long_reasons_are_cut() -> None:
-    failure = Failure(JobRecord(label="a", status="Failed", failure_reason="y" * 1000 + "\nLast lines of the log:\nz"))
+    job = JobRecord(label="a", status="Failed", failure_reason="y" * 1000 + "\nLast lines of the log:\nz")
 
-    assert len(max(message_of(record("broken"), [failure], None).body.splitlines(), key=len)) < 320
+    assert len(max(message_of(record("broken", [job]), None).body.splitlines(), key=len)) < 320
 
 
 def test_settings_say_who_is_told_and_when() -> None:
