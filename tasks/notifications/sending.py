@@ -1,6 +1,7 @@
 """Sending a message to the channels that apprise knows."""
 
 import logging
+import re
 import tempfile
 import threading
 import time
@@ -121,8 +122,9 @@ def _complaints() -> Iterator[list[str]]:
 
 
 def _shown(channel: "NotifyBase") -> str:
-    """A channel for people: its service, and where it is, without secrets."""
-    return str(channel.url(privacy=True)).partition("?")[0]
+    """A channel for people: its service and host; user and path may be what lets one in."""
+    service, _, rest = str(channel.url(privacy=True)).partition("://")
+    return f"{service}://{re.split('[/?]', rest)[0].rpartition('@')[2]}"
 
 
 def _written(pictures: Mapping[str, bytes], folder: Path) -> "list[str | AttachBase | AppriseAttachment]":

@@ -4,8 +4,10 @@ import base64
 import threading
 from urllib.parse import quote
 
+import pytest
 from helpers.receivers import MailServer, Webhook
 
+from prefect_robomaker.tasks.notifications import sending
 from prefect_robomaker.tasks.notifications.messages import Message
 from prefect_robomaker.tasks.notifications.sending import send, unknown_channels
 
@@ -52,6 +54,28 @@ def test_one_channel_that_fails_does_not_keep_the_others_from_being_told(webhook
     assert "500" in problems[0]
     assert problems[1] == "channel 2 of ROBOMAKER_NOTIFY is no address that apprise knows"
     assert "hunter2" not in "".join(problems)
+    assert "s3cret" not in "".join(problems), "the path of a webhook is often what lets one in"
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "jsons://127.0.0.1:1/services/T0s3cret/B0s3cret",
+        "json://127.0.0.1:1/?+X-Token=s3cret",
+        "mailto://127.0.0.1:1?from=bot@example.org&to=s3cret@example.org",
+        "tgram://123456789:s3cretabcdefghijklmnopqrstuvwxyz0/s3cret",
+        "slack://s3cret1AA/s3cret2BB/s3cretAbCdEfGhIjKlMnOpQr/#s3cret",
+        "discord://127000000000000000/s3cretabcdefghijklmnopqrstuvwxyz",
+    ],
+)
+def test_a_channel_is_called_by_its_service_and_host(url: str) -> None:
+    (channel,) = sending._channels([url])
+    assert channel is not None
+
+    shown = sending._shown(channel)
+
+    assert shown.startswith(url.partition("://")[0] + "://")
+    assert "s3cret" not in shown
 
 
 def test_nobody_there_is_told_without_secrets() -> None:
