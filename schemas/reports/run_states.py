@@ -98,7 +98,7 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
         troubles: what else went wrong, in words, the worst first.
         look: the command; empty: none.
     """
-    words = f"{state}{_passed(jobs)}"
+    words = ": ".join(filter(None, (state, counts_in_words(jobs))))
     bad = [*(_line(trouble) for trouble in troubles), *(_job_in_words(job) for job in _bad(jobs))]
     if bad:
         more = f"; and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
@@ -106,14 +106,15 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
     return f"{words}. Look: {look}" if look and state != "succeeded" else words
 
 
-def _passed(jobs: Sequence[JobRecord]) -> str:
+def counts_in_words(jobs: Sequence[JobRecord]) -> str:
+    """`3 of 4 verdicts pass, 1 broke, 2 canceled`; empty when there is nothing to count."""
     verdicts = list(verdicts_of(jobs).values())
     judged = [verdict for verdict in verdicts if verdict in ("PASS", "FAIL")]
     counts = count_outcomes(jobs)
     told = [f"{judged.count('PASS')} of {len(judged)} verdicts pass"] if judged else []
     told += [f"{counts['broken']} broke"] if counts.get("broken") else []
     told += [f"{counts['canceled']} canceled"] if counts.get("canceled") else []
-    return f": {', '.join(told)}" if told else ""
+    return ", ".join(told)
 
 
 def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:

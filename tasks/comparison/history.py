@@ -7,8 +7,7 @@ from ...schemas.reports.changes import CellChange, SinceLastRun
 from ...schemas.reports.history import CellHistory, History, Night, SharesByNight
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.states import CaseOutcome
-from ...schemas.reports.summary import Share
-from ..reporting import Outcome, share_of
+from ..reporting import Outcome, of_outcomes
 from .failures import (
     Appearance,
     changed_nights,
@@ -120,7 +119,7 @@ def _night(run: NightRun, before: NightRun | None) -> Night:
         run_id=run.run_id,
         started_at=run.started_at,
         state=run.state,
-        success=_share("", [outcome_of(job) for job in run.jobs]),
+        success=of_outcomes("", [outcome_of(job) for job in run.jobs]),
         source=run.source,
         changed=changed_nights(before, run) if before else [],
         report_path=run.report_path,
@@ -136,7 +135,7 @@ def _cell_history(appearances: Sequence[Appearance], nights: int) -> CellHistory
     return CellHistory(
         cell=cell,
         outcomes=outcomes,
-        success=_share(cell.title, [each.outcome for each in appearances]),
+        success=of_outcomes(cell.title, [each.outcome for each in appearances]),
         changes=changes,
         unsteady=is_unsteady(changes, same_inputs),
         same_inputs=same_inputs,
@@ -149,10 +148,6 @@ def _urgency(history: CellHistory) -> tuple[bool, bool, float]:
     return history.since is None, not history.unsteady, 1.0 if rate is None else rate
 
 
-def _share(name: str, outcomes: Sequence[Outcome]) -> Share:
-    return share_of(name, *(outcomes.count(each) for each in (Outcome.PASSED, Outcome.FAILED, Outcome.BROKEN)))
-
-
 def _by_night(runs: Sequence[NightRun], named: Named) -> list[SharesByNight]:
     """Shares of what jobs count under, night by night, the worst first."""
     found: dict[str, list[list[Outcome]]] = {}
@@ -162,8 +157,8 @@ def _by_night(runs: Sequence[NightRun], named: Named) -> list[SharesByNight]:
                 found.setdefault(name, [[] for _ in runs])[night].append(outcome)
     shares = [
         SharesByNight(
-            total=_share(name, [outcome for night in nights for outcome in night]),
-            nights=[_share("", night) if night else None for night in nights],
+            total=of_outcomes(name, [outcome for night in nights for outcome in night]),
+            nights=[of_outcomes("", night) if night else None for night in nights],
         )
         for name, nights in found.items()
     ]

@@ -31,7 +31,7 @@ from ..catalog import Resource
 from ..comparison.nights import NightRun
 from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
 from ..execution.events import tell_of_report
-from ..reporting import case_names, junit_xml, summarize, write_report
+from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
@@ -395,12 +395,13 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
         for job in jobs
     ]
     show_jobs(artifact_key("robomaker", report.run_id, "jobs"), rows)
-    passed = sum(job.verdict == "PASS" for job in jobs)
-    lines = [f"# {report.name}: {report.state}", "", f"{passed} of {len(jobs)} jobs pass.", "", f"Report: `{path}`"]
+    outcomes = [classify(job.status, job.failure_code, job.verdict) for job in jobs]
+    passed = f"{outcomes.count(Outcome.PASSED)} of {len(jobs)} jobs pass."
+    lines = [f"# {report.name}: {report.state}", "", passed, "", f"Report: `{path}`"]
     lines += [
         f"- **{job.label}** {job.verdict or job.status}: {job.failure_code or ''} {job.failure_reason or ''}".rstrip()
-        for job in jobs
-        if job.verdict != "PASS"
+        for job, outcome in zip(jobs, outcomes, strict=True)
+        if outcome is not Outcome.PASSED
     ]
     show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
     for world in report.worlds[:1]:

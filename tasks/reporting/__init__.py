@@ -6,7 +6,7 @@ May import: `schemas`, `tasks.reporting.drawings`, `tasks.reporting.nights`.
 from .junit import junit_xml
 from .outcomes import Outcome, classify
 from .render import render_history, render_report, write_history, write_report
-from .shares import share_of
+from .shares import of_outcomes
 from .statistics import wilson_interval
 from .summaries import case_names, summarize
 
@@ -15,10 +15,10 @@ __all__ = [
     "case_names",
     "classify",
     "junit_xml",
+    "of_outcomes",
     "outcomes",
     "render_history",
     "render_report",
-    "share_of",
     "summarize",
     "wilson_interval",
     "wording",

@@ -1,6 +1,6 @@
 """Pass rates by requirement, by world and by room."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.summary import Share
@@ -28,7 +28,11 @@ def of_jobs(name: str, jobs: Iterable[ReportedJob], *, errors_fail: bool = False
         jobs: the jobs.
         errors_fail: whether what broke counts as failed.
     """
-    outcomes = [outcome_of(job) for job in jobs]
+    return of_outcomes(name, [outcome_of(job) for job in jobs], errors_fail=errors_fail)
+
+
+def of_outcomes(name: str, outcomes: Sequence[Outcome], *, errors_fail: bool = False) -> Share:
+    """The same of outcomes; see `of_jobs`."""
     passed, failed, broken = (
         outcomes.count(each) for each in (Outcome.PASSED, Outcome.FAILED, Outcome.BROKEN)
     )  # fmt: skip

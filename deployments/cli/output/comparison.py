@@ -25,7 +25,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     if rate := comparison.rate:
         lines.append(
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
-            f"({1 - comparison.alpha:.0%} interval {_points(rate.low)} to {_points(rate.high)})"
+            f"({100 * (1 - comparison.alpha):.4g}% interval {_points(rate.low)} to {_points(rate.high)})"
         )
     if comparison.needed:
         lines.append(f"  needed        {_needed(comparison.needed)}")

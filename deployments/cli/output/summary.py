@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from ....schemas.reports.run_states import counts_in_words
 from .durations import duration
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
@@ -61,13 +62,8 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
 
 
 def _headline(record: RunRecord) -> str:
-    verdicts = [job.verdict for job in record.jobs if job.verdict in ("PASS", "FAIL")]
-    broken = sum(job.verdict == "ERROR" or job.status in ("Failed", "NotCreated") for job in record.jobs)
-    told = [f"{verdicts.count('PASS')} of {len(verdicts)} verdicts pass"] if verdicts else []
-    told += [f"{broken} broke"] if broken else []
-    canceled = sum(job.status == "Canceled" for job in record.jobs)
-    told += [f"{canceled} canceled"] if canceled else []
-    return f", {', '.join(told)}," if told else ""
+    counts = counts_in_words(record.jobs)
+    return f", {counts}," if counts else ""
 
 
 def _step_line(step: StepRecord) -> list[Cell]:

@@ -52,6 +52,12 @@ def test_what_jobs_had_to_do_without_is_said_once() -> None:
     assert lines(record(jobs=jobs))[9:12] == [f"  2 jobs: {wish}", "  sim-1: no video: no driver", ""]
 
 
+def test_a_verdict_counts_only_when_the_job_ended_by_itself() -> None:
+    first, second, third = record().jobs
+    shown = record(jobs=[first, second.model_copy(update={"verdict": "PASS"}), third])
+    assert lines(shown)[1] == "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s"
+
+
 def test_the_final_block() -> None:
     assert lines(record()) == [
         "",

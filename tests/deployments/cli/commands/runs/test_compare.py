@@ -55,6 +55,7 @@ def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, 
     assert "newly passing 1\n    drive: world-4 scout, seed 7: failed → passed" in out
     assert "still failing 1\n    drive: world-5 scout, seed 7: broken → broken; RobotApplicationCrash" in out
     assert "metrics       0 changed, 1 show no change" in out
+    assert "(99.7% interval −" in robomaker("compare", FIRST, SECOND, "--alpha", "0.003").out
     asked = robomaker("compare", FIRST, SECOND, "--difference", "50").out
     assert "to show the difference asked for of 50 points" in asked
 
