@@ -30,7 +30,7 @@ _CONTENTS = {"world": "the world", "robot": "the robot application", "simulation
 
 
 class ReuseInputs(Model):
-    """All inputs of one simulation job."""
+    """All inputs of one simulation job, exactly; never stored but for their key. Nights compare `JobInputs`."""
 
     request: dict[str, Any] = Field(description="The request, without names of what is compared by its content.")
     seed: int = Field(description="Seed of the run's random generators.")

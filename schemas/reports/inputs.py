@@ -22,12 +22,18 @@ class UsedApplication(Model):
 
 
 class JobInputs(Model):
-    """What of a job decides its result, as far as it is known."""
+    """What of a job decides its result, as far as it is known: by it nights are compared.
+
+    It is kept in records, and asks less than `ReuseInputs`, by which results are taken over: two jobs of one name and
+    request are the same job on two nights, whatever robot, versions and places of outputs they have.
+    """
 
     seed: int | None = Field(default=None, description="Its seed; absent: it never became a job.")
     seed_given: bool = Field(description="Whether the request named the seed; otherwise it was drawn by chance.")
     world: str | None = Field(
-        default=None, description="Name of the world's content, the same for the same world of every night."
+        default=None,
+        description="Name of the world's content, the same for the same world of every night; its ARN where the world "
+        "is deleted and its content not known.",
     )
     applications: list[UsedApplication] = Field(
         default=[], description="Its applications; one that was never started is missing."

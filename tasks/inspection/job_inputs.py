@@ -65,12 +65,12 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
     inputs: list[JobInputs | None] = []
     for job in jobs:
         document = documents.get(job.arn or "")
-        if document is None:
-            inputs.append(job.inputs and job.inputs.model_copy(update={"world": worlds.get(job.world_arn or "")}))
-            continue
-        found = inputs_of_request(document.request, document.seed)
-        used = _used_applications(document.outputs, service)
-        inputs.append(found.model_copy(update={"world": worlds.get(job.world_arn or ""), "applications": used}))
+        found = inputs_of_request(document.request, document.seed) if document else job.inputs
+        made_of = document.made_of if document else None
+        # Worlds that are deleted are still told apart: by what their jobs say of them, else by their ARNs.
+        world = (made_of and made_of.world) or worlds.get(job.world_arn or "", job.world_arn)
+        used = _used_applications(document.outputs, service) if document else []
+        inputs.append(found and found.model_copy(update={"world": world, "applications": used}))
     completed = _completed(inputs, [_names(documents.get(job.arn or "")) for job in jobs])
     return [job.model_copy(update={"inputs": each}) for job, each in zip(jobs, completed, strict=True)]
 

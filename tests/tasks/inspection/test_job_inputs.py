@@ -7,8 +7,11 @@ from typing import Any
 from helpers.night_records import FIRST_NIGHT
 from helpers.swing_fixtures import Simulate
 
+from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, SimulationJobDocument
+from prefect_robomaker.schemas.reports.report import ReportedJob
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
-from prefect_robomaker.tasks.inspection.job_inputs import inputs_of_request
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.inspection.job_inputs import inputs_of_request, with_inputs
 from prefect_robomaker.tasks.inspection.reports import jobs_of, rebuild_report
 from prefect_robomaker.tasks.inspection.run_records import read_record, write_record
 from prefect_robomaker.tasks.operations.registry import call
@@ -71,6 +74,27 @@ def test_a_job_that_crashed_has_the_applications_of_the_others(service: Service,
     assert all(len(used.digest) == 64 for used in good.inputs.applications)
     assert crashed.inputs.applications == good.inputs.applications
     assert crashed.inputs.request_sha256 != good.inputs.request_sha256
+
+
+def test_worlds_that_are_deleted_are_told_apart(service: Service) -> None:
+    """A job that ran says itself which content its world had; of a request that became none there is the ARN."""
+    first, second = (service.arn("world", f"generation-1/world-{number}") for number in (1, 2))
+    document = SimulationJobDocument(request=request(), seed=1, made_of=MadeOf(world="content"))
+    arn = service.arn("simulation-job", "sim-1")
+    service.catalog.create(
+        Resource.new(arn=arn, kind="simulation-job", id="sim-1", status="Completed", document=document), token=None
+    )
+    lost = inputs_of_request(request(), None)
+    jobs = [
+        ReportedJob(label="sim-1", arn=arn, status="Completed", world_arn=first),
+        ReportedJob(label="request 2", status="NotCreated", world_arn=first, inputs=lost),
+        ReportedJob(label="request 3", status="NotCreated", world_arn=second, inputs=lost),
+        ReportedJob(label="request 4", status="NotCreated", inputs=lost),
+    ]
+
+    worlds = [job.inputs.world for job in with_inputs(jobs, service) if job.inputs]
+
+    assert worlds == ["content", first, second, None]
 
 
 def test_a_report_brings_a_record_of_version_1_up_to_date(service: Service, swing: Simulate, tmp_path: Path) -> None:
