@@ -30,7 +30,7 @@ class Pair:
     def has_same_requirements(self) -> bool:
         """Whether both were judged by the same; one without any, because it broke, does not count as other."""
         before, after = _requirements(self.before), _requirements(self.after)
-        return before == after or not before or not after
+        return before == after or (not self.is_judged and not (before and after))
 
     @property
     def has_same_request(self) -> bool:

@@ -131,6 +131,15 @@ def test_verdicts_of_other_requirements_are_not_compared() -> None:
     assert mixed.rate.pairs == 1
 
 
+def test_a_verdict_without_requirements_is_of_other_requirements() -> None:
+    """Such as that of an environment which judges by itself; one that broke was judged by nothing."""
+    bare = changed(make_job(0, "P"), requirements=[])
+    assert compared([bare], [make_job(0, "F")]).other_requirements == 1
+    assert compared([make_job(0, "F")], [bare]).answer == "not comparable"
+    assert compared([bare], [bare]).other_requirements == 0
+    assert compared([make_job(0, "E")], [make_job(0, "P")]).other_requirements == 0
+
+
 def test_another_request_is_compared_and_told() -> None:
     comparison = compared([make_job(0, "P", request="a")], [make_job(0, "P", request="b")])
     assert (comparison.pairs, comparison.other_requests) == (1, 1)
