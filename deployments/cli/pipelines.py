@@ -11,7 +11,6 @@ from pathlib import Path
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
-from ...schemas.wire.errors import ConfigurationError
 from .output.browser import open_file, wanted
 from .signals import interrupted_by_signals
 
@@ -22,6 +21,7 @@ def carry_out(
     arguments: argparse.Namespace,
     command: Sequence[str],
     *,
+    report: Path | None,
     spec_path: str,
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
@@ -31,8 +31,9 @@ def carry_out(
     Args:
         spec: the specification.
         settings: where everything is kept.
-        arguments: those of the command line: `report`, `output` and `open`.
+        arguments: those of the command line: `output` and `open`.
         command: the command that does the same again.
+        report: where a copy of the report goes; None: nowhere.
         spec_path: the file that the specification is from.
         reuse: whether worlds and results that are there already are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
@@ -58,7 +59,7 @@ def carry_out(
             interrupted, record = interruption, interruption.record
         else:
             interrupted = None
-    record = _with_report(record, arguments.report)
+    record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
         _tell(record, command, api_url, as_json=arguments.output == "json")
     if interrupted:
@@ -83,19 +84,8 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str, *, as_json: b
     sys.stdout.flush()
 
 
-def check_report(report: str | None) -> None:
-    """Finds out before a long run that the report cannot be put where it is wanted.
-
-    Raises:
-        ConfigurationError: it cannot.
-    """
-    if report and (Path(report).is_dir() or not Path(report).absolute().parent.is_dir()):
-        raise ConfigurationError(f"--report is {report}; it has to be a file in a folder that exists")
-
-
-def _with_report(record: RunRecord, wanted_path: str | None) -> RunRecord:
-    if wanted_path is None or record.report_path is None:
+def _with_report(record: RunRecord, path: Path | None) -> RunRecord:
+    if path is None or record.report_path is None:
         return record
-    path = Path(wanted_path).absolute()
     shutil.copyfile(record.report_path, path)
     return record.model_copy(update={"report_path": path})

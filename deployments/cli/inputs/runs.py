@@ -38,12 +38,7 @@ def read_record(runs: Path, run: str) -> "RunRecord":
     Raises:
         ConfigurationError: there is no such run, or its record cannot be read.
     """
-    record_file = find_record(runs, run)
-    from pydantic import ValidationError
+    record = find_record(runs, run)
+    from ....tasks.inspection import run_records
 
-    from ....schemas.reports.run_record import RunRecord
-
-    try:
-        return RunRecord.model_validate_json(record_file.read_bytes())
-    except ValidationError as error:
-        raise ConfigurationError(f"{record_file} is not a run's record: {error.errors()[0]['msg']}") from error
+    return run_records.read_record(record)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_open, add_output
+from ...inputs.output_files import output_file
 from ...output.browser import open_file
 
 if TYPE_CHECKING:
@@ -34,7 +35,8 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.runs < 1:
         raise ConfigurationError(f"--runs is {arguments.runs}; it has to be a number from 1")
     home = Settings.from_environment(os.environ).home
-    page = _page(arguments, home)
+    # A name is no path, whatever it is.
+    page = output_file(arguments.to, "--to") or home / "history" / f"{Path(arguments.name).name}.html"
 
     from .....tasks.comparison.history import history_of
     from .....tasks.comparison.nights import NightRun
@@ -57,20 +59,6 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.open:
         open_file(path)
     return 0
-
-
-def _page(arguments: argparse.Namespace, home: Path) -> Path:
-    """Where the page goes.
-
-    Raises:
-        ConfigurationError: it is a folder, or in one that does not exist.
-    """
-    if arguments.to is None:
-        return home / "history" / f"{Path(arguments.name).name}.html"
-    path = Path(arguments.to).absolute()
-    if path.is_dir() or not path.parent.is_dir():
-        raise ConfigurationError(f"--to is {arguments.to}; it has to be a file in a folder that exists")
-    return path
 
 
 def _nothing(name: str, runs: Path, found: "FoundRecords") -> str:

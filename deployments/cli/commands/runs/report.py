@@ -3,10 +3,9 @@
 import argparse
 import os
 import sys
-from pathlib import Path
 
-from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_open, add_output
+from ...inputs.output_files import output_file
 from ...inputs.runs import read_record
 from ...output.browser import open_file
 
@@ -23,7 +22,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Prints the report's path, or its numbers."""
     from .....schemas.settings import Settings
 
-    junit = _checked(arguments.junit)
+    junit = output_file(arguments.junit, "--junit")
     settings = Settings.from_environment(os.environ)
     record = read_record(settings.home / "runs", arguments.run)
 
@@ -38,17 +37,3 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.open and summary.report_path:
         open_file(summary.report_path)
     return 0
-
-
-def _checked(junit: str | None) -> Path | None:
-    """Where the JUnit file goes.
-
-    Raises:
-        ConfigurationError: it is a folder, or in one that does not exist.
-    """
-    if junit is None:
-        return None
-    path = Path(junit).absolute()
-    if path.is_dir() or not path.parent.is_dir():
-        raise ConfigurationError(f"--junit is {junit}; it has to be a file in a folder that exists")
-    return path

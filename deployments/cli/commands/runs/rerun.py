@@ -10,6 +10,7 @@ import os
 import sys
 
 from ...arguments import add_open, add_output, add_report
+from ...inputs.output_files import output_file
 from ...inputs.runs import read_record
 
 
@@ -34,9 +35,9 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs the jobs; the exit code says how they ended."""
     from .....schemas.settings import Settings
     from .....schemas.specs.check import load_spec
-    from ...pipelines import carry_out, check_report
+    from ...pipelines import carry_out
 
-    check_report(arguments.report)
+    report = output_file(arguments.report, "--report")
     settings = Settings.from_environment(os.environ)
     record = read_record(settings.home / "runs", arguments.run)
 
@@ -51,7 +52,13 @@ def execute(arguments: argparse.Namespace) -> int:
     # The run keeps the text; no file of the user's has it.
     spec = load_spec(rerun.spec_text, f"rerun of {record.run_id}")
     return carry_out(
-        spec, settings, arguments, again(arguments, record.run_id), spec_path=record.spec_path, rerun_of=rerun.rerun_of
+        spec,
+        settings,
+        arguments,
+        again(arguments, record.run_id),
+        report=report,
+        spec_path=record.spec_path,
+        rerun_of=rerun.rerun_of,
     )
 
 

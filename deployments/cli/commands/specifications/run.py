@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_open, add_output, add_report, add_spec
+from ...inputs.output_files import output_file
 
 if TYPE_CHECKING:
     from .....schemas.specs.model import CheckedSpec
@@ -33,12 +34,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs the specification; the exit code says how it ended."""
     from .....schemas.settings import Settings
-    from ...pipelines import carry_out, check_report
+    from ...pipelines import carry_out
 
     spec = _chosen(arguments)
     settings = Settings.from_environment(os.environ)
-    check_report(arguments.report)
-    return carry_out(spec, settings, arguments, again(arguments), spec_path=arguments.spec, reuse=arguments.reuse)
+    report = output_file(arguments.report, "--report")
+    return carry_out(
+        spec, settings, arguments, again(arguments), report=report, spec_path=arguments.spec, reuse=arguments.reuse
+    )
 
 
 def again(arguments: argparse.Namespace) -> list[str]:
