@@ -139,7 +139,7 @@ def _run(folder: Path, service: Service) -> Unit:
         return _unrecorded(folder, service)
     except (ValidationError, OSError) as error:
         busy = f"its record cannot be read: {type(error).__name__}"
-        return Unit(Candidate(folder.name, datetime.now(UTC), busy=busy), "unknown", folder)
+        return Unit(Candidate(folder.name, service.clock(), busy=busy), "unknown", folder)
     arns = [*(step.arn for step in record.steps), *(job.arn for job in record.jobs)]
     orders = tuple(dict.fromkeys(arn for arn in arns if arn and _kind(arn) in (JOB, BATCH, EXPORT)))
     jobs = _with_children(orders, service)
