@@ -18,7 +18,6 @@ import httpx
 from prefect import flow
 from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
-from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.report import RunState
@@ -48,7 +47,7 @@ from ..tasks.inspection.standings import why_not_completed
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Progress, Service
-from .lookup import perform
+from .lookup import perform, without_heartbeat
 
 _logger = logging.getLogger(__name__)
 
@@ -102,8 +101,7 @@ def run_spec(
     check_preconditions(checked, run.service)
     token = _current.set(run)
     try:
-        # Prefect's own heartbeat makes every flow wait a second at its end; ours come from `run_watch`.
-        with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+        with without_heartbeat():
             state = RunPipeline(spec=spec_path, return_state=True)
         if isinstance(state.data, KeyboardInterrupt):
             raise state.data
