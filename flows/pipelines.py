@@ -182,6 +182,8 @@ class PipelineRun:
         self._outputs: dict[str, dict[str, Any]] = {}
         self._record: RunRecord | None = None
         self._is_canceled = False
+        self._is_whole = False
+        """Whether all steps were seen to."""
 
     @classmethod
     def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
@@ -219,6 +221,7 @@ class PipelineRun:
                     self._steps.append(self._skipped(name))
                 else:
                     failed = not self._run_step(name)
+            self._is_whole = True
         finally:
             self._record = self._finish()
         return self._record
@@ -296,8 +299,10 @@ class PipelineRun:
         for part in parts[1:]:
             earlier = earlier.followed_by(ended[-1].output, progress.counts)
             if ended[-1].status in BAD_ENDS or self._is_canceled:
-                break
-            ended.append(self._run_part(name, part, watch))
+                skipped = StepRecord(name=part.name(name), operation=ended[-1].operation, status="Skipped")
+                self._steps.append(skipped)
+            else:
+                ended.append(self._run_part(name, part, watch))
         if len(ended) > 1:
             self._outputs[name] = earlier.followed_by(ended[-1].output, {}).output
         return ended[-1]
@@ -432,8 +437,7 @@ class PipelineRun:
         """How the run ended as a whole."""
         statuses = [step.status for step in self._steps]
         was_cut = self._is_canceled and "Skipped" in statuses
-        is_whole = len(self._steps) == len(self._checked.order) and not was_cut
-        return run_state(statuses, jobs, is_whole=is_whole)
+        return run_state(statuses, jobs, is_whole=self._is_whole and not was_cut)
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
