@@ -7,8 +7,8 @@ if catalog.claim(job.arn, owner, lease_s=30):
     catalog.transition(job.arn, "prepare", owner=owner)
 ```
 
-It runs on SQLite, one file that many processes of one machine share, and on PostgreSQL (tried with
-15 and psycopg, which is not among this package's requirements) for several machines.
+It runs on SQLite, one file that many processes of one machine share, and on PostgreSQL (tested with
+15, and with psycopg from the extra `postgresql`) for several machines.
 
 May import: `schemas`.
 """

@@ -92,7 +92,12 @@ def _checked(url: str) -> URL:
 def _connect(url: URL) -> Engine:
     is_sqlite = url.get_backend_name() == "sqlite"
     try:
-        engine = create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S} if is_sqlite else {})
+        engine = (
+            create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S})
+            if is_sqlite
+            # Connections that are kept break when the server restarts: each is tried before it is used again.
+            else create_engine(url, pool_pre_ping=True)
+        )
     except (ModuleNotFoundError, NoSuchModuleError) as error:
         raise ConfigurationError(
             f"the catalog URL {url!r} needs a driver that is not installed ({error}); "

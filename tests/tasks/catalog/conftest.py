@@ -1,22 +1,16 @@
-"""Catalogs to test with: SQLite in a temporary folder, and PostgreSQL where one is given.
+"""Catalogs to test with: on SQLite in a temporary folder, and on a PostgreSQL server of the tests' own."""
 
-Set ROBOMAKER_TEST_POSTGRES_URL (`postgresql+psycopg://…`, a database whose tables may be dropped)
-to run everything on PostgreSQL as well.
-"""
-
-import os
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
-from sqlalchemy import create_engine
+from helpers.postgres_server import NEEDS_POSTGRESQL
 
 from prefect_robomaker.tasks.catalog import Catalog, NewResource, Resource
-from prefect_robomaker.tasks.catalog.tables import metadata
 
-POSTGRES_URL = os.environ.get("ROBOMAKER_TEST_POSTGRES_URL")
 PREFIX = "arn:aws:robomaker:us-east-1:111122223333"
 
 
@@ -34,6 +28,7 @@ class Clock:
 
 
 MakeResource = Callable[..., NewResource]
+NewDatabase = Callable[[], AbstractContextManager[str]]
 
 
 def make_resource(number: int, kind: str = "simulation-job", **members: Any) -> NewResource:
@@ -52,30 +47,34 @@ def clock() -> Clock:
     return Clock()
 
 
-def _empty_database(kind: str, folder: Path) -> str:
-    if kind == "sqlite":
-        return f"sqlite:///{folder}/home/catalog.db"
-    assert POSTGRES_URL is not None
-    engine = create_engine(POSTGRES_URL)
-    metadata.drop_all(engine)
-    engine.dispose()
-    return POSTGRES_URL
-
-
-@pytest.fixture(scope="module", params=["sqlite", "postgresql"] if POSTGRES_URL else ["sqlite"])
+@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgresql", marks=NEEDS_POSTGRESQL)])
 def database(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
+@pytest.fixture(scope="module")
+def new_database(request: pytest.FixtureRequest, database: str) -> NewDatabase:
+    """Makes empty databases: the URL of one for each `with`."""
+    return _sqlite_file if database == "sqlite" else request.getfixturevalue("postgres_server").new_database
+
+
+@contextmanager
+def _sqlite_file() -> Iterator[str]:
+    with TemporaryDirectory(prefix="catalog-") as folder:
+        yield f"sqlite:///{folder}/home/catalog.db"
+
+
 @pytest.fixture
-def url(database: str, tmp_path: Path) -> str:
-    return _empty_database(database, tmp_path)
+def url(new_database: NewDatabase) -> Iterator[str]:
+    with new_database() as url:
+        yield url
 
 
 @pytest.fixture(scope="module")
-def shared_url(database: str, tmp_path_factory: pytest.TempPathFactory) -> str:
+def shared_url(new_database: NewDatabase) -> Iterator[str]:
     """One database for all tests of a module that ask for it."""
-    return _empty_database(database, tmp_path_factory.mktemp("catalog"))
+    with new_database() as url:
+        yield url
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.postgres_server import NEEDS_POSTGRESQL
 from sqlalchemy import create_engine, text
 
 from prefect_robomaker.schemas.operations.world_templates import CreateWorldTemplateRequest
@@ -22,6 +23,10 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, NewResource
 
 MakeResource = Callable[..., NewResource]
+# SQLite lets no other connection write in between.
+ON_POSTGRESQL_ONLY = pytest.mark.parametrize(
+    "database", [pytest.param("postgresql", marks=NEEDS_POSTGRESQL)], indirect=True
+)
 
 
 def token(value: str = "t-1", request_hash: str = "h-1", operation: str = "CreateSimulationJob") -> ClientToken:
@@ -277,9 +282,8 @@ def test_a_failing_change_changes_nothing(catalog: Catalog, make_resource: MakeR
     assert catalog.get(created.arn) == created
 
 
-def test_a_change_meanwhile_is_not_overwritten(database: str, catalog: Catalog, make_resource: MakeResource) -> None:
-    if database == "sqlite":
-        pytest.skip("SQLite lets no other connection write in between")
+@ON_POSTGRESQL_ONLY
+def test_a_change_meanwhile_is_not_overwritten(catalog: Catalog, make_resource: MakeResource) -> None:
     arn = catalog.create(make_resource(1, document={"n": 0}), token=None).arn
     seen = []
 
@@ -293,11 +297,10 @@ def test_a_change_meanwhile_is_not_overwritten(database: str, catalog: Catalog, 
     assert seen == [0, 10]
 
 
+@ON_POSTGRESQL_ONLY
 def test_who_loses_the_lease_meanwhile_changes_nothing(
-    database: str, catalog: Catalog, make_resource: MakeResource, clock: Any
+    catalog: Catalog, make_resource: MakeResource, clock: Any
 ) -> None:
-    if database == "sqlite":
-        pytest.skip("SQLite lets no other connection write in between")
     arn = catalog.create(make_resource(1), token=None).arn
     catalog.claim(arn, "slow", 10)
 

@@ -71,11 +71,7 @@ def test_several_kinds_are_listed_together(catalog: Catalog, make_resource: Make
     assert ids(catalog.list(("robot", "deployment-fleet"))) == ["2", "1", "0"]
 
 
-def test_a_catalog_from_before_labels_is_brought_up_to_date(
-    url: str, database: str, clock: Any, make_resource: MakeResource
-) -> None:
-    if database != "sqlite":
-        pytest.skip("columns are dropped as SQLite does it")
+def test_a_catalog_from_before_labels_is_brought_up_to_date(url: str, clock: Any, make_resource: MakeResource) -> None:
     old = Catalog.open(url, clock=clock)
     old.create(make_resource(1), token=None)
     old.close()
