@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from helpers.paths import REPOSITORY
+from helpers.required_programs import needs
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
@@ -20,13 +21,12 @@ EXAMPLES = REPOSITORY / "deployments" / "specs" / "examples"
 EXAMPLE = EXAMPLES / "agent_process"
 CARTPOLE = EXAMPLES / "cartpole_bundle"
 MakePlan = Callable[..., RunPlan]
+pytestmark = needs("cc", shutil.which("cc"), "there is no C compiler here: cc is not in PATH")
 
 
 @pytest.fixture
 def unpacked(tmp_path: Path) -> Path:
     """The archive that the README's commands make."""
-    if shutil.which("cc") is None:
-        pytest.skip("there is no C compiler here")
     source = shutil.copytree(EXAMPLE, tmp_path / "source", ignore=shutil.ignore_patterns("__pycache__"))
     (commands,) = re.findall(r"^```bash\n(.*?)^```$", (EXAMPLE / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
