@@ -14,17 +14,21 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
     Returns:
         0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
     """
+    from ...tasks.service.service import Service
     from .prefect_server import use_server
 
+    service = Service.open(settings)
+    service.catalog.get(arn)  # before a server is started for a job that is not there
     use_server(settings)
     from ...flows import lookup
     from ...schemas.reports.run_record import EXIT_CODES
     from ...tasks.operations.registry import registry
-    from ...tasks.service.service import Service
     from ..dead_run_sweeper import close_dead_runs_once
 
-    service = Service.open(settings)
     _warn_on_stderr()
     close_dead_runs_once()
     try:

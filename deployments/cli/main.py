@@ -21,6 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code. Wrong usage ends the program with 2 at once.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
+    # Prefect sends nothing anywhere, nor prints a notice about it when it is imported, unless the user says so.
+    os.environ.setdefault("DO_NOT_TRACK", "1")
     try:
         code = _execute(words)
         sys.stdout.flush()

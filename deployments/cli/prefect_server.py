@@ -33,8 +33,6 @@ def use_server(settings: Settings) -> str:
         sys.stderr.write(f"It runs at {url.removesuffix('/api')} and stays; `robomaker server stop` ends it.")
         sys.stderr.write(f" ({time.monotonic() - began:.0f} s)\n")
     os.environ.update(client_variables(url, settings))
-    # Nothing is sent anywhere, nor a notice about it printed, unless the user says so.
-    os.environ.setdefault("DO_NOT_TRACK", "1")
     if "PREFECT_LOGGING_LEVEL" not in os.environ:
         # Our own progress tells what happens; Prefect's lines go to its server only.
         os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")

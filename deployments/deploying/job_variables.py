@@ -51,6 +51,19 @@ def environment_of_words(words: Sequence[str]) -> dict[str, str]:
     return variables
 
 
+def block_of_word(word: str) -> tuple[str, str]:
+    """The type's slug and the name of a block given as `TYPE/NAME`.
+
+    Raises:
+        ConfigurationError: it is none of a type that settings can be taken from.
+    """
+    slug, _, name = word.partition("/")
+    if slug not in BLOCK_VARIABLES or not name:
+        advice = nearest(slug, tuple(BLOCK_VARIABLES)) or f"; TYPE is one of {', '.join(BLOCK_VARIABLES)}"
+        raise ConfigurationError(f"--block is {word!r}; TYPE/NAME would be right{advice}")
+    return slug, name
+
+
 def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, str]:
     """Variables whose values the worker takes from blocks.
 
@@ -63,10 +76,7 @@ def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, s
     """
     variables = {}
     for word in blocks:
-        slug, _, name = word.partition("/")
-        if slug not in BLOCK_VARIABLES or not name:
-            advice = nearest(slug, tuple(BLOCK_VARIABLES)) or f"; TYPE is one of {', '.join(BLOCK_VARIABLES)}"
-            raise ConfigurationError(f"--block is {word!r}; TYPE/NAME would be right{advice}")
+        slug, name = block_of_word(word)
         content = read(slug, name)
         if content is None:
             raise ConfigurationError(
@@ -76,6 +86,25 @@ def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, s
             if _has(content, path):
                 variables[variable] = f"{{{{ prefect.blocks.{slug}.{name}.{path} }}}}"
     return variables
+
+
+def check_image(kind: str, image: str | None) -> None:
+    """Checks the container image that runs of a work pool start from.
+
+    Args:
+        kind: the type of the pool: `process`, `docker` or `kubernetes`.
+        image: the image, if one is given.
+
+    Raises:
+        ConfigurationError: it is missing, or of no use.
+    """
+    if image is None and kind != "process":
+        raise ConfigurationError(
+            f"--image is missing: runs in a pool of type {kind} start from an image that has prefect-robomaker, "
+            "and Prefect's own has not"
+        )
+    if image is not None and kind == "process":
+        raise ConfigurationError(f"--image is {image!r}; runs in a pool of type process have no image")
 
 
 def _has(content: Mapping[str, Any], path: str) -> bool:

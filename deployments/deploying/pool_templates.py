@@ -7,6 +7,7 @@ from typing import Any
 from prefect.workers.utilities import get_default_base_job_template_for_infrastructure_type
 
 from ...schemas.wire.errors import ConfigurationError
+from .job_variables import check_image
 
 TYPES = ("process", "docker", "kubernetes")
 _ENVIRONMENT = {
@@ -29,13 +30,7 @@ def pool_template(
     Raises:
         ConfigurationError: an image is missing or of no use, or Prefect does not know the type.
     """
-    if image is None and kind != "process":
-        raise ConfigurationError(
-            f"--image is missing: runs in a pool of type {kind} start from an image that has prefect-robomaker, "
-            "and Prefect's own has not"
-        )
-    if image is not None and kind == "process":
-        raise ConfigurationError(f"--image is {image!r}; runs in a pool of type process have no image")
+    check_image(kind, image)
     template = asyncio.run(get_default_base_job_template_for_infrastructure_type(kind))
     if template is None:
         raise ConfigurationError(

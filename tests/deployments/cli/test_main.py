@@ -1,7 +1,11 @@
 """Usage, errors and exit codes."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 from prefect_robomaker.deployments.cli.commands.operations import call
 from prefect_robomaker.deployments.cli.grammar import EPILOGUE
@@ -89,3 +93,31 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
     assert ended.stdout.startswith("{")
     assert ended.stderr == ""
+
+
+LOOKS_AT_IMPORTS = """
+import os, sys
+
+class Look:
+    def find_spec(self, name, path=None, target=None):
+        if name == "prefect":
+            print("Prefect begins with", os.environ.get("DO_NOT_TRACK"), file=sys.stderr)
+
+sys.meta_path.insert(0, Look())
+from prefect_robomaker.deployments.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    "words", [("pool-template", "process"), ("deploy", "quickstart", "--pool", "p", "--schedule", "never")]
+)
+def test_prefect_is_told_to_send_nothing_before_it_is_imported(words: tuple[str, ...], tmp_path: Path) -> None:
+    environ = {name: value for name, value in os.environ.items() if name != "DO_NOT_TRACK"}
+    ended = subprocess.run(
+        [sys.executable, "-c", LOOKS_AT_IMPORTS, *words],
+        env=environ | {"HOME": str(tmp_path), "ROBOMAKER_HOME": str(tmp_path / "home")},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.stderr.startswith("Prefect begins with 1\n")

@@ -16,6 +16,8 @@ from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ...arguments import add_output
 
 if TYPE_CHECKING:
+    from prefect.client.schemas.schedules import CronSchedule
+
     from .....schemas.settings import Settings
     from .....schemas.specs.model import CheckedSpec
     from ....deploying.deployables import Deployable
@@ -51,24 +53,27 @@ def execute(arguments: argparse.Namespace) -> int:
     """Deploys everything that is named, or nothing."""
     from .....schemas.settings import Settings
     from ....deploying.deployables import operation_deployables
-    from ....deploying.job_variables import environment_of_words
+    from ....deploying.job_variables import block_of_word, environment_of_words
     from ...prefect_server import SHELL_SETUP, use_server, uses_local_server
 
     _check_usage(arguments)
     specs = _read(arguments.specs)
-    environment = tuple(environment_of_words(arguments.env).items())
     deployables = _named(specs, arguments)
+    environment = tuple(environment_of_words(arguments.env).items())
+    for word in arguments.block:
+        block_of_word(word)
+    schedule = _schedule(arguments)
     settings = Settings.from_environment(os.environ)
     for warning in _warnings(specs, settings):
         sys.stderr.write(f"robomaker: {warning}\n")
     is_local = uses_local_server(settings)
     api_url = use_server(settings)
 
-    from ....deploying.registration import NoSuchPoolError, Target, register
-    from ....deploying.schedules import cron_schedule
+    from prefect.context import refresh_global_settings_context
 
-    zone = {"timezone": arguments.timezone} if arguments.timezone else {}
-    schedule = cron_schedule(arguments.schedule, **zone) if arguments.schedule else None
+    from ....deploying.registration import NoSuchPoolError, Target, register
+
+    refresh_global_settings_context()  # reading the schedule took Prefect, which does not know the server yet
     target = Target(
         pool=arguments.pool,
         schedule=schedule,
@@ -110,6 +115,14 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         raise ConfigurationError("--schedule and --no-schedule are for a SPEC; operations run when they are called")
     if arguments.timezone and not arguments.schedule:
         raise ConfigurationError(f"--timezone is {arguments.timezone!r}; it is of use with --schedule only")
+
+
+def _schedule(arguments: argparse.Namespace) -> "CronSchedule | None":
+    if not arguments.schedule:
+        return None
+    from ....deploying.schedules import cron_schedule
+
+    return cron_schedule(arguments.schedule, **({"timezone": arguments.timezone} if arguments.timezone else {}))
 
 
 def _read(paths: Sequence[str]) -> "list[CheckedSpec]":

@@ -22,9 +22,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the template."""
     from .....schemas.settings import Settings
-    from ....deploying.job_variables import environment_of_words
+    from ....deploying.job_variables import check_image, environment_of_words
     from ...prefect_server import use_server
 
+    check_image(arguments.type, arguments.image)
     environment = environment_of_words(arguments.env)
     if arguments.type != "process":  # Prefect's server has the templates of the other types
         use_server(Settings.from_environment(os.environ))
