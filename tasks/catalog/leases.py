@@ -65,7 +65,14 @@ class CatalogLeases(CatalogReader):
         )
         living = and_(resources.c.parent == parent, resources.c.kind == kind, resources.c.status.in_(_alive(kind)))
         held = select(func.count()).select_from(resources).where(living, ~_is_free(now))
-        first = select(resources.c.arn).where(living, _is_free(now)).order_by(resources.c.sequence).limit(1)
+        # PostgreSQL locks it: `claim` may be taking it. Such a one is passed over.
+        first = (
+            select(resources.c.arn)
+            .where(living, _is_free(now))
+            .order_by(resources.c.sequence)
+            .limit(1)
+            .with_for_update(skip_locked=True)
+        )
         with self._transaction(self._writer) as connection:
             most_held = connection.scalar(allowed) or 0  # first: from here on the transaction is alone
             if (connection.scalar(held) or 0) >= most_held:

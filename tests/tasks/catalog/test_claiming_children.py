@@ -95,3 +95,26 @@ def test_many_workers_at_once_never_hold_more_than_allowed_and_no_job_twice(
     assert most[0] <= 3
     assert sorted(given) == sorted(set(given))
     assert set(given) <= set(jobs)
+
+
+def test_what_another_takes_by_its_arn_meanwhile_is_not_given_out(catalog: Catalog, make_resource: Any) -> None:
+    batch, jobs = make_batch(catalog, make_resource, jobs=60, concurrency=60)
+    claim = claimer(catalog, batch)
+
+    for number, job in enumerate(jobs):
+        both = threading.Barrier(2)
+        by_arn: list[bool] = []
+
+        def take(arn: str, worker: str, start: threading.Barrier, taken: list[bool]) -> None:
+            start.wait()
+            taken.append(catalog.claim(arn, worker, 10))
+
+        thread = threading.Thread(target=take, args=(job, f"b:{number}:x", both, by_arn))
+        thread.start()
+        both.wait()
+        given = claim(f"a:{number}:x")
+        thread.join()
+
+        assert (given == job) is not by_arn[0]
+        if given not in (None, job):
+            catalog.release(given, f"a:{number}:x")
