@@ -88,11 +88,12 @@ class HeldLeases:
         self._forget(arn)
         return False
 
-    def reserve_any(self, take: Callable[[str], str | None]) -> str | None:
+    def reserve_any(self, take: Callable[[str], str | None], catalog: Catalog) -> str | None:
         """Claims a job that is chosen meanwhile, as `reserve` does; `cancel_reservation` has to follow.
 
         Args:
             take: takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
+            catalog: where the jobs are.
 
         Returns:
             The job; `None`: there was none to take, or this process takes no more.
@@ -101,11 +102,15 @@ class HeldLeases:
             if self._closed:
                 return None
         owner = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
-        if (arn := take(owner)) is not None:
-            with self._lock:
+        if (arn := take(owner)) is None:
+            return None
+        with self._lock:
+            if not self._closed:
                 self._owners[arn] = owner
                 self._reserved.add(arn)
-        return arn
+                return arn
+        catalog.release(arn, owner)  # everything was given back meanwhile
+        return None
 
     def renew_reservation(self, arn: str, catalog: Catalog, lease_s: float) -> None:
         """Renews a job's lease until the job begins."""

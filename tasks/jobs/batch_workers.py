@@ -157,7 +157,7 @@ class BatchWorker:
             places = ("InProgress", "Completing")
             return catalog.claim_child(self._batch, KIND, owner, lease_s, most="concurrency", parent_in=places)
 
-        return self._held.reserve_any(take)
+        return self._held.reserve_any(take, catalog)
 
     def _run_job(self, arn: str, slot: int) -> None:
         """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""

@@ -108,3 +108,16 @@ def test_a_simulation_job_is_given_up_with_its_reason(
 
     described = call("DescribeSimulationJob", {"job": job}, service)
     assert (described["status"], described["failureCode"]) == ("Failed", "InternalServiceError")
+
+
+def test_a_job_that_is_taken_while_all_are_given_back_is_given_back_too(
+    service: Service, job: str, held: HeldLeases
+) -> None:
+    def take(owner: str) -> str:
+        assert service.catalog.claim(job, owner, 30)
+        held.give_back_all(service.catalog)
+        return job
+
+    assert held.reserve_any(take, service.catalog) is None
+    assert service.catalog.lease_of(job)[0] is None
+    assert held.reserve_any(take, service.catalog) is None
