@@ -159,6 +159,10 @@ class RunOutcome(Model):
         default=False,
         description="Whether it wrote its outputs to the end; not when it crashed or had to be killed.",
     )
+    was_killed: bool = Field(
+        default=False,
+        description="Whether it was killed from outside and is to be tried again: what it left is as it was then.",
+    )
 
 
 class Requirement(Model):

@@ -191,5 +191,9 @@ class LaunchError(RobomakerError):
         super().__init__(message)
 
 
+class LaunchInterruptedError(LaunchError):
+    """Something that starts runs was killed meanwhile; trying again helps."""
+
+
 class StateConflictError(RobomakerError):
     """An event arrived in a state that does not know it."""

@@ -1,7 +1,9 @@
 """Running one simulation job: prepare, run its process, store its outputs, settle its end; again after a restart."""
 
 import logging
+import time
 from collections.abc import Callable
+from enum import Enum, auto
 from functools import cache
 from pathlib import Path
 
@@ -16,9 +18,16 @@ from ...schemas.documents.simulation_jobs import (
 from ...schemas.runs.plan import RunOutcome, RunPlan
 from ...schemas.runs.stops import RunStop, StopReason
 from ...schemas.wire.common import shorten
-from ...schemas.wire.errors import LaunchError, ServiceUnavailableException, StateConflictError, StorageError
+from ...schemas.wire.errors import (
+    LaunchError,
+    LaunchInterruptedError,
+    ServiceUnavailableException,
+    StateConflictError,
+    StorageError,
+)
 from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.job_leases import Lease
+from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
 from ..runtime.limits.run_notes import add_note
 from ..runtime.supervision.launcher import Launcher
@@ -27,7 +36,7 @@ from ..simulations.containers.cleanup import remove_containers_of_job, remove_ru
 from ..simulations.containers.outputs import settle_containers
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
 from ..simulations.planning.job_contents import contents_of_plan
-from ..simulations.planning.resuming import plan_to_resume
+from ..simulations.planning.resuming import plan_to_resume, reached_s
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, kept_runs, remove_abandoned_containers
@@ -39,6 +48,7 @@ Stop = Callable[[], StopReason | None]
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _WORKER_DIED = "the job was stopped after its job worker had died"
 _DIED = "the job worker died while this run went on; the job was run again"
+_KILLED = "this run was killed while it went on; the job was run again"
 _RUNS = ("Running", "RunningFailed", "Restarting")
 """Statuses of a job that has a run, in which code may have run."""
 
@@ -76,6 +86,17 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
     return run_if_unclaimed(arn, KIND, service, lambda lease: JobRun(lease, service).end(reason))
 
 
+class _Next(Enum):
+    """How a job goes on after a run."""
+
+    NONE = auto()
+    RESTART = auto()
+    """With a new run: a restart was requested."""
+
+    GO_ON = auto()
+    """From the last checkpoint of what is left of a run that was killed, else from the start."""
+
+
 @cache
 def launcher() -> Launcher:
     """The launcher of this process: one warm parent for all its simulation processes."""
@@ -97,13 +118,15 @@ class JobRun:
         self._lease = lease
         self._service = service
         self._stop = stop
+        self._kills = 0  # of runs, from outside, since one came further than those before
+        self._reached_s = 0.0
 
     def run(self) -> None:
         """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
-        again, is_first = True, True
-        while again:
+        next_run = _Next.GO_ON  # with what a dead job worker may have left
+        while next_run is not _Next.NONE:
             left = None
-            if is_first and not self._why_stop():
+            if next_run is _Next.GO_ON and not self._why_stop():
                 left = self._left_by_a_dead_worker()
                 if left is None:
                     self._keep_dead_run()
@@ -112,7 +135,7 @@ class JobRun:
                 self.end(reason or StopReason.CANCELED)
                 return
             with own_domain(self._lease.job.arn) as ros_domain:
-                again, is_first = self._run_once(left, ros_domain), False
+                next_run = self._run_once(left, ros_domain)
 
     def end(self, reason: StopReason) -> None:
         """Ends a job that does not run; what a dead job worker's run left on this machine is stored first.
@@ -142,16 +165,22 @@ class JobRun:
         run_id = self._document.run_id
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
 
-    def _run_once(self, left: RunPlan | None, ros_domain: int) -> bool:
-        """Carries out one run, or the rest of the one that was left; returns whether the job is to be run again."""
+    def _run_once(self, left: RunPlan | None, ros_domain: int) -> "_Next":
+        """Carries out one run, or the rest of the one that was left; returns how the job goes on."""
         run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
+        next_run = _Next.NONE
         try:
             if left is None:
-                return self._carry_out(self._run_step("prepare", lambda: self._prepared(run_id, ros_domain)))
-            self._lease.update(SimulationJobProgress(attempts=self._document.attempts + 1))
-            variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have that of before
-            return self._carry_out(left.model_copy(update={"environment": variables}))
+                plan = self._run_step("prepare", lambda: self._prepared(run_id, ros_domain))
+            else:
+                self._lease.update(SimulationJobProgress(attempts=self._document.attempts + 1))
+                variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have the former
+                plan = left.model_copy(update={"environment": variables})
+            next_run = self._carry_out(plan)
         except LaunchError as error:
+            if isinstance(error, LaunchInterruptedError) and self._may_try_again(run_id):
+                next_run = self._after_kill(str(error))
+                return next_run
             reason = self._why_stop()  # a stop may be what made preparing fail
             outcome = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
             self._terminate(outcome, of_run=run_id)
@@ -159,8 +188,22 @@ class JobRun:
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
         finally:
-            self._clean_up(run_id)
-        return False
+            if next_run is not _Next.GO_ON:
+                self._clean_up(run_id)
+        return next_run
+
+    def _may_try_again(self, run_id: str) -> bool:
+        """Whether a run that was killed from outside is tried again; so it is as long as it comes further each time."""
+        reached = reached_s(self._folder(run_id))
+        self._kills = 1 if reached > self._reached_s else self._kills + 1
+        self._reached_s = max(reached, self._reached_s)
+        return self._kills < MAX_LOST_WORKERS and self._why_stop() is None
+
+    def _after_kill(self, why: str) -> "_Next":
+        """Says that a run was killed, and waits a little."""
+        _logger.warning("%s is tried again: %s", self._lease.job.arn, why.partition("\n")[0])
+        time.sleep(self._service.timing.after_kill_s)
+        return _Next.GO_ON
 
     def _prepared(self, run_id: str, ros_domain: int) -> RunPlan:
         """Fetches all that a new run needs; it counts as running from then on."""
@@ -191,22 +234,27 @@ class JobRun:
         )
         return plan
 
-    def _carry_out(self, plan: RunPlan) -> bool:
-        """Carries out a planned run; returns whether the job is to be run again."""
+    def _carry_out(self, plan: RunPlan) -> "_Next":
+        """Carries out a planned run; returns how the job goes on."""
         run_id = plan.run_id
         with self._outputs(run_id).rolling():
             ended = self._run_step("simulate", lambda: self._simulated(plan))
+        if ended.was_killed:
+            return self._after_kill(ended.failure_reason or "it was killed")
         why_stop = self._why_stop()
         outcome = outcome_of(ended, why_stop)
+        if self._kills >= MAX_LOST_WORKERS and outcome.failure_reason:
+            tried = f"each of {self._kills} attempts was killed"
+            outcome = outcome.model_copy(update={"failure_reason": shorten(f"{tried}. {outcome.failure_reason}")})
         try:
             self._lease.transition("terminate" if why_stop else "finish", outcome.announced(finished=ended.finished))
         except StateConflictError:
             if self._lease.lost or self._lease.refreshed().status != "Restarting":
                 raise
             self._keep_earlier_run(run_id, ended)
-            return True
+            return _Next.RESTART
         self._settle(self._run_step("upload", lambda: self._published(run_id, outcome)))
-        return False
+        return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
         """Runs the plan's processes to their end."""
@@ -215,6 +263,7 @@ class JobRun:
             lambda: RunStop.CANCELED if self._is_interrupted() else None,
             on_crash=self._note_crash,
             on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
+            try_again=lambda: self._may_try_again(plan.run_id),
         )
 
     def _note_crash(self, code: str, reason: str) -> None:
@@ -319,8 +368,9 @@ class JobRun:
         settle_containers(output.parent, output)  # they do not die with a job worker
         if not any(output.iterdir()):
             return
-        add_note(output, _DIED)
-        outcome = failed("InternalServiceError", _DIED)
+        why = _KILLED if self._kills else _DIED
+        add_note(output, why)
+        outcome = failed("InternalServiceError", why)
         self._keep_run(run_id, outcome, restarted=job.status == "Restarting", finished=False)
 
     def _keep_run(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:

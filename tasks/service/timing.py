@@ -22,5 +22,8 @@ class Timing:
     store_pause_s: float = 1.0
     """How long after a store did not answer it is asked again; each further pause is twice as long."""
 
+    after_kill_s: float = 1.0
+    """How long after a run was killed from outside it is tried again: memory may be short just now."""
+
     longest_retry_pause_s: float = 60.0
     """The longest pause before a job is tried again whose flow run raised."""

@@ -16,7 +16,7 @@ from types import TracebackType
 
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.runs.stops import RunStop
-from ....schemas.wire.errors import LaunchError
+from ....schemas.wire.errors import LaunchError, LaunchInterruptedError
 from ..limits.disk_use import found_files
 from ..limits.logs import log_tail
 from ..limits.run_notes import note_screens
@@ -26,7 +26,7 @@ from ..video.failure_videos import record_failure_videos
 from .core_assignment import Cores
 from .disk_attribution import attribute_disk_use
 from .finished_outputs import finish_outputs, read_result
-from .outcomes import Exit, Outcome, decide_outcome
+from .outcomes import Exit, Outcome, decide_outcome, was_killed
 from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
 from .stopping import Watch
 
@@ -82,6 +82,7 @@ class Launcher:
         *,
         on_crash: OnCrash | None = None,
         on_stopped: Callable[[], None] = lambda: None,
+        try_again: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
         """Carries out a run and waits until none of its processes is left.
@@ -93,6 +94,7 @@ class Launcher:
                 failure behaviour is `Continue`. The run goes on until it is stopped or its duration
                 limit is reached, and fails then.
             on_stopped: Called when none of its processes is left, before its outputs are looked at.
+            try_again: Asked when the run was killed from outside; when it is, its outputs are left as they are.
             clock: Seconds, for the duration limit.
 
         Returns:
@@ -124,6 +126,15 @@ class Launcher:
         if ended is not None and stopped_for is None:
             ended = attribute_disk_use(ended, plan)
         decided = crash.outcome(stopped_for) or decide_outcome_with_log(ended, stopped_for, plan)
+        if was_killed(ended, stopped_for) and try_again():
+            return RunOutcome(
+                status=decided.status,
+                failure_code=decided.failure_code,
+                failure_reason=decided.failure_reason,
+                started_at=started_at,
+                ended_at=ended_at,
+                was_killed=True,
+            )
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
         result = read_result(plan) if decided.status == "Completed" else None
         outcome = RunOutcome(
@@ -189,7 +200,9 @@ class _Server:
         try:
             socket.send_fds(self._control, [b"r"], [descriptor])
         except OSError as error:
-            raise LaunchError(f"the process that runs are forked from does not listen: {error}", _INTERNAL) from error
+            raise LaunchInterruptedError(
+                f"the process that runs are forked from does not listen: {error}", _INTERNAL
+            ) from error
 
 
 def _above_standard(connection: socket.socket) -> socket.socket:
@@ -258,5 +271,5 @@ def _expect_start(channel: Connection) -> None:
                 raise LaunchError(message["reason"], message["code"])
             return
     except (EOFError, OSError) as error:
-        raise LaunchError("the run's supervisor ended before the run began", _INTERNAL) from error
+        raise LaunchInterruptedError("the run's supervisor ended before the run began", _INTERNAL) from error
     raise LaunchError(f"the run did not begin within {_START_TIMEOUT_S:g} s", _INTERNAL)

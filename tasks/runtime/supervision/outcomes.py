@@ -126,6 +126,18 @@ def decide_outcome(
     return Outcome("Failed", code, failure_reason(reason, *log))
 
 
+def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:
+    """Whether a run was killed from outside, and neither stopped nor crashed: for want of memory, or by someone.
+
+    Args:
+        ended: The end of its process; None when its supervisor disappeared without a word.
+        stopped_for: Why it was stopped; None when it ended by itself.
+    """
+    if stopped_for is not None:
+        return False
+    return ended is None or (ended.crash is None and ended.signal == signal.SIGKILL and "error" not in ended.report)
+
+
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
     """Returns a reason of at most 1024 characters that ends with as many last log lines as fit."""
     head = without_escapes(head)

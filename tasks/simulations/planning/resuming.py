@@ -10,7 +10,7 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError
 from ...catalog import Resource
-from ...runtime.states.checkpoint_files import CheckpointError, resumable_plan
+from ...runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from ..environment.run_environment import run_sandbox
 
 CHECKPOINTS_FOLDER = "checkpoints"
@@ -61,6 +61,16 @@ def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
         return None
     _logger.info("%s goes on from %.3f s of simulated time, where its last checkpoint is", job.arn, last.sim_time_s)
     return plan
+
+
+def reached_s(folder: Path) -> float:
+    """How far a run has come: simulated time of its last checkpoint, in seconds; 0 before the first.
+
+    Args:
+        folder: of the run.
+    """
+    last = last_checkpoint(folder / CHECKPOINTS_FOLDER)
+    return last[1].sim_time_s if last else 0.0
 
 
 def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
