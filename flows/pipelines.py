@@ -292,6 +292,8 @@ class PipelineRun:
 
         def watch(told: Progress) -> None:
             nonlocal progress
+            if told.note and told.note != progress.note:
+                self._listener(Note(f"{name}: {told.note}"))
             progress = told
             self._listener(StepProgress(name, earlier.with_counts(told.counts), parts[0].total or told.total))
 

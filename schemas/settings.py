@@ -7,7 +7,7 @@
 | `ROBOMAKER_OBJECT_STORE` | folder, or URL of an S3 endpoint (`https://…`), or `aws` | `objects` under the home |
 | `ROBOMAKER_REGION`, `ROBOMAKER_ACCOUNT` | what ARNs say | `us-east-1`, `000000000000` |
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
-| `ROBOMAKER_BACKEND` | where the jobs of batches run: `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
+| `ROBOMAKER_BACKEND` | where jobs of batches run: `by-hand`, `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once on this machine, whatever batches ask for | number of CPUs |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
@@ -65,8 +65,8 @@ class Settings(Model):
     )
     backend: str = Field(
         default="local",
-        pattern=r"^(local|(workers|dask|ray):.+)$",
-        description="Where the jobs of batches run: local, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
+        pattern=r"^(local|by-hand|(workers|dask|ray):.+)$",
+        description="Where the jobs of batches run: local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once on this machine, whatever batches ask for.")
     max_job_disk_gb: int = Field(

@@ -117,6 +117,9 @@ class SimulationJobProgress(FailureChanges):
     run_id: str | None = Field(default=None, description="Id of its last run; absent: it has not run.")
     last_started_at: str | None = Field(default=None, description="When that run began.")
     network_interface: StoredNetworkInterface | None = Field(default=None, description="Network of that run.")
+    reached_s: float = Field(
+        default=0.0, description="How far its runs had come when one went on, in simulated seconds."
+    )
     attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
     verdict: Verdict | None = Field(

@@ -3,6 +3,7 @@
 | `ROBOMAKER_BACKEND` | job workers are |
 | --- | --- |
 | `local` | threads of the process that runs the batch; nothing here is used |
+| `by-hand` | started by hand, by SSH for instance |
 | `workers:POOL` | flow runs of a Prefect work pool |
 | `dask:tcp://HOST:8786` | one for each worker of a Dask cluster |
 | `ray:HOST:6379` | one for each node of a Ray cluster |

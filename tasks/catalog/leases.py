@@ -141,6 +141,15 @@ class CatalogLeases(CatalogReader):
             raise not_found(arn)
         return int(lost)
 
+    def forget_lost_workers(self, arn: str, owner: str) -> None:
+        """Counts the job workers that die from now on: a job that comes further does not keep killing them.
+
+        Args:
+            arn: the resource.
+            owner: holds its lease; otherwise nothing is changed.
+        """
+        self._lease(arn, resources.c.lease_owner == owner, {"lost_workers": 0})
+
     def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
         """The jobs that have not ended and that no job worker holds, oldest first.
 

@@ -66,6 +66,10 @@ class Lease:
             self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
         return self.job
 
+    def forget_lost_workers(self) -> None:
+        """Says that the job has come further than when its job workers died."""
+        self._service.catalog.forget_lost_workers(self.job.arn, self._owner)
+
     def refreshed(self) -> Resource:
         """The job as it is now."""
         self.job = self._service.catalog.get(self.job.arn)

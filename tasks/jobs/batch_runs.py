@@ -193,6 +193,7 @@ class BatchRun:
         if workers != self._workers:
             _logger.info("%s: %s", self._batch.id, workers)
             self._workers = workers
+            self._report()
 
     def _simulate(self, index: int, slots: "Slots") -> None:
         """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it."""
@@ -263,7 +264,9 @@ class BatchRun:
         failed = len(self._failed)
         # Requests that are no jobs yet wait as those do that are.
         counts["pending"] += len(self._requests) - counts.total() - failed
-        self._service.report_progress(Progress({**counts, "not created": failed}, len(self._requests)))
+        self._service.report_progress(
+            Progress({**counts, "not created": failed}, len(self._requests), note=self._workers)
+        )
 
     def _look(self) -> bool:
         """Records, several times a second, what the requests' tasks have brought about.

@@ -119,7 +119,6 @@ class JobRun:
         self._service = service
         self._stop = stop
         self._kills = 0  # of runs, from outside, since one came further than those before
-        self._reached_s = 0.0
 
     def run(self) -> None:
         """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
@@ -173,7 +172,7 @@ class JobRun:
             if left is None:
                 plan = self._run_step("prepare", lambda: self._prepared(run_id, ros_domain))
             else:
-                self._lease.update(SimulationJobProgress(attempts=self._document.attempts + 1))
+                self._note_attempt(run_id)
                 variables = {**left.environment, DOMAIN_VARIABLE: str(ros_domain)}  # another job may have the former
                 plan = left.model_copy(update={"environment": variables})
             next_run = self._carry_out(plan)
@@ -192,11 +191,16 @@ class JobRun:
                 self._clean_up(run_id)
         return next_run
 
+    def _note_attempt(self, run_id: str) -> None:
+        """Notes that a run goes on; where it has come further than the last time, dead job workers count anew."""
+        before, reached = self._document, reached_s(self._folder(run_id))
+        self._lease.update(SimulationJobProgress(attempts=before.attempts + 1, reached_s=reached))
+        if reached > before.reached_s:
+            self._lease.forget_lost_workers()
+
     def _may_try_again(self, run_id: str) -> bool:
         """Whether a run that was killed from outside is tried again; so it is as long as it comes further each time."""
-        reached = reached_s(self._folder(run_id))
-        self._kills = 1 if reached > self._reached_s else self._kills + 1
-        self._reached_s = max(reached, self._reached_s)
+        self._kills = 1 if reached_s(self._folder(run_id)) > self._document.reached_s else self._kills + 1
         return self._kills < MAX_LOST_WORKERS and self._why_stop() is None
 
     def _after_kill(self, why: str) -> "_Next":
@@ -210,7 +214,7 @@ class JobRun:
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         # What an earlier run failed of, and what it was judged to be, is nothing that this one has.
         begun = SimulationJobProgress(
-            run_id=run_id, failure_code=None, failure_reason=None, verdict=None, verdict_reason=None
+            run_id=run_id, failure_code=None, failure_reason=None, verdict=None, verdict_reason=None, reached_s=0.0
         )
         self._lease.transition("prepare", begun)
         self._outputs(run_id).prepare()

@@ -30,10 +30,11 @@ def homes(service: Service, tmp_path: Path) -> HomesBackend:
 def run_batch(service: Service, prefect_server: str, homes: HomesBackend) -> Callable[..., dict[str, Any]]:
     """Runs a batch on the homes and returns its description."""
 
-    def run(requests: list[dict[str, Any]], **policy: Any) -> dict[str, Any]:
+    def run(requests: list[dict[str, Any]], notes: list[str], **policy: Any) -> dict[str, Any]:
         request = {"createSimulationJobRequests": requests, "batchPolicy": policy}
         batch = call("StartSimulationJobBatch", request, service)
-        return registry()["StartSimulationJobBatch"].perform(batch["arn"], replace(service, backend=homes))
+        watched = replace(service, backend=homes).watched_by(lambda progress: notes.append(progress.note))
+        return registry()["StartSimulationJobBatch"].perform(batch["arn"], watched)
 
     return run
 
@@ -46,10 +47,13 @@ def counts(homes: HomesBackend) -> list[int]:
 def test_jobs_of_a_batch_run_on_both_machines_and_nothing_of_it_here(
     service: Service, order: Order, homes: HomesBackend, run_batch: Callable[..., dict[str, Any]]
 ) -> None:
-    batch = run_batch([order({"DURATION_S": "1"}) for _ in range(6)], maxConcurrency=2)
+    notes: list[str] = []
+
+    batch = run_batch([order({"DURATION_S": "1"}) for _ in range(6)], notes, maxConcurrency=2)
 
     assert batch["status"] == "Completed"
     assert [job["status"] for job in batch["createdRequests"]] == ["Completed"] * 6
     assert [ended.exit_code for ended in homes.ended] == [0, 0], homes.ended
     assert sum(counts(homes)) == 6
     assert all(counts(homes))
+    assert "2 job workers on this machine" in notes

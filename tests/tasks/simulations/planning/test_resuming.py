@@ -105,6 +105,8 @@ def test_the_next_worker_goes_on_and_ends_in_the_same_state(
     ended = call("DescribeSimulationJob", {"job": job["arn"]}, service)
     document = service.catalog.get(job["arn"]).document
     assert (ended["status"], document["runId"], document["attempts"]) == ("Completed", run.name, 2)
+    assert document["reachedS"] >= 1
+    assert service.catalog.lost_workers(job["arn"]) == 0, "the run has come further: its worker's death is forgotten"
     assert result_of(service, job).state_digest == result_of(service, whole).state_digest
     assert result_of(service, job).metrics == result_of(service, whole).metrics
     provenance = Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
