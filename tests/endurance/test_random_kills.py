@@ -37,10 +37,12 @@ def variables(postgres_database: str, s3_server: S3Server) -> dict[str, str]:
 
 
 @pytest.fixture
-def service(variables: dict[str, str], tmp_path: Path) -> Service:
+def service(variables: dict[str, str], tmp_path: Path) -> Iterator[Service]:
     """The service of the machine that runs the batch."""
     environ = {**variables, "ROBOMAKER_HOME": str(tmp_path / "laptop"), "ROBOMAKER_MAX_JOBS": "2"}
-    return Service.open(Settings.from_environment(environ), environ)
+    service = Service.open(Settings.from_environment(environ), environ)
+    yield service
+    service.catalog.close()
 
 
 @pytest.fixture
