@@ -19,9 +19,9 @@ RobomakerError
 │   ├── ObjectNotFoundError
 │   ├── StorageAccessDeniedError
 │   ├── ObjectExistsError                     a create-only write found something there
-│   ├── StorageFullError
 │   ├── ChecksumMismatchError
-│   ├── StorageUnavailableError               it does not answer; the same may work later
+│   ├── StorageUnavailableError               it does not answer, or cannot now; the same may work later
+│   │   └── StorageFullError
 │   └── TransferStoppedError                  a transfer that its caller stopped
 ├── BundleError                               an application archive that cannot be unpacked safely
 ├── WorldGenerationError                      no valid world within the allowed attempts
@@ -159,16 +159,19 @@ class ObjectExistsError(StorageError):
     """A create-only write found an object in its place."""
 
 
-class StorageFullError(StorageError):
-    """No space left where the bytes should go."""
-
-
 class ChecksumMismatchError(StorageError):
     """The bytes that arrived are not the bytes that were sent."""
 
 
 class StorageUnavailableError(StorageError):
-    """The object store does not answer, or says that it cannot now; the same may work later."""
+    """The object store does not answer, or says that it cannot now; the same may work later.
+
+    This is the only error of a store that jobs wait for; all others are for good.
+    """
+
+
+class StorageFullError(StorageUnavailableError):
+    """No space left where the bytes should go; there may be, once something is removed."""
 
 
 class TransferStoppedError(StorageError):

@@ -7,7 +7,7 @@ May import: `schemas`.
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
-from .publication import fetch, publish, read_manifest, store_unfinished, unpublish
+from .publication import fetch, publish, read_manifest, split_stored, store_unfinished, unpublish
 from .thinning import removed_before, thin
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "publish",
     "read_manifest",
     "removed_before",
+    "split_stored",
     "store_unfinished",
     "thin",
     "unpack",

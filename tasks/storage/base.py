@@ -44,6 +44,22 @@ class ObjectStore(Protocol):
         """
         ...
 
+    def probe(self, bucket: str) -> None:
+        """Asks once, and for a few seconds at most, whether the store answers; what it answers does not matter.
+
+        Raises:
+            StorageUnavailableError: it does not, or says that it cannot now.
+        """
+        ...
+
+    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+        """Finds an object that has a file's content already: its size, and its checksum as the store has it.
+
+        Returns:
+            `None`: there is none, or whether it is the same cannot be known.
+        """
+        ...
+
     def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
         ...

@@ -1,8 +1,11 @@
 """CRC32 as S3 writes it, of what is sent and of what has arrived."""
 
 import base64
+import hashlib
+import os
 import zlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
 from ...schemas.wire.errors import ChecksumMismatchError
@@ -42,6 +45,26 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
         raise ChecksumMismatchError(f"{what}: {answer['ContentLength']} bytes there, {size} here")
     if stored and stored != crc:
         raise ChecksumMismatchError(f"{what}: CRC32 {stored} there, {crc} here")
+
+
+def has_content(answer: Mapping[str, Any], path: Path) -> bool:
+    """Whether an object has a file's content, as far as a server's answer proves it.
+
+    Args:
+        answer: of HeadObject.
+        path: the file.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        if os.fstat(file.fileno()).st_size != answer["ContentLength"]:
+            return False
+        if answer.get("ChecksumCRC32") and answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT":
+            return measure(file)[1] == answer["ChecksumCRC32"]
+        # Of an object in one piece it is the MD5, but not where the server encrypts; then they differ.
+        digest = hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False))
+        return digest.hexdigest() == answer["ETag"].strip('"')
 
 
 def _written(crc: int) -> str:

@@ -72,6 +72,22 @@ class DirectoryStore:
                 self._name(temporary, bucket, key, create_only=False)
             return info
 
+    def probe(self, bucket: str) -> None:
+        """Looks for the bucket's folder: a network file system whose server is away does not answer that."""
+        check_bucket(bucket)
+        with os_failures(f"look into {self._root}"), suppress(FileNotFoundError, PermissionError, NotADirectoryError):
+            (self._root / bucket).stat()
+
+    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+        """Finds an object that has a file's content already, by its size and its MD5."""
+        with suppress(ObjectNotFoundError, BucketNotFoundError):
+            found = self.head(bucket, key)
+            with os_failures(f"read {path}"), open_regular(path) as content:
+                size = os.fstat(content.fileno()).st_size
+                if found.size_bytes == size and found.etag == etag_of(content.fileno()):
+                    return found
+        return None
+
     def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
         return run_all(lambda item: self.put_file(bucket, *item), files.items())

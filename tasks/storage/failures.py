@@ -4,9 +4,30 @@ import errno
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from ...schemas.wire.errors import StorageAccessDeniedError, StorageError, StorageFullError
+from ...schemas.wire.errors import (
+    StorageAccessDeniedError,
+    StorageError,
+    StorageFullError,
+    StorageUnavailableError,
+)
 
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_FULL = {errno.ENOSPC, errno.EDQUOT}
+# What a network file system says while its server is away; a connection that breaks or cannot be made.
+_AWAY = {
+    errno.EIO,
+    errno.EREMOTEIO,
+    errno.ESTALE,
+    errno.ETIMEDOUT,
+    errno.ENOTCONN,
+    errno.ECONNREFUSED,
+    errno.ECONNRESET,
+    errno.ECONNABORTED,
+    errno.EPIPE,
+    errno.EHOSTDOWN,
+    errno.EHOSTUNREACH,
+    errno.ENETDOWN,
+    errno.ENETUNREACH,
+}
 _DENIED = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 
@@ -30,6 +51,8 @@ def from_os_error(error: OSError, doing: str) -> StorageError:
     kind = StorageError
     if error.errno in _FULL:
         kind = StorageFullError
+    elif error.errno in _AWAY:
+        kind = StorageUnavailableError
     elif error.errno in _DENIED:
         kind = StorageAccessDeniedError
     return kind(f"cannot {doing}: {why}{where}")

@@ -23,7 +23,7 @@ from ...schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
-from .base import ObjectStore
+from .base import ObjectInfo, ObjectStore
 from .failures import os_failures
 from .folders import FolderFile, open_regular, regular_files, version_of
 from .naming import check_key, join_key
@@ -42,6 +42,7 @@ def publish(
     created_at: datetime,
     more: Sequence[FolderFile] = (),
     stored: Sequence[ManifestFile] = (),
+    resumes: bool = False,
 ) -> Manifest:
     """Stores all files of a folder, and last the manifest that makes them count.
 
@@ -57,6 +58,8 @@ def publish(
         created_at: the time of publication, with its time zone, for the manifest.
         more: files of other folders; their names differ from those in the folder and from each other.
         stored: what is under the prefix already, and belongs to it.
+        resumes: whether an earlier attempt may have stored a part; what is there with the same content is not
+            stored again.
 
     Raises:
         ObjectExistsError: something else is published under this prefix.
@@ -74,7 +77,8 @@ def publish(
     manifest = Manifest(created_at=created_at, about=dict(about), files=described)
     if (there := _published(store, bucket, prefix)) is not None:
         return _same(there, manifest, bucket, prefix)
-    store.put_files(bucket, {keys[file.name]: file.path for file in files})
+    wanted = {keys[file.name]: file.path for file in files}
+    store.put_files(bucket, split_stored(store, bucket, wanted)[1] if resumes else wanted)
     for file, version in zip(files, versions, strict=True):
         if version_of(file.path) != version:
             raise ChecksumMismatchError(f"{file.path} changed while it was being published")
@@ -82,7 +86,13 @@ def publish(
 
 
 def store_unfinished(
-    store: ObjectStore, bucket: str, prefix: str, folder: Path, *, more: Sequence[FolderFile] = ()
+    store: ObjectStore,
+    bucket: str,
+    prefix: str,
+    folder: Path,
+    *,
+    more: Sequence[FolderFile] = (),
+    resumes: bool = False,
 ) -> None:
     """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
 
@@ -92,13 +102,32 @@ def store_unfinished(
         prefix: the files' keys start with it, then a slash; may be empty.
         folder: what to store.
         more: files of other folders.
+        resumes: see `publish`.
 
     Raises:
         StorageError: a file cannot be read or stored, or is a symbolic link.
     """
     keys = {join_key(prefix, file.name): file.path for file in [*regular_files(folder), *more]}
     keys.pop(join_key(prefix, MANIFEST_NAME), None)
-    store.put_files(bucket, keys)
+    store.put_files(bucket, split_stored(store, bucket, keys)[1] if resumes else keys)
+
+
+def split_stored(
+    store: ObjectStore, bucket: str, files: Mapping[str, Path]
+) -> tuple[dict[str, ObjectInfo], dict[str, Path]]:
+    """Splits files into those that are stored already, with the same content, and those that are not.
+
+    Args:
+        store: where they belong.
+        bucket: where they belong.
+        files: by their keys.
+
+    Raises:
+        StorageError: that cannot be found out.
+    """
+    found = run_all(lambda item: store.find_same(bucket, *item), files.items())
+    there = {key: info for key, info in zip(files, found, strict=True) if info is not None}
+    return there, {key: path for key, path in files.items() if key not in there}
 
 
 def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:

@@ -9,6 +9,7 @@ An uploader that is killed leaves the parts of large files at the server, where 
 them: let a lifecycle rule of the bucket abort incomplete multipart uploads.
 """
 
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing
@@ -24,9 +25,15 @@ from botocore.exceptions import ClientError, IncompleteReadError, ReadTimeoutErr
 from s3transfer.exceptions import CancelledError, S3DownloadFailedError
 from s3transfer.subscribers import BaseSubscriber
 
-from ...schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError, TransferStoppedError
+from ...schemas.wire.errors import (
+    BucketNotFoundError,
+    ObjectNotFoundError,
+    StorageError,
+    StorageUnavailableError,
+    TransferStoppedError,
+)
 from .base import ObjectInfo, Stopped, never
-from .checksums import compare, crc32_of, measure
+from .checksums import compare, crc32_of, has_content, measure
 from .naming import check_bucket, check_key, check_prefix
 from .parallel import WORKERS, run_all
 from .s3_failures import s3_failures
@@ -45,6 +52,7 @@ _PART_BYTES = 16 << 20
 _CONFLICTS = 5
 _RESTARTS = 4
 _LOOK_S = 0.05
+_PROBE_S = 4
 # The last one is what a transfer makes of an object that is replaced between its parts.
 _BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3DownloadFailedError)
 
@@ -88,9 +96,12 @@ class S3Store:
             # Only AWS has a host name for every bucket.
             s3={"addressing_style": "path"} if endpoint_url else {},
         )
-        self._client = cast("_Session", session or boto3.Session()).client(
-            "s3", region_name=region, endpoint_url=endpoint_url, config=config
-        )
+        connect = cast("_Session", session or boto3.Session()).client
+        self._client = connect("s3", region_name=region, endpoint_url=endpoint_url, config=config)
+        once = config.merge(Config(retries={"total_max_attempts": 1}, connect_timeout=_PROBE_S, read_timeout=_PROBE_S))
+        self._connect_prober = lambda: connect("s3", region_name=region, endpoint_url=endpoint_url, config=once)
+        self._probing: S3Client | None = None
+        self._lock = threading.Lock()
         self._region = region
         self._endpoint = endpoint_url or f"AWS S3 ({region})"
         transfers = TransferConfig(
@@ -136,6 +147,31 @@ class S3Store:
             if path.stat().st_size < _PART_BYTES:
                 return self._put(bucket, key, path.read_bytes(), create_only=False)
             return self._put_large(bucket, key, path, stopped)
+
+    def probe(self, bucket: str) -> None:
+        """Asks once, and for a few seconds at most, whether the server answers; what it answers does not matter."""
+        check_bucket(bucket)
+        try:
+            with self._failures(f"look for the bucket {bucket}"):
+                self._prober().head_bucket(Bucket=bucket)
+        except StorageUnavailableError:
+            raise
+        except StorageError:
+            return  # that was an answer
+
+    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+        """Finds an object that has a file's content already: by its size and CRC32, or its MD5 where it has that."""
+        _check(bucket, key)
+        with self._failures(f"compare {path} with {bucket}/{key}"):
+            try:
+                answer = self._head(bucket, key)
+            except ClientError as error:
+                if _code(error) not in ("403", "AccessDenied"):  # who may put an object may not be allowed to look
+                    raise
+                return None
+            except (ObjectNotFoundError, BucketNotFoundError):
+                return None
+            return _info(bucket, key, answer) if has_content(answer, path) else None
 
     def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
@@ -210,6 +246,13 @@ class S3Store:
     def local_path(self, bucket: str, key: str) -> Path | None:  # noqa: ARG002 - the protocol's signature
         """None: the objects are not files of this machine."""
         return None
+
+    def _prober(self) -> "S3Client":
+        """A client without patience, made when it is asked for; boto3 makes one at a time."""
+        with self._lock:
+            if self._probing is None:
+                self._probing = self._connect_prober()
+            return self._probing
 
     def _failures(self, doing: str) -> AbstractContextManager[None]:
         return s3_failures(doing, self._endpoint)

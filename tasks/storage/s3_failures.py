@@ -11,12 +11,16 @@ from botocore.exceptions import (
     CredentialRetrievalError,
     FlexibleChecksumError,
     HTTPClientError,
+    IncompleteReadError,
     NoAuthTokenError,
     NoCredentialsError,
     PartialCredentialsError,
+    ProxyConnectionError,
+    SSLError,
     SSOError,
     TokenRetrievalError,
 )
+from botocore.exceptions import ConnectionError as NoConnectionError
 from s3transfer.exceptions import RetriesExceededError, S3DownloadFailedError, S3UploadFailedError, S3ValidationError
 
 from ...schemas.wire.errors import (
@@ -46,13 +50,20 @@ _BY_CODE: dict[str, type[StorageError]] = {
     "XMinioStorageFull": StorageFullError,
     "QuotaExceeded": StorageFullError,
     "XMinioAdminBucketQuotaExceeded": StorageFullError,
+    # These come with statuses that say otherwise: 400, or that of a throttled call.
+    "RequestTimeout": StorageUnavailableError,
+    "RequestTimeoutException": StorageUnavailableError,
+    "SlowDown": StorageUnavailableError,
+    "Throttling": StorageUnavailableError,
+    "ThrottlingException": StorageUnavailableError,
+    "TooManyRequests": StorageUnavailableError,
 }
 _BY_STATUS: dict[int, type[StorageError]] = {
     401: StorageAccessDeniedError,
     403: StorageAccessDeniedError,
     507: StorageFullError,
 }
-_LATER = {429, 500, 502, 503, 504}
+_LATER = {408, 429, 500, 502, 503, 504}
 _CLIENT_ERRORS = (
     ClientError,
     BotoCoreError,
@@ -70,6 +81,10 @@ _NO_CREDENTIALS = (
     TokenRetrievalError,
     SSOError,
 )
+# A name that is not known, a connection that is refused, breaks, or brings nothing in time.
+_BROKEN_CONNECTIONS = (HTTPClientError, NoConnectionError, IncompleteReadError)
+_NOT_TRUSTED = (SSLError, ProxyConnectionError)
+"""These are connection errors too, but settings have to change."""
 
 
 @contextmanager
@@ -100,7 +115,9 @@ def from_client_error(error: Exception, beginning: str) -> StorageError:
         )
     if isinstance(error, ChecksumError | FlexibleChecksumError):
         return ChecksumMismatchError(f"{beginning}: {error}")
-    if isinstance(error, HTTPClientError):
+    if isinstance(error, _NOT_TRUSTED):
+        return StorageError(f"{beginning}: {error}")
+    if isinstance(error, _BROKEN_CONNECTIONS):
         return StorageUnavailableError(f"{beginning}: {error}")
     return StorageError(f"{beginning}: {error}")
 

@@ -291,3 +291,28 @@ def test_any_sequence_of_writes_behaves_like_a_dictionary(
     assert list(listed) == sorted(model, key=str.encode)
     assert {key: store.get_bytes(bucket, key) for key in model} == model
     assert {key: store.head(bucket, key) for key in model} == listed
+
+
+def test_a_file_that_is_stored_already_is_found_by_its_content(store: ObjectStore, bucket: str, tmp_path: Path):
+    (tmp_path / "file").write_bytes(b"content")
+    put = store.put_file(bucket, "a/file", tmp_path / "file")
+    assert store.find_same(bucket, "a/file", tmp_path / "file") == put
+    for other in (b"tnetnoc", b"content and more", b""):
+        (tmp_path / "file").write_bytes(other)
+        assert store.find_same(bucket, "a/file", tmp_path / "file") is None
+    assert store.find_same(bucket, "a/missing", tmp_path / "file") is None
+    assert store.find_same("no-such-bucket-here", "a/file", tmp_path / "file") is None
+
+
+def test_a_large_file_that_is_stored_already_is_found_by_its_content(store: ObjectStore, bucket: str, tmp_path: Path):
+    content = bytes(range(256)) * (17 << 12)
+    (tmp_path / "large").write_bytes(content)
+    put = store.put_file(bucket, "large", tmp_path / "large")
+    assert store.find_same(bucket, "large", tmp_path / "large") == put
+    (tmp_path / "large").write_bytes(content[:-1] + b"x")
+    assert store.find_same(bucket, "large", tmp_path / "large") is None
+
+
+def test_a_store_that_is_there_answers_a_probe_whatever_the_bucket(store: ObjectStore, bucket: str):
+    store.probe(bucket)
+    store.probe("no-such-bucket-here")

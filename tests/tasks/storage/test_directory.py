@@ -1,5 +1,6 @@
 """What is particular to a directory: names, links, full disks, ETags that need no reading, crashes."""
 
+import errno
 import hashlib
 import os
 import signal
@@ -16,9 +17,11 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
     StorageFullError,
+    StorageUnavailableError,
 )
 from prefect_robomaker.tasks.storage import etags
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.failures import from_os_error
 
 BUCKET = "bucket"
 
@@ -193,3 +196,25 @@ def test_a_killed_writer_leaves_only_whole_objects(tmp_path: Path):
         assert content == content[:1] * 2_000_000
         assert hashlib.md5(content).hexdigest() == info.etag
     store.put_bytes(BUCKET, "0/object", b"and goes on")
+
+
+@pytest.mark.parametrize(
+    ("number", "kind"),
+    [
+        (errno.EIO, StorageUnavailableError),
+        (errno.ESTALE, StorageUnavailableError),
+        (errno.ETIMEDOUT, StorageUnavailableError),
+        (errno.EHOSTDOWN, StorageUnavailableError),
+        (errno.ENOSPC, StorageFullError),
+        (errno.EDQUOT, StorageFullError),
+        (errno.EACCES, StorageAccessDeniedError),
+        (errno.EROFS, StorageAccessDeniedError),
+        (errno.EFBIG, StorageError),
+        (errno.ENAMETOOLONG, StorageError),
+    ],
+)
+def test_what_a_file_system_says_becomes_our_error(number: int, kind: type[StorageError]):
+    """What a network file system says whose server is away can be waited for, and so can a full one."""
+    error = from_os_error(OSError(number, os.strerror(number), "/mnt/objects/a"), "store a")
+    assert type(error) is kind
+    assert isinstance(error, StorageUnavailableError) == (kind in (StorageUnavailableError, StorageFullError))

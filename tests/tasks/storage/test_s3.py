@@ -276,8 +276,10 @@ def test_an_endpoint_that_does_not_answer_is_named(tmp_path: Path):
             lambda: store.put_file(BUCKET, "large", tmp_path / "large"),
             lambda: store.ensure_bucket(BUCKET),
         ):
-            with pytest.raises(StorageError, match=endpoint):
+            with pytest.raises(StorageUnavailableError, match=endpoint):
                 call()
+        with pytest.raises(StorageUnavailableError, match=endpoint):
+            store.probe(BUCKET)
 
 
 class CuttingProxy:
@@ -391,6 +393,14 @@ def test_a_download_that_never_succeeds_leaves_nothing(s3: S3Store, s3_server: S
         ("InsufficientStorage", 507, StorageFullError),
         ("SomethingNew", 507, StorageFullError),
         ("InternalError", 500, StorageUnavailableError),
+        ("SlowDown", 503, StorageUnavailableError),
+        ("503", 503, StorageUnavailableError),
+        ("XMinioServerNotInitialized", 503, StorageUnavailableError),
+        ("BadGateway", 502, StorageUnavailableError),
+        ("GatewayTimeout", 504, StorageUnavailableError),
+        ("RequestTimeout", 400, StorageUnavailableError),
+        ("InvalidAccessKeyId", 403, StorageAccessDeniedError),
+        ("MethodNotAllowed", 405, StorageError),
     ],
 )
 def test_answers_of_any_server_become_our_errors(code: str, status: int, kind: type[StorageError]):
