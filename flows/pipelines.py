@@ -361,7 +361,7 @@ class PipelineRun:
         if self._is_canceled:  # while the job was made
             self.cancel()
 
-        with self._service.watched_by(watch).activated():
+        with self._service.watched_by(watch, lambda text: self._listener(Note(text))).activated():
             answer, _ = perform(step.operation, output["arn"])
             return answer
 

@@ -11,6 +11,7 @@
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once on this machine, whatever batches ask for | number of CPUs |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
+| `ROBOMAKER_STORE_PATIENCE_MIN` | how long a job waits for an object store that does not answer, in minutes | 30 |
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
 | `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
@@ -48,6 +49,8 @@ DEFAULT_MAX_WORLDS_PER_JOB = 50
 """What the service allowed."""
 DEFAULT_MAX_LATE_HOURS = 6
 """A night begins before people come to work, or not at all."""
+DEFAULT_STORE_PATIENCE_MIN = 30
+"""A server that is updated is back by then, and so is one whose disk a person cleans up."""
 
 
 class Settings(Model):
@@ -74,6 +77,11 @@ class Settings(Model):
     )
     max_worlds_per_job: int = Field(
         default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
+    )
+    store_patience_min: int = Field(
+        default=DEFAULT_STORE_PATIENCE_MIN,
+        ge=1,
+        description="How long a job waits for an object store that does not answer, in minutes.",
     )
     refuse_deprecated: bool = Field(
         default=False, description="Whether requests are refused that the service refused in its last years."
@@ -115,6 +123,7 @@ class Settings(Model):
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
             "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
             "max_worlds_per_job": max_worlds_per_job(environ),
+            "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),
             "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
             "verdict_fails_run": _switch(environ, "ROBOMAKER_VERDICT_FAILS_RUN", default="1"),

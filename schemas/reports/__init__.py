@@ -9,6 +9,7 @@ __all__ = [
     "comparison",
     "history",
     "inputs",
+    "kept_outputs",
     "progress",
     "report",
     "retention",

@@ -14,6 +14,7 @@ __all__ = [
     "generation_runs",
     "job_folders",
     "job_runs",
+    "kept_outputs",
     "machine_slots",
     "world_jobs",
 ]

@@ -15,7 +15,7 @@ from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
-from ...schemas.wire.errors import ServiceError, StorageError
+from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
 from ..backends.backend import Backend
 from ..catalog import ClientToken, Resource
 from ..execution.job_leases import Lease
@@ -70,6 +70,7 @@ class BatchRun:
         document = SimulationJobBatchDocument.of(batch)
         self._service = service.ordered_by(document.spec_run, reuse=document.reuse)
         self._policy, self._requests = document.batch_policy, document.requests
+        self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
@@ -220,7 +221,11 @@ class BatchRun:
             return None
         request, token = self._request(index)
         try:
-            job = store_job(request, self._service, token=token, batch=(self._arn, index))
+            job = store_job(request, self._patient, token=token, batch=(self._arn, index))
+        except StorageUnavailableError as error:
+            if not self._why_stop():
+                self._fail_request(index, "InternalServiceError", str(error))
+            return None
         except ServiceError as error:
             self._fail_request(index, _FAILURE_CODES.get(error.code, "InternalServiceError"), str(error))
             return None
@@ -234,14 +239,14 @@ class BatchRun:
 
     def _reuse_results(self) -> None:
         """Makes jobs of the requests whose results are there already; the others are left to be run."""
-        applications = CurrentApplications(self._service)
+        applications = CurrentApplications(self._patient)
         for index in self._waiting():
             if self._why_stop():
                 return
             request, token = self._request(index)
             with suppress(ServiceError, StorageError):  # what is wrong with it is said when it is to be run
                 place = (self._arn, index)
-                if reuse_job(request, self._service, token=token, batch=place, applications=applications):
+                if reuse_job(request, self._patient, token=token, batch=place, applications=applications):
                     self._made.add(index)
         self._report()
 

@@ -10,6 +10,7 @@ from ...schemas.wire.errors import (
     ResourceNotFoundException,
     StorageAccessDeniedError,
     StorageError,
+    StorageUnavailableError,
 )
 from ..catalog import Resource
 from ..execution.job_leases import Lease
@@ -54,7 +55,13 @@ def _stored_archive(lease: Lease, service: Service) -> bool:
     from ..worlds.export import export_worlds
 
     stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
-    return export_worlds(lease.job, service, stopped, step_runner()) is not None
+    patient = service.patient(lease.job.id, stopped)
+    try:
+        return export_worlds(lease.job, patient, stopped, step_runner()) is not None
+    except StorageUnavailableError:
+        if stopped():
+            return False
+        raise
 
 
 def _remove_archive(job: Resource, service: Service) -> None:

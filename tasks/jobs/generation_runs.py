@@ -14,12 +14,13 @@ from ...schemas.documents.world_generation_jobs import (
 )
 from ...schemas.operations.world_generation_jobs import too_many_worlds
 from ...schemas.wire.common import shorten
-from ...schemas.wire.errors import StateConflictError
+from ...schemas.wire.errors import StateConflictError, StorageError
 from ...schemas.wire.ids import world_id
 from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..execution.task_runs import step_runner
 from ..service.service import Progress, Service
+from ..simulations.outputs.output_places import prepare_bucket
 from ..worlds.builders import WorldBuilders
 from ..worlds.generation import WorldFailure, generate_world
 from ..worlds.reuse import reuse_world
@@ -66,8 +67,8 @@ class GenerationRun:
 
     def __init__(self, lease: Lease, service: Service) -> None:
         self._lease = lease
-        self._service = service
         self._job = job = lease.job
+        self._service = service.patient(job.id, self._stopped)
         self._total = WorldGenerationJobDocument.of(job).request.world_count.total
         self._lock = threading.Lock()
         self._made: set[str] = set()
@@ -84,6 +85,8 @@ class GenerationRun:
             missing = [(index, arn) for index, arn in missing if not self._reused(index, arn)]
         if missing and not self._stopped():
             self._record_failures()  # those of a job worker that died are tried again
+            with suppress(StorageError):  # worlds that cannot be stored now are not worth building; they say so
+                prepare_bucket(self._service, self._service.settings.bucket)
             self._generate(missing)
         self._settle()
 

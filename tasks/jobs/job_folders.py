@@ -41,7 +41,7 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
         for each in folder.glob("*"):  # also what job workers left that died
             if each.name not in kept:
                 remove_run(each)
-    elif not has_containers(run) and _has_unstored(run):
+    elif not has_containers(run) and has_unstored(run):
         for each in run.iterdir():
             if each.name not in NOT_STORED:
                 remove(each)
@@ -105,6 +105,6 @@ def _is_abandoned(job: Resource, service: Service) -> bool:
     return has_run_out and died_here(owner)  # not where its machine slept for a while
 
 
-def _has_unstored(run: Path) -> bool:
+def has_unstored(run: Path) -> bool:
     """Whether there is something in a run's folder that was to be stored."""
     return any((run / "output").glob("*")) or any((run / name).exists() for name in NOT_STORED[1:])

@@ -24,6 +24,7 @@ from ...schemas.wire.errors import (
     ServiceUnavailableException,
     StateConflictError,
     StorageError,
+    StorageUnavailableError,
 )
 from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.job_leases import Lease
@@ -217,10 +218,13 @@ class JobRun:
             run_id=run_id, failure_code=None, failure_reason=None, verdict=None, verdict_reason=None, reached_s=0.0
         )
         self._lease.transition("prepare", begun)
-        self._outputs(run_id).prepare()
-        remove_containers_of_job(folder.parent)  # of job workers that died together with all that they had started
-        is_stopped = lambda: self._why_stop() is not None  # noqa: E731
-        plan = run_plan(self._lease.job, run_id, folder, self._service, ros_domain, is_stopped)
+        service = self._service.patient(self._lease.job.id, self._is_stopped)
+        try:
+            RunOutputs(self._lease.job, run_id, folder, service).prepare()
+            remove_containers_of_job(folder.parent)  # of job workers that died together with all that they had started
+            plan = run_plan(self._lease.job, run_id, folder, service, ros_domain, self._is_stopped)
+        except StorageUnavailableError as error:
+            raise LaunchError(str(error), "InternalServiceError") from error
         made_of = contents_of_plan(plan, self._document.request)
         self._lease.transition(
             "start",
@@ -281,6 +285,10 @@ class JobRun:
 
     # Stopping
 
+    def _is_stopped(self) -> bool:
+        """Whether the job has to end."""
+        return self._why_stop() is not None
+
     def _why_stop(self) -> StopReason | None:
         """Why the job has to end, if it has to."""
         return self._asked()[1]
@@ -323,12 +331,19 @@ class JobRun:
     def _outputs(self, run_id: str) -> RunOutputs:
         return RunOutputs(self._lease.job, run_id, self._folder(run_id), self._service)
 
-    def _published(self, run_id: str, outcome: Outcome) -> Outcome:
-        """Stores the outputs; returns the outcome, which is a failure when that does not work."""
+    def _published(self, run_id: str, outcome: Outcome, *, resumes: bool = False) -> Outcome:
+        """Stores the outputs; returns the outcome, which is a failure when that does not work.
+
+        Args:
+            run_id: the run that left them.
+            outcome: how it ended.
+            resumes: whether a job worker that died may have stored a part of them.
+        """
         outputs = self._outputs(run_id)
         settle_containers(self._folder(run_id), outputs.output_dir)
         try:
-            place = outputs.store(outcome.about_run(), finished=bool(self._document.finished))
+            finished = bool(self._document.finished)
+            place = outputs.store(outcome.about_run(), finished=finished, stopped=self._is_stopped, resumes=resumes)
         except (StorageError, OSError) as error:
             return without_outputs(outcome, failure_code_of(error), outputs.not_stored(error))
         return outcome.model_copy(update={"outputs": place})
@@ -342,11 +357,11 @@ class JobRun:
         if run_id is None or document.finished is None:
             return outcome  # it ended before it ran
         if self._folder(run_id).is_dir():
-            return self._published(run_id, outcome)
+            return self._published(run_id, outcome, resumes=True)
         outputs = self._outputs(run_id)
         try:
             if document.finished:
-                outputs.were_stored()
+                outputs.were_stored(self._is_stopped)
         except StorageError as error:
             where = f"s3://{outputs.bucket}/{outputs.prefix}"
             reason = f"the machine it ran on died before its outputs were stored in {where}: {error}"
@@ -387,7 +402,7 @@ class JobRun:
         place, not_stored = None, None
         try:
             about = {**outcome.about_run(), "restarted": restarted}
-            place = outputs.store(about, finished=finished, stopped=lambda: self._why_stop() is not None)
+            place = outputs.store(about, finished=finished, stopped=self._is_stopped)
         except (StorageError, OSError) as error:
             if self._why_stop() is not None:
                 return

@@ -6,6 +6,7 @@ itself calls (in a worker, from a schedule) find it through `Service.current`.
 
 import os
 import random
+import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -23,9 +24,11 @@ from ..backends.backend import Backend
 from ..backends.opening import open_backend
 from ..catalog import Catalog, ClientToken, Resource
 from ..storage import open_store
-from ..storage.base import ObjectStore
+from ..storage.base import ObjectStore, Stopped
 from .builtin_applications import register_builtins
 from .home import prepare_home
+from .patience import Patience
+from .patient_store import PatientStore, at_once
 from .timing import Timing
 
 
@@ -41,6 +44,10 @@ class Progress:
 
 def _ignore(progress: Progress) -> None:
     """Ignores progress, when there is no listener."""
+
+
+def _ignore_note(text: str) -> None:
+    """Ignores a note, when there is no listener."""
 
 
 def _utc_now() -> datetime:
@@ -76,6 +83,9 @@ class Service:
     report_progress: Callable[[Progress], None] = _ignore
     """Told of every change while a job operation is performed; called from several threads."""
 
+    report_note: Callable[[str], None] = _ignore_note
+    """Told what a person who watches should know now, such as that a job waits; called from several threads."""
+
     spec_run: SpecRun | None = None
     """The run of a specification that this service is used by; `None`: none."""
 
@@ -92,7 +102,8 @@ class Service:
         catalog = Catalog.open(settings.catalog_url, clock=_utc_now)
         store = open_store(settings, os.environ if environ is None else environ)
         register_builtins(catalog, settings)
-        return cls(settings=settings, catalog=catalog, store=store, backend=backend)
+        timing = Timing(store_patience_s=60.0 * settings.store_patience_min)
+        return cls(settings=settings, catalog=catalog, store=store, timing=timing, backend=backend)
 
     @classmethod
     def current(cls) -> "Service":
@@ -108,9 +119,34 @@ class Service:
         finally:
             _active.reset(token)
 
-    def watched_by(self, listener: Callable[[Progress], None]) -> "Service":
-        """The same service, whose progress `listener` is told of."""
-        return replace(self, report_progress=listener)
+    def watched_by(self, listener: Callable[[Progress], None], told: Callable[[str], None] | None = None) -> "Service":
+        """The same service, whose progress `listener` is told of, and whose notes `told` gets."""
+        return replace(self, report_progress=listener, report_note=told or self.report_note)
+
+    def patient(
+        self,
+        job_id: str,
+        stopped: Stopped,
+        *,
+        patience_s: float | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> "Service":
+        """The same service for a job's work: its object store waits while it does not answer, and says so.
+
+        Args:
+            job_id: the job that waits, for notes.
+            stopped: asked several times a second whether to wait no more.
+            patience_s: how long; absent: as the settings say.
+            sleep: waits, in seconds.
+        """
+        patience = Patience(
+            self.timing.store_patience_s if patience_s is None else patience_s,
+            self.timing.store_pause_s,
+            stopped,
+            lambda text: self.report_note(f"{job_id}: {text}"),
+            sleep,
+        )
+        return replace(self, store=PatientStore(at_once(self.store), patience))
 
     @property
     def reuses(self) -> bool:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from ...schemas.settings import DEFAULT_STORE_PATIENCE_MIN
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -20,7 +22,13 @@ class Timing:
     """How often a job with rolling uploads looks for finished files."""
 
     store_pause_s: float = 1.0
-    """How long after a store did not answer it is asked again; each further pause is twice as long."""
+    """How long after a store did not answer it is asked again; longer and longer, see `patience.py`."""
+
+    store_patience_s: float = 60.0 * DEFAULT_STORE_PATIENCE_MIN
+    """How long a job waits for a store that does not answer."""
+
+    store_grace_s: float = 15.0
+    """The same for what is stored of a job that was told to stop before."""
 
     after_kill_s: float = 1.0
     """How long after a run was killed from outside it is tried again: memory may be short just now."""

@@ -4,7 +4,7 @@ import hashlib
 import json
 import tempfile
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
 from ..execution.events import tell_of_world
 from ..execution.task_runs import RunStep
+from ..service.patient_store import at_once, patiently
 from ..service.service import Service
 from ..simulations.outputs.output_places import prepare_bucket
 from ..storage import publish
@@ -58,7 +59,10 @@ def generate_world(
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             folder = Path(scratch, "bundle")
             content = builders.build(document.template_body, *seeds, folder)
-            run_step("upload", lambda: _store(service, job, index, world_arn, folder, content))
+            # A bundle is held while it is stored, and must not be held while the store is waited for.
+            held = replace(service, store=at_once(service.store))
+            store = lambda: _store(held, job, index, world_arn, folder, content)  # noqa: E731
+            run_step("upload", lambda: patiently(service.store, service.settings.bucket, store))
     except WorldGenerationError as error:
         return WorldFailure("InternalServiceError", str(error))
     except (StorageError, OSError) as error:

@@ -1,9 +1,12 @@
 """Worlds of a fixed seed that are there already: found again by what they were made of, not generated anew."""
 
+from dataclasses import replace
+
 from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
+from ..service.patient_store import at_once
 from ..service.service import Service
 from ..storage import read_manifest
 from .bundles import bundle_held
@@ -44,8 +47,10 @@ def reuse_world(service: Service, job: Resource, index: int, arn: str) -> bool:
     bundle = WorldDocument.of(found).bundle if found is not None else None
     if found is None or bundle is None:
         return False
-    with bundle_held(bundle, service):
-        if not _is_stored(bundle, service):  # its last world was deleted just now
+    with bundle_held(bundle, service):  # and not for as long as a store is away
+        if not _is_stored(
+            bundle, replace(service, store=at_once(service.store))
+        ):  # its last world was deleted just now
             return False
         add_world(service, job, index, arn, bundle, WorldDocument.of(found).reused_from or found.arn)
     return True

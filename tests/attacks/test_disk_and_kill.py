@@ -17,7 +17,9 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import open_store
+from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
 Order = Callable[..., dict[str, Any]]
 MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
@@ -56,7 +58,7 @@ def test_outputs_that_do_not_fit_into_the_store_fail_the_job_without_a_manifest(
     store = open_store(settings, {})
     store.ensure_bucket("applications")
     store.put_bytes("applications", "hostile.tar.gz", service.store.get_bytes("applications", "hostile.tar.gz"))
-    full = Service(settings=settings, catalog=service.catalog, store=store)
+    full = Service(settings, service.catalog, store, timing=Timing(store_patience_s=0.0))
     job = call("CreateSimulationJob", hostile("hostile.arena.filling"), full)
 
     ended = registry()["CreateSimulationJob"].perform(job["arn"], full)
@@ -71,6 +73,29 @@ def test_outputs_that_do_not_fit_into_the_store_fail_the_job_without_a_manifest(
         path.unlink()
     job = call("CreateSimulationJob", hostile(), full)
     assert registry()["CreateSimulationJob"].perform(job["arn"], full)["status"] == "Completed"
+    check_manifests(small_disk)
+
+
+def test_outputs_that_do_not_fit_wait_until_there_is_space(
+    service: Service, hostile: Order, small_disk: Path, prefect_server: str
+) -> None:
+    store = DirectoryStore(small_disk)
+    store.ensure_bucket("applications")
+    store.put_bytes("applications", "hostile.tar.gz", service.store.get_bytes("applications", "hostile.tar.gz"))
+    notes: list[str] = []
+
+    def make_space(text: str) -> None:
+        notes.append(text)
+        subprocess.run(["mount", "-o", "remount,size=50m", small_disk], check=True)
+
+    full = replace(service, store=store, timing=Timing(store_pause_s=0.1), report_note=make_space)
+    job = call("CreateSimulationJob", hostile("hostile.arena.filling"), full)
+
+    ended = registry()["CreateSimulationJob"].perform(job["arn"], full)
+
+    assert ended["status"] == "Completed", ended["failureReason"]
+    assert "No space left on device" in notes[0]
+    assert len(manifests(small_disk)) == 1
     check_manifests(small_disk)
 
 

@@ -77,7 +77,55 @@ def s3_server() -> Iterator[S3Server]:
         shutil.rmtree(data, ignore_errors=True)
 
 
+class MortalS3Server:
+    """A server of one test's own, which the test kills, brings back with what it had stored, or makes hang.
+
+    Args:
+        data: an empty folder.
+        running: ends the server.
+    """
+
+    def __init__(self, data: Path, running: ExitStack) -> None:
+        self._folder, self._ports, self.server, self._process = _first(data)
+        running.callback(lambda: _stop(self._process, self._ports))
+
+    def kill(self) -> None:
+        """Ends it, as power that fails does; connections are refused from now on."""
+        _stop(self._process, self._ports)
+
+    def come_back(self) -> None:
+        """Starts it again, on the same address and with the same objects."""
+        self._process = _launch(self._folder, self._ports, self.server)
+        if not _ready(self.server, self._process):
+            raise RuntimeError(f"weed does not come back; its log is:\n{(self._folder / 'log').read_text()[-4000:]}")
+
+    def hang(self) -> None:
+        """Stops all work; connections are taken, and nothing is answered."""
+        os.killpg(self._process.pid, signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Ends the hanging."""
+        os.killpg(self._process.pid, signal.SIGCONT)
+
+
+@pytest.fixture
+def mortal_s3() -> Iterator[MortalS3Server]:
+    """A server that a test may kill."""
+    data = Path(tempfile.mkdtemp(prefix="robomaker-s3-"))
+    try:
+        with ExitStack() as running:
+            yield MortalS3Server(data, running)
+    finally:
+        shutil.rmtree(data, ignore_errors=True)
+
+
 def _start(data: Path, running: ExitStack) -> S3Server:
+    _, ports, server, process = _first(data)
+    running.callback(_stop, process, ports)
+    return server
+
+
+def _first(data: Path) -> tuple[Path, dict[str, int], S3Server, subprocess.Popen[bytes]]:
     folder = data
     for attempt in range(_STARTS):
         folder = data / str(attempt)
@@ -85,18 +133,17 @@ def _start(data: Path, running: ExitStack) -> S3Server:
         server = S3Server(f"http://127.0.0.1:{ports['s3.port']}")
         process = _launch(folder, ports, server)
         if _ready(server, process):
-            running.callback(_stop, process, ports)
-            return server
+            return folder, ports, server, process
         _stop(process, ports)  # most likely somebody took one of the ports
     raise RuntimeError(f"weed does not start; its log is:\n{(folder / 'log').read_text()[-4000:]}")
 
 
 def _launch(folder: Path, ports: dict[str, int], server: S3Server) -> subprocess.Popen[bytes]:
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     arguments = [f"{name}={port}" for name, port in ports.items()]
     arguments += [f"dir={folder}", "ip=127.0.0.1", "ip.bind=127.0.0.1", "s3.iam.readOnly=false", *_MORE]
     keys = {"AWS_ACCESS_KEY_ID": server.access_key, "AWS_SECRET_ACCESS_KEY": server.secret_key}
-    with (folder / "log").open("wb") as log:
+    with (folder / "log").open("ab") as log:
         return subprocess.Popen(
             [Path(sys.executable).with_name("weed"), "-logtostderr=true", "mini", *(f"-{item}" for item in arguments)],
             env={**os.environ, **keys, "TMPDIR": str(folder)},

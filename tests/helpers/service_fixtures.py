@@ -4,6 +4,7 @@ import copy
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,20 @@ from helpers.small_flat import BODY, ROLE
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 
 @pytest.fixture
-def service(settings: Settings) -> Service:
+def timing() -> Timing:
+    """How long the service waits for what; tests give others by `parametrize`."""
+    return Timing()
+
+
+@pytest.fixture
+def service(settings: Settings, timing: Timing) -> Service:
     """An empty service."""
-    return Service.open(settings, {})
+    return replace(Service.open(settings, {}), timing=timing)
 
 
 @pytest.fixture

@@ -4,8 +4,10 @@ import fcntl
 import glob
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TextIO
 
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.wire.errors import (
@@ -15,10 +17,15 @@ from ....schemas.wire.errors import (
     ObjectNotFoundError,
     StorageAccessDeniedError,
     StorageError,
+    StorageUnavailableError,
 )
 from ...catalog import Resource
+from ...service.patient_store import at_once, patiently, stopped_of
 from ...service.service import Service
 from ...storage import ObjectInfo, fetch, unpack
+from ...storage.base import Stopped, never
+
+_LOOK_S = 0.1
 
 
 def world_bundle(world: Resource, service: Service) -> Path:
@@ -32,9 +39,10 @@ def world_bundle(world: Resource, service: Service) -> Path:
         raise StorageError(f"{world.arn} has no stored bundle")
 
     def fill(folder: Path) -> None:
-        fetch(service.store, bundle.bucket, bundle.prefix, folder)
+        fetch(at_once(service.store), bundle.bucket, bundle.prefix, folder)
 
-    return _once(service.folder("cache", "worlds") / bundle.last_part, fill)
+    folder = service.folder("cache", "worlds") / bundle.last_part
+    return patiently(service.store, bundle.bucket, lambda: _once(folder, fill, stopped_of(service.store)))
 
 
 def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:
@@ -61,12 +69,13 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
         def fill(folder: Path) -> None:
             with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
                 archive = Path(scratch, "archive")
-                fetched = service.store.get_file(bucket, key, archive)
+                fetched = at_once(service.store).get_file(bucket, key, archive)
                 if fetched.etag != found.etag:
                     raise _changed(fetched, "it was looked at", found.etag, mismatch)
                 unpack(archive, folder)
 
-        return _once(service.folder("cache", "applications") / found.etag, fill)
+        folder = service.folder("cache", "applications") / found.etag
+        return patiently(service.store, bucket, lambda: _once(folder, fill, stopped_of(service.store)))
     except BundleError as error:
         raise LaunchError(f"s3://{bucket}/{key}: {error}", f"InvalidBundle{role}Application") from error
     except (BucketNotFoundError, ObjectNotFoundError, StorageAccessDeniedError) as error:
@@ -79,12 +88,18 @@ def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> Lau
     )
 
 
-def _once(folder: Path, fill: Callable[[Path], None]) -> Path:
-    """Fills a folder unless it is there; of several processes one does it, a failed one leaves nothing."""
+def _once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
+    """Fills a folder unless it is there; of several processes one does it, a failed one leaves nothing.
+
+    The lock is not kept while the store is waited for, so that all who need the folder wait equally long.
+    """
     if folder.is_dir():
         return folder
     with (folder.parent / f".{folder.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        while not _locked(lock):
+            if stopped():
+                raise StorageUnavailableError(f"{folder.name} is not waited for any more: another job fetches it")
+            time.sleep(_LOOK_S)
         if not folder.is_dir():
             part = folder.with_name(f".{folder.name}.part")
             _remove_parts(part)  # of a filler that was killed
@@ -94,6 +109,15 @@ def _once(folder: Path, fill: Callable[[Path], None]) -> Path:
             finally:
                 _remove_parts(part)
     return folder
+
+
+def _locked(file: TextIO) -> bool:
+    """Takes a lock, unless another has it."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _remove_parts(part: Path) -> None:

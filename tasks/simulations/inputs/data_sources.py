@@ -14,6 +14,7 @@ from ....schemas.wire.errors import (
     LaunchError,
     StorageAccessDeniedError,
     StorageError,
+    StorageUnavailableError,
 )
 from ...service.service import Service
 from ...storage import unpack
@@ -29,6 +30,7 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
 
     Raises:
         InvalidParameterException: an object does not exist or cannot be read, or there are too many.
+        StorageUnavailableError: the object store does not answer.
     """
     resolved: list[ResolvedDataSource] = []
     objects: list[ObjectInfo] = []
@@ -59,6 +61,7 @@ def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, 
 
     Raises:
         LaunchError: an object is gone, has changed, or is no archive.
+        StorageUnavailableError: the object store does not answer.
     """
     # A destination inside of another's is filled later, as it would be mounted over it.
     for source in sorted(sources, key=lambda source: len(PurePosixPath(source.destination or "/").parts)):
@@ -69,6 +72,8 @@ def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, 
                 _fetch(source, item, folder, service)
             except StorageAccessDeniedError as error:
                 raise LaunchError(f"{place}: {error}", "BadPermissionsS3Object") from error
+            except StorageUnavailableError:
+                raise
             except (StorageError, BundleError) as error:
                 raise LaunchError(f"{place}: {error}", "InvalidS3Resource") from error
     for source in sources:
@@ -100,6 +105,8 @@ def _objects(config: Mapping[str, Any], place: str, service: Service) -> list[Ob
                 items = list(service.store.list(config["s3Bucket"], key))
             else:
                 items = [service.store.head(config["s3Bucket"], key)]
+        except StorageUnavailableError:
+            raise  # the request may be right
         except StorageError as error:
             raise InvalidParameterException(f"{where} cannot be read: {error}") from error
         if not items:

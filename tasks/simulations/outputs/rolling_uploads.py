@@ -107,6 +107,8 @@ class RollingUploads:
             digest = hashlib.file_digest(content, "sha256").hexdigest()
             size = content.tell()
         self._store.put_file(self._bucket, join_key(self._prefix, name), path, stopped=self._ended.is_set)
+        if self._ended.is_set():
+            return  # a store that hung answers only now, and the file may be stored with the other outputs already
         with (self._folder / _LEDGER).open("a") as ledger:
             ledger.write(json.dumps({"path": name, "size_bytes": size, "sha256": digest}) + "\n")
         path.unlink()

@@ -1,6 +1,5 @@
 """What a run leaves: its outputs and the files that upload configurations mean, stored in one place."""
 
-import logging
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,11 +14,11 @@ from ....schemas.wire.errors import (
     LaunchError,
     StorageAccessDeniedError,
     StorageError,
-    StorageUnavailableError,
 )
 from ...catalog import Resource
 from ...service.service import Service
 from ...storage import publish, read_manifest, store_unfinished
+from ...storage.base import Stopped, never
 from ...storage.folders import FolderFile, regular_files
 from ...storage.naming import check_key, join_key
 from .distinct_names import Found, distinct
@@ -31,17 +30,9 @@ from .upload_files import link_or_copy, visit_matches
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 """What of a run's folder stays when it could not be stored."""
 
-GIVE_UP_S = 3600.0
-"""How long storing is tried again and again."""
-
-_LONGEST_PAUSE_S = 60.0
-_LISTEN_EVERY_S = 0.5
-"""How often it is asked in a pause whether to give up."""
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
 _MOST_NOTES = 200
-
-_logger = logging.getLogger(__name__)
 
 
 class RunOutputs:
@@ -97,74 +88,80 @@ class RunOutputs:
         return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix, every_s)
 
     def store(
-        self, about: Mapping[str, Any], *, finished: bool, stopped: Callable[[], bool] = lambda: False
+        self,
+        about: Mapping[str, Any],
+        *,
+        finished: bool,
+        stopped: Stopped = never,
+        resumes: bool = False,
     ) -> StoredPlace:
         """Stores them; returns where.
 
         What a crashed or killed run left is stored too, but without a manifest: it is not whole. A store that does
-        not answer is asked again for an hour; a file that changes is stored again, a few times.
+        not answer is waited for, see `Service.patient`; a file that changes is stored again, a few times.
 
         Args:
             about: how the run ended.
             finished: whether it is whole.
-            stopped: asked while the store does not answer whether to give up.
+            stopped: asked while the store does not answer whether to give up. What is stored of a job that was told to
+                stop before has a short grace instead.
+            resumes: whether an earlier attempt may have stored a part of them.
 
         Raises:
             StorageError: that does not work.
             OSError: the outputs cannot be read.
         """
+        service = self._patient(stopped)
         uploaded = self._stage()
         for changes_left in reversed(range(_MOST_CHANGES)):
             try:
-                self._patiently(lambda: self._store_once(about, uploaded, finished=finished), stopped)
+                self._store_once(service, about, uploaded, finished=finished, resumes=resumes)
                 break
             except ChecksumMismatchError:
+                resumes = True
                 if not changes_left:
                     raise
         return self.place
 
-    def were_stored(self) -> None:
-        """Checks that they are stored as a whole; a store that does not answer is asked again for an hour.
+    def were_stored(self, stopped: Stopped = never) -> None:
+        """Checks that they are stored as a whole; a store that does not answer is waited for.
+
+        Args:
+            stopped: see `store`.
 
         Raises:
             StorageError: they are not.
         """
-        self._patiently(lambda: read_manifest(self._service.store, self.bucket, self.prefix))
+        read_manifest(self._patient(stopped).store, self.bucket, self.prefix)
 
     def not_stored(self, error: Exception) -> str:
-        """Says what went wrong, and where the outputs are."""
+        """Says what went wrong, where the outputs are, and what stores them later."""
         return (
-            f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; they are in {self.output_dir}"
+            f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; "
+            f"`robomaker upload --kept` stores them; they are in {self.output_dir}"
         )
 
-    def _patiently(self, ask: Callable[[], object], stopped: Callable[[], bool] = lambda: False) -> None:
-        """Asks the store again, with growing pauses, until it answers or `stopped` says so."""
-        began, pause_s = time.monotonic(), self._service.timing.store_pause_s
-        while True:
-            try:
-                ask()
-                return
-            except StorageUnavailableError as error:
-                if time.monotonic() - began + pause_s > GIVE_UP_S:
-                    raise
-                _logger.warning("the store is asked about %s again in %g s: %s", self._job.arn, pause_s, error)
-                if not self._pause(pause_s, stopped):
-                    raise
-                pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+    def _patient(self, stopped: Stopped) -> Service:
+        """The service whose store waits: at most a short while if the job was told to stop before."""
+        if stopped is not never and stopped():
+            return self._service.patient(
+                self._job.id, never, patience_s=self._service.timing.store_grace_s, sleep=self._sleep
+            )
+        return self._service.patient(self._job.id, stopped, sleep=self._sleep)
 
-    def _pause(self, pause_s: float, stopped: Callable[[], bool]) -> bool:
-        """Waits; returns early, and false, when it is to stop."""
-        left_s = pause_s
-        while left_s > 0.0 and not stopped():
-            self._sleep(min(left_s, _LISTEN_EVERY_S))
-            left_s -= _LISTEN_EVERY_S
-        return left_s <= 0.0
-
-    def _store_once(self, about: Mapping[str, Any], uploaded: Sequence[FolderFile], *, finished: bool) -> None:
-        store = self._service.store
-        prepare_bucket(self._service, self.bucket)
+    def _store_once(
+        self,
+        service: Service,
+        about: Mapping[str, Any],
+        uploaded: Sequence[FolderFile],
+        *,
+        finished: bool,
+        resumes: bool,
+    ) -> None:
+        store = service.store
+        prepare_bucket(service, self.bucket)
         if not finished:
-            store_unfinished(store, self.bucket, self.prefix, self.output_dir, more=uploaded)
+            store_unfinished(store, self.bucket, self.prefix, self.output_dir, more=uploaded, resumes=resumes)
             return
         publish(
             store,
@@ -180,6 +177,7 @@ class RunOutputs:
             created_at=self._service.clock(),
             more=uploaded,
             stored=rolled_files(self._folder, [file.name for file in (*uploaded, *regular_files(self.output_dir))]),
+            resumes=resumes,
         )
 
     def _uploads(self) -> list[Upload]:

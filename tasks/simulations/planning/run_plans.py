@@ -9,7 +9,7 @@ from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requested_requirements import unknown_room
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
-from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError
+from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError, StorageUnavailableError
 from ....schemas.worlds.world import World
 from ...catalog import Resource
 from ...service.service import Service
@@ -44,6 +44,7 @@ def run_plan(
 
     Raises:
         LaunchError: something cannot be had; carries the job's failure code.
+        StorageUnavailableError: the object store does not answer.
     """
     document = SimulationJobDocument.of(job)
     request = document.request
@@ -101,6 +102,8 @@ def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
         return None
     try:
         return world_bundle(service.catalog.get(arn, kind="world"), service)
+    except StorageUnavailableError:
+        raise
     except (ResourceNotFoundException, StorageError) as error:
         raise LaunchError(f"world {arn}: {error}", "ResourceNotFound") from error
 

@@ -15,6 +15,7 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Sto
 from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
 
 Order = Callable[..., dict[str, Any]]
@@ -150,6 +151,7 @@ def test_no_restart_is_lost_when_the_run_ends_at_the_same_moment(
     assert document["earlierRuns"][0]["status"] == "Completed"
 
 
+@pytest.mark.parametrize("timing", [Timing(store_patience_s=0.0)], ids=["without patience"])
 def test_outputs_of_an_earlier_run_that_cannot_be_stored_stay_and_the_restart_goes_on(
     service: Service, order: Order, restart_at_the_end: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from prefect_robomaker.schemas.wire.errors import (
 )
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import publish, read_manifest
 
@@ -78,6 +79,7 @@ def test_nothing_is_left_of_a_job_that_could_not_be_prepared(
     assert list((service.settings.home / "jobs").iterdir()) == []
 
 
+@pytest.mark.parametrize("timing", [Timing(store_patience_s=0.0)], ids=["without patience"])
 @pytest.mark.parametrize(
     ("error", "code"),
     [
@@ -106,6 +108,7 @@ def test_outputs_that_cannot_be_stored_stay_and_the_reason_says_where(
     assert (run / "output" / "result.json").exists()
 
 
+@pytest.mark.parametrize("timing", [Timing(store_patience_s=0.0)], ids=["without patience"])
 def test_a_crash_whose_outputs_cannot_be_stored_keeps_its_code_and_its_log(
     service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:

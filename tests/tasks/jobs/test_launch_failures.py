@@ -8,6 +8,7 @@ import pytest
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageFullError
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import read_manifest
 
 Simulate = Callable[..., dict[str, Any]]
@@ -42,6 +43,7 @@ def test_what_a_run_that_could_not_be_started_left_is_stored_without_a_manifest(
     assert not (service.settings.home / "jobs" / job["name"]).exists()
 
 
+@pytest.mark.parametrize("timing", [Timing(store_patience_s=0.0)], ids=["without patience"])
 def test_its_reason_is_kept_where_that_cannot_be_stored(
     service: Service, unstartable: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,176 @@
+"""Patience with an object store that is away: a call is made again until it works, or is not waited for any more.
+
+Only `StorageUnavailableError` is waited for; every other error is for good, and is raised at once. Between two attempts
+the store is probed, which costs one request that is not repeated, so that work goes on soon after the store answers:
+a pause is at most an eighth of what was waited already.
+"""
+
+import contextvars
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import TypeVar
+
+from ...schemas.wire.errors import ServiceUnavailableException, StorageUnavailableError
+from ..storage.base import Stopped, never
+
+Result = TypeVar("Result")
+
+_LISTEN_EVERY_S = 0.5
+"""How often it is asked in a pause, and while a call is under way, whether to give up."""
+_PART_OF_WAIT = 8
+_LONGEST_PAUSE_S = 30.0
+_LOOK_EVERY_S = 15.0
+"""How often it is looked, while a call is under way, whether the store answers at all."""
+
+_logger = logging.getLogger(__name__)
+
+
+def _say_nothing(text: str) -> None:
+    """Ignores what is said, where there is no listener."""
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long a store that does not answer is waited for, and who hears of that."""
+
+    patience_s: float
+    """After how many seconds a call that does not work is given up."""
+
+    first_pause_s: float = 1.0
+    """How long after the first failure the store is asked again."""
+
+    stopped: Stopped = never
+    """Whether to wait no more."""
+
+    note: Callable[[str], None] = _say_nothing
+    """Told in words that a store is waited for, and that it answers again."""
+
+    sleep: Callable[[float], None] = time.sleep
+    clock: Callable[[], float] = time.monotonic
+    """Seconds on a clock that only runs forward."""
+
+    def ask(self, call: Callable[[], Result], probe: Callable[[], None]) -> Result:
+        """Calls until the store answers, patience is over, or it is to stop.
+
+        Args:
+            call: what to do; safe to do again after half of it was done.
+            probe: asks the store for a sign of life.
+
+        Raises:
+            StorageUnavailableError: the store did not answer all the while.
+        """
+        began, waits = self.clock(), _Waits(self)
+        while True:
+            try:
+                result = self._attended(call, probe, waits)
+            except StorageUnavailableError as error:
+                self._outlast(error, probe, began, waits)
+            else:
+                waits.end(self.clock() - began)
+                return result
+
+    def _outlast(
+        self, failure: StorageUnavailableError, probe: Callable[[], None], began: float, waits: "_Waits"
+    ) -> None:
+        """Waits until the store gives a sign of life; raises the last failure when that is not waited for any more."""
+        while True:
+            waited_s = self.clock() - began
+            pause_s = min(_LONGEST_PAUSE_S, max(self.first_pause_s, waited_s / _PART_OF_WAIT))
+            if waited_s + pause_s > self.patience_s or self._is_stopped():
+                raise failure
+            waits.begin(str(failure))
+            if not self._pause(pause_s):
+                raise failure
+            try:
+                probe()
+            except StorageUnavailableError as error:
+                failure = error
+            else:
+                return
+
+    def _is_stopped(self) -> bool:
+        """Whether to wait no more; a catalog that is away too cannot say so, and is asked again at once."""
+        try:
+            return self.stopped()
+        except ServiceUnavailableException as error:
+            _logger.warning("whether to wait for the object store any more is not known: %s", error)
+            return False
+
+    def _pause(self, pause_s: float) -> bool:
+        """Waits; returns early, and false, when it is to stop."""
+        left_s = pause_s
+        while left_s > 0.0 and not self._is_stopped():
+            self.sleep(min(left_s, _LISTEN_EVERY_S))
+            left_s -= _LISTEN_EVERY_S
+        return left_s <= 0.0
+
+    def _attended(self, call: Callable[[], Result], probe: Callable[[], None], waits: "_Waits") -> Result:
+        """Calls in a thread of its own, which is left to itself when the store hangs and is not to be waited for.
+
+        A store that gives a sign of life is at work, however long the call takes, and also when it is to stop.
+        """
+        outcome, heard = _in_thread(call), False
+        silent_since: float | None = None
+        look_at = self.clock() + _LOOK_EVERY_S
+        while True:
+            try:
+                return outcome.result(_LISTEN_EVERY_S)
+            except TimeoutError:
+                if outcome.done():
+                    raise  # it is the call's own
+            now = self.clock()
+            if not heard and (heard := self._is_stopped()):
+                look_at = now
+            if now < look_at:
+                continue
+            try:
+                probe()
+            except StorageUnavailableError as error:
+                silent_since = now if silent_since is None else silent_since
+                if heard or now - silent_since > self.patience_s:
+                    raise
+                waits.begin(str(error))
+                look_at = now + self.first_pause_s
+            else:
+                silent_since, look_at = None, now + _LOOK_EVERY_S
+
+
+class _Waits:
+    """Says once that a store is waited for, and once that it answers again."""
+
+    def __init__(self, patience: Patience) -> None:
+        self._patience = patience
+        self._told = False
+
+    def begin(self, why: str) -> None:
+        if not self._told:
+            self._told = True
+            most = f"{self._patience.patience_s / 60.0:.3g} min"
+            self._say(logging.WARNING, f"waits for the object store, at most {most}: {why}")
+
+    def end(self, waited_s: float) -> None:
+        if self._told:
+            self._say(logging.INFO, f"the object store answers again, after {waited_s:.0f} s")
+
+    def _say(self, level: int, text: str) -> None:
+        _logger.log(level, "%s", text)
+        self._patience.note(text)
+
+
+def _in_thread(call: Callable[[], Result]) -> "Future[Result]":
+    """Calls in a thread that no process waits for at its end."""
+    outcome: Future[Result] = Future()
+    context = contextvars.copy_context()
+
+    def run() -> None:
+        try:
+            outcome.set_result(context.run(call))
+        except BaseException as error:  # whatever it is, the one who waits gets it
+            outcome.set_exception(error)
+
+    threading.Thread(target=run, name="object store", daemon=True).start()
+    return outcome
