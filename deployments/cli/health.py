@@ -57,6 +57,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "video": check_video,
         "extras": check_extras,
         "containers": lambda: check_containers(settings),
+        "kept outputs": lambda: check_kept_outputs(settings),
     }
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
@@ -233,6 +234,20 @@ def check_containers(settings: Settings) -> Finding:
         remedy = "start any simulation job here, which removes them; the engine has to answer"
         return Finding("containers", "warning", "\n".join(("runs whose job worker died left some:", *left)), remedy)
     return Finding("containers", "ok", "no run that is over has left any")
+
+
+def check_kept_outputs(settings: Settings) -> Finding:
+    """Whether outputs of jobs that have ended are on this machine only, because they could not be stored."""
+    from ...tasks.jobs.kept_outputs import find_kept
+    from ...tasks.service.service import Service
+
+    service = Service.open(settings)
+    kept = [str(run.output_dir) for run in find_kept(service)]
+    service.catalog.close()
+    if kept:
+        found = "\n".join(("outputs that could not be stored are here only:", *kept))
+        return Finding("kept outputs", "warning", found, "`robomaker upload --kept` stores them")
+    return Finding("kept outputs", "ok", "all outputs of jobs that have ended are stored")
 
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:

@@ -15,6 +15,7 @@ from ...arguments import add_output
 if TYPE_CHECKING:
     from .....schemas.reports.retention import GcReport, RetentionPolicy
     from .....schemas.settings import Settings
+    from .....tasks.service.service import Service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -87,9 +88,19 @@ def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) ->
     try:
         report = (collect if act else plan_collection)(policy, service)
         flow_runs = collect_flow_runs(settings, policy, service.clock(), act=act)
-        return report.model_copy(update={"flow_runs": flow_runs})
+        return report.model_copy(update={"flow_runs": flow_runs, "notes": [*report.notes, *_kept_outputs(service)]})
     finally:
         service.catalog.close()
+
+
+def _kept_outputs(service: "Service") -> list[str]:
+    """Says that outputs are on this machine only; they are no garbage."""
+    from .....tasks.jobs.kept_outputs import find_kept
+
+    if not (kept := find_kept(service)):
+        return []
+    runs = f"{len(kept)} {'run' if len(kept) == 1 else 'runs'}"
+    return [f"outputs of {runs} could not be stored and are here only: `robomaker upload --kept` stores them"]
 
 
 def _told(report: "GcReport", arguments: argparse.Namespace) -> int:

@@ -18,7 +18,7 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     document = json.loads(ended.out)
     healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
     subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "prefect server", "video"]
-    subjects += ["extras", "containers"]
+    subjects += ["extras", "containers", "kept outputs"]
     assert list(healths) == subjects
     assert "broken" not in healths.values(), ended.out
     assert ended.code == 0

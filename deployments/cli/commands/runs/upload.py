@@ -1,0 +1,95 @@
+"""Store outputs that could not be stored when their runs ended.
+
+They are in the data home of the machine that ran them. Of each job it says then where its outputs are; the job stays
+`Failed`, as clients have seen it, and has the verdict of its run again.
+"""
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from ...arguments import add_output
+
+if TYPE_CHECKING:
+    from .....schemas.reports.kept_outputs import KeptReport, KeptRun
+    from .....tasks.jobs.kept_outputs import KeptOutputs
+    from .....tasks.service.service import Service
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("--kept", action="store_true", required=True, help="outputs that were kept on this machine")
+    parser.add_argument("job", metavar="JOB", nargs="?", help="ARN or id of a simulation job (default: all)")
+    parser.add_argument("--dry-run", action="store_true", help="only list them")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Stores them; exit code 3 if some could not be stored, which stay."""
+    from .....schemas.reports.kept_outputs import KeptReport
+    from .....schemas.settings import Settings
+    from .....tasks.jobs.kept_outputs import find_kept
+    from .....tasks.service.service import Service
+
+    service = Service.open(Settings.from_environment(os.environ))
+    try:
+        runs = [_seen_to(kept, service, dry_run=arguments.dry_run) for kept in find_kept(service, arguments.job)]
+    finally:
+        service.catalog.close()
+    report = KeptReport(dry_run=arguments.dry_run, runs=runs)
+    if arguments.output == "json":
+        sys.stdout.write(report.model_dump_json(indent=2, exclude_none=True) + "\n")
+    else:
+        sys.stdout.write("\n".join(_lines(report)) + "\n")
+    return 3 if report.problems else 0
+
+
+def _seen_to(kept: "KeptOutputs", service: "Service", *, dry_run: bool) -> "KeptRun":
+    """Stores the outputs of one run, unless it is only to look; a problem with one keeps none from the others."""
+    from dataclasses import replace
+
+    from .....schemas.reports.kept_outputs import KeptRun
+    from .....schemas.wire.errors import RobomakerError
+    from .....tasks.jobs.kept_outputs import store_kept
+
+    sizes = [path.stat().st_size for path in kept.files()]
+    run = KeptRun(
+        job=kept.job.arn,
+        job_status=kept.job.status,
+        run_id=kept.run_id,
+        folder=str(kept.output_dir),
+        files=len(sizes),
+        size_bytes=sum(sizes),
+    )
+    if dry_run:
+        return run
+    # A person who waits would rather hear that the store is still away.
+    hasty = replace(service, timing=replace(service.timing, store_patience_s=0.0))
+    try:
+        place = store_kept(kept, hasty)
+    except (RobomakerError, OSError) as error:
+        return run.model_copy(update={"problem": str(error)})
+    return run.model_copy(update={"state": "stored", "place": service.store.uri(place.bucket, place.prefix)})
+
+
+def _lines(report: "KeptReport") -> list[str]:
+    from rich.filesize import decimal
+
+    lines: list[str] = []
+    for run in report.runs:
+        size = f"{run.files} {_plural('file', run.files)}, {decimal(run.size_bytes)}"
+        what = f"{run.job.rpartition('/')[2]}  {run.run_id}  {size}"
+        where = f"stored in {run.place}" if run.place else f"kept in {run.folder}"
+        lines += [f"{what}  {where}", *([f"! not stored: {run.problem}"] if run.problem else [])]
+    if not report.runs:
+        return ["No outputs are kept: all that ran is stored, or was never written on this machine."]
+    runs = f"{len(report.runs)} {_plural('run', len(report.runs))}"
+    stored = sum(run.state == "stored" for run in report.runs)
+    if report.dry_run:
+        return [*lines, f"{runs}; `robomaker upload --kept` stores them."]
+    return [*lines, f"Stored the outputs of {stored} of {runs}."]
+
+
+def _plural(word: str, count: int) -> str:
+    return word if count == 1 else f"{word}s"
