@@ -200,7 +200,8 @@ class PipelineRun:
         checked = load_spec(text, origin)
         service = Service.current()
         check_world_counts(checked, service.settings.max_worlds_per_job)
-        check_preconditions(checked, service)
+        # A night waits for a store that is away; `run_spec` tells the one who sits there at once.
+        check_preconditions(checked, service.patient(checked.name, lambda: False))
         command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
         if name := deployment.name:
             command = [
@@ -292,8 +293,6 @@ class PipelineRun:
 
         def watch(told: Progress) -> None:
             nonlocal progress
-            if told.note and told.note != progress.note:
-                self._listener(Note(f"{name}: {told.note}"))
             progress = told
             self._listener(StepProgress(name, earlier.with_counts(told.counts), parts[0].total or told.total))
 

@@ -1,6 +1,5 @@
 """Performing one simulation job batch: its requests become jobs, the jobs run, the batch ends."""
 
-import logging
 import threading
 import time
 from collections import Counter
@@ -45,8 +44,6 @@ _FAILURE_CODES: Mapping[str, str] = {
     "InvalidParameterException": "InvalidInput",
     "LimitExceededException": "LimitExceeded",
 }
-
-_logger = logging.getLogger(__name__)
 
 
 def jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
@@ -192,9 +189,8 @@ class BatchRun:
     def _note_workers(self, workers: str) -> None:
         """Says once which job workers there are."""
         if workers != self._workers:
-            _logger.info("%s: %s", self._batch.id, workers)
+            self._service.report_note(f"{self._batch.id}: {workers}")
             self._workers = workers
-            self._report()
 
     def _simulate(self, index: int, slots: "Slots") -> None:
         """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it."""
@@ -269,9 +265,7 @@ class BatchRun:
         failed = len(self._failed)
         # Requests that are no jobs yet wait as those do that are.
         counts["pending"] += len(self._requests) - counts.total() - failed
-        self._service.report_progress(
-            Progress({**counts, "not created": failed}, len(self._requests), note=self._workers)
-        )
+        self._service.report_progress(Progress({**counts, "not created": failed}, len(self._requests)))
 
     def _look(self) -> bool:
         """Records, several times a second, what the requests' tasks have brought about.

@@ -38,8 +38,6 @@ class Progress:
 
     counts: Mapping[str, int]
     total: int
-    note: str = ""
-    """What else a user may want to know meanwhile: which job workers there are."""
 
 
 def _ignore(progress: Progress) -> None:
