@@ -18,7 +18,7 @@ import pytest
 from helpers.kill_rounds import Actor, kill_at_random
 from helpers.postgres_server import NEEDS_POSTGRESQL, PostgresServer
 from helpers.processes import wait_for, working_below
-from helpers.s3_server import S3Server
+from helpers.s3_server import MortalS3Server
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call
@@ -30,10 +30,10 @@ SWING = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "4", "ROBOMAKER_CHECKPOINT_EVERY_S"
 
 
 @pytest.fixture
-def variables(postgres_database: str, s3_server: S3Server) -> dict[str, str]:
+def variables(postgres_database: str, mortal_s3: MortalS3Server) -> dict[str, str]:
     """What all machines share."""
     bucket = f"kills-{uuid4().hex[:8]}"
-    return {"ROBOMAKER_CATALOG_URL": postgres_database, "ROBOMAKER_BUCKET": bucket, **s3_server.environ()}
+    return {"ROBOMAKER_CATALOG_URL": postgres_database, "ROBOMAKER_BUCKET": bucket, **mortal_s3.server.environ()}
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def run_round(
     actors: dict[str, Actor],
     variables: dict[str, str],
     postgres: PostgresServer,
-    s3_server: S3Server,
+    s3: MortalS3Server,
     tmp_path: Path,
 ) -> Counter[str]:
     """Kills until the batch has ended, or so often, and lets it end then."""
@@ -132,6 +132,7 @@ def run_round(
         "a process below job worker 1": lambda: actors["first"].kill_one_below(chance),
         "a process below job worker 2": lambda: actors["second"].kill_one_below(chance),
         "PostgreSQL": lambda: (postgres.kill(), postgres.start()),
+        "S3": lambda: (s3.kill(), s3.come_back()),
     }
 
     def keep() -> None:
@@ -147,7 +148,7 @@ def run_round(
     wait_for(ended, "the batch to end", 1200)
     wait_for(lambda: all(actor.has_ended() for actor in actors.values()), "all processes to end by themselves", 120)
     print(f"seed {seed}: {sum(killed.values())} kills, {dict(killed)}")
-    check_invariants(url, batch, jobs, s3_server.client("s3"), variables["ROBOMAKER_BUCKET"])
+    check_invariants(url, batch, jobs, s3.server.client("s3"), variables["ROBOMAKER_BUCKET"])
     wait_for(lambda: not working_below(tmp_path), "simulations to die with their job workers")
     return killed
 
@@ -166,13 +167,13 @@ def test_nothing_is_lost_doubled_or_half_written(
     actors: dict[str, Actor],
     variables: dict[str, str],
     postgres_server: PostgresServer,
-    s3_server: S3Server,
+    mortal_s3: MortalS3Server,
     tmp_path: Path,
     request: pytest.FixtureRequest,
 ) -> None:
     jobs = request.node.callspec.params["batch"]
     seed = int(os.environ.get("ROBOMAKER_KILLS_SEED") or random.SystemRandom().randrange(10**6))
 
-    killed = run_round(seed, kills, batch, jobs, actors, variables, postgres_server, s3_server, tmp_path)
+    killed = run_round(seed, kills, batch, jobs, actors, variables, postgres_server, mortal_s3, tmp_path)
 
     assert sum(killed.values()) >= min(kills, jobs)
