@@ -153,6 +153,7 @@ class SimulationJobDocument(SimulationJobProgress, Document):
     seed: int = Field(description="Seed of the run's random generators.")
     video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
     requirements: list[dict[str, Any]] = Field(default=[], description="What the run is judged by.")
+    trials: dict[str, Any] | None = Field(default=None, description="Its trials: `Trials`; absent: one episode.")
     data_sources: list[ResolvedDataSource] | None = Field(default=None, description="Its data, found.")
     simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
     robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")

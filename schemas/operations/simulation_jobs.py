@@ -6,7 +6,9 @@ from pydantic import Field, model_validator
 
 from ..runs.plan import VideoPolicy
 from ..runs.requested_requirements import check_requirements
+from ..runs.requested_trials import check_trials
 from ..runs.requirements import JobRequirements
+from ..runs.trials import Trials
 from ..wire.base import Shape, ShapeName
 from ..wire.common import (
     AnsweredArns,
@@ -123,6 +125,9 @@ class SimulationJobRequestMembers(Shape):
     requirements: JobRequirements | None = Field(
         default=None, description="Extension: what the robot has to do, or must not do, for the verdict PASS."
     )
+    trials: Trials | None = Field(
+        default=None, description="Extension: episodes that are run one after the other, each with a seed of its own."
+    )
 
     @model_validator(mode="after")
     def _members_agree(self) -> Self:
@@ -133,6 +138,7 @@ class SimulationJobRequestMembers(Shape):
         if uploads and self.outputLocation is None:
             raise ValueError("uploadConfigurations need an outputLocation; add outputLocation.s3Bucket")
         check_requirements(self)
+        check_trials(self)
         return self
 
 

@@ -11,9 +11,12 @@ __all__ = [
     "programs",
     "provenance",
     "requested_requirements",
+    "requested_trials",
     "requirements",
     "robot_yaml",
     "stops",
+    "trial_rows",
+    "trials",
     "variables",
     "verification",
 ]

@@ -14,6 +14,8 @@
 | `logs/<program>.stdout.log`, `….stderr.log` | what a program of the run printed |
 | `video.mp4`, `poster.png` | when asked for |
 | `last-10s.mp4` | of a run that failed, when asked for |
+| `trials.parquet` | of a job with trials: a row for each (`TrialRow`) |
+| `trials/000012` | outputs of a trial that was recorded |
 | `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
 """
 
@@ -26,6 +28,7 @@ from pydantic import Field
 from ..wire.base import Model, ShapeName
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 from .requirements import JobRequirements
+from .trials import Trials
 
 Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
 VideoPolicy = Annotated[Literal["none", "on-failure", "always"], ShapeName("VideoPolicy")]
@@ -115,6 +118,12 @@ class RunPlan(Model):
     )
     requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
 
+    trials: Trials | None = Field(
+        default=None, description="Its trials, which are run one after the other; absent: it is one episode."
+    )
+    trial: int | None = Field(
+        default=None, ge=0, description="Number of the trial of its job that it is; absent: it is a whole job."
+    )
     recorded_actions: RecordedActions | None = Field(
         default=None, description="Of a rerun: what is done in place of the robot application's program."
     )

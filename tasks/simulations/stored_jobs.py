@@ -10,6 +10,7 @@ from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ...schemas.runs.plan import ApplicationRole
 from ...schemas.runs.requested_requirements import requirements_of
+from ...schemas.runs.requested_trials import trials_of
 from ...schemas.wire.errors import InvalidParameterException
 from ..catalog import ClientToken, Resource
 from ..service.service import Service
@@ -109,13 +110,16 @@ def job_document(
         check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
-    seed = seed_of(request)
+    seed, trials = seed_of(request), trials_of(request)
+    if seed is None:
+        seed = 0 if trials else service.new_seed()  # trials have seeds of their own, from there on
     return SimulationJobDocument(
         request=wire,
         request_index=batch[1] if batch else None,
-        seed=service.new_seed() if seed is None else seed,
+        seed=seed,
         video=video_of(request) or "none",
         requirements=[each.to_wire() for each in requirements_of(request)],
+        trials=trials.to_wire() if trials else None,
         data_sources=data_sources,
         robot_application_names=robots,
         simulation_application_names=simulations,

@@ -32,7 +32,7 @@ def upload_swinger(service: Service, tmp_path: Path, more: bytes = b"") -> None:
 def swing(service: Service, tmp_path: Path) -> Simulate:
     """Orders a job of the swinging pendulum, runs it to its end, and returns its description.
 
-    `simulation` and `robot` change what is ordered of either application.
+    `simulation` and `robot` change what is ordered of either application, `job` what is ordered of the job.
     """
     upload_swinger(service, tmp_path)
     source = [{"s3Bucket": "applications", "s3Key": "swinger.tar.gz"}]
@@ -47,6 +47,7 @@ def swing(service: Service, tmp_path: Path) -> Simulate:
         perform: bool = True,
         simulation: dict[str, Any] | None = None,
         robot: dict[str, Any] | None = None,
+        job: dict[str, Any] | None = None,
         **variables: str,
     ) -> dict[str, Any]:
         launch = {"packageName": "swinger", "launchFile": "make_environment", "environmentVariables": variables}
@@ -57,11 +58,12 @@ def swing(service: Service, tmp_path: Path) -> Simulate:
             "seed": seed,
             "simulationApplications": [{"application": "swing", "launchConfig": launch, **(simulation or {})}],
             "robotApplications": [{"application": "pusher", "launchConfig": push, **(robot or {})}],
+            **(job or {}),
         }
-        job = call("CreateSimulationJob", request, service)
+        arn = call("CreateSimulationJob", request, service)["arn"]
         if perform:
-            perform_job(job["arn"], service)
-        return call("DescribeSimulationJob", {"job": job["arn"]}, service)
+            perform_job(arn, service)
+        return call("DescribeSimulationJob", {"job": arn}, service)
 
     return run
 

@@ -38,6 +38,13 @@ SIMULATIONS = (
         "verdict is in `result.json` and in reports; the job is `Completed` all the same. See [Verdicts](verdicts.md).",
     ),
     differs(
+        "Trials",
+        _JOB_REQUESTS,
+        known="Each episode was a job.",
+        here="`trials`, or the launch variable `ROBOMAKER_TRIALS`, order many episodes in one job, with other seeds and "
+        "other environment variables. See [Trials](trials.md).",
+    ),
+    differs(
         "Network",
         _JOB_REQUESTS,
         known="`vpcConfig` and `portForwardingConfig` gave a job an address and open ports.",

@@ -37,6 +37,10 @@ REQUIREMENTS = (
     "Extension: what a run is judged by; the launch variable `ROBOMAKER_REQUIREMENTS` says the same as JSON. "
     "See [Verdicts](verdicts.md)."
 )
+TRIALS = (
+    "Extension: many episodes in one job, each with a seed of its own; the launch variable `ROBOMAKER_TRIALS` says the "
+    "same as JSON. See [Trials](trials.md)."
+)
 BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
@@ -61,6 +65,15 @@ _REQUIREMENT_SHAPES = {
     "RequirementName": "string",
     "RoomName": "string",
     "Seconds": "float",
+}
+_TRIAL_SHAPES = {
+    "RecordedTrials": "integer",
+    "TrialCount": "integer",
+    "TrialNumber": "integer",
+    "TrialNumbers": "list",
+    "TrialParameters": "map",
+    "TrialValues": "list",
+    "Trials": "structure",
 }
 _NAMED_SHAPES = (
     "CreateRobotApplicationVersionRequest",
@@ -106,6 +119,8 @@ DIFFERENCES: tuple[Difference, ...] = (
     Difference("VideoPolicy", "string", None, VIDEO),
     *(Difference(f"{shape}.requirements", "JobRequirements", None, REQUIREMENTS) for shape in _VIDEO_SHAPES),
     *(Difference(shape, kind, None, REQUIREMENTS) for shape, kind in _REQUIREMENT_SHAPES.items()),
+    *(Difference(f"{shape}.trials", "Trials", None, TRIALS) for shape in _VIDEO_SHAPES),
+    *(Difference(shape, kind, None, TRIALS) for shape, kind in _TRIAL_SHAPES.items()),
     *(Difference(f"{shape}.application", "ApplicationReference", "Arn", BARE_NAME) for shape in _NAMED_SHAPES),
     Difference("ApplicationReference", "string", None, BARE_NAME),
     *(

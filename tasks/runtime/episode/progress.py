@@ -9,7 +9,7 @@ from typing import Any
 from ....schemas.runs.plan import ApplicationRole
 
 _SIZE = 64 * 1024
-_PHASE, _STOP, _LENGTH, _REPORT = 0, 1, 4, 8
+_PHASE, _STOP, _TRIALS, _LENGTH, _REPORT = 0, 1, 4, 8, 12
 _UINT = struct.Struct("<I")
 
 AGENT_GONE = "agent"
@@ -90,6 +90,15 @@ class Progress:
     def stop_reason(self) -> str:
         """Why the run was told to stop, empty when it was not."""
         return STOP_REASONS[self._page[_STOP]]
+
+    def finish_trials(self, count: int) -> None:
+        """Says how many of the run's trials have finished."""
+        self._page[_TRIALS:_LENGTH] = _UINT.pack(count)
+
+    @property
+    def trials(self) -> int:
+        """How many of the run's trials have finished; 0 for a run without trials."""
+        return _UINT.unpack(self._page[_TRIALS:_LENGTH])[0]
 
     def write_report(self, report: dict[str, Any]) -> None:
         """Leaves the run's last words; the length is stored last, so that half a report is none."""

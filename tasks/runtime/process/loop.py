@@ -53,6 +53,7 @@ def run_episode(
     recorder: Recorder,
     watchers: Sequence[PhysicsWatcher] = (),
     checkpoints: Checkpointer | None = None,
+    keep_open: bool = False,
     wall_clock: Callable[[], float] = time.perf_counter,
 ) -> Episode:
     """Makes an environment and an agent and runs them until one of them, or `stop`, ends it.
@@ -69,6 +70,7 @@ def run_episode(
             `records_itself`.
         watchers: Look at the physics of environments that have one.
         checkpoints: Makes checkpoints, and continues from one if there is one.
+        keep_open: Whether the environment is not closed, because other episodes follow.
         wall_clock: Seconds of real time.
 
     Returns:
@@ -106,7 +108,7 @@ def run_episode(
     except Exception as error:
         loop.annotate(error)
         raise
-    return loop.finish(environment)
+    return loop.finish(environment, keep_open=keep_open)
 
 
 class _Loop:
@@ -177,13 +179,14 @@ class _Loop:
             time_s = self._clock.time_s
             error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
 
-    def finish(self, environment: dm_env.Environment | None) -> Episode:
+    def finish(self, environment: dm_env.Environment | None, *, keep_open: bool) -> Episode:
         report = EnvironmentReport()
         if environment is not None:
             self._mark(Phase.REPORT)
             try:
                 report = read_report(environment)
-                environment.close()
+                if not keep_open:
+                    environment.close()
             except RunStopped:
                 pass
             except Exception:

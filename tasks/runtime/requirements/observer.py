@@ -24,11 +24,12 @@ class RequirementsObserver:
     A run without any costs one call. What cannot be judged fails the run at its first step, before time is spent.
     """
 
-    def __init__(self, plan: RunPlan) -> None:
+    def __init__(self, plan: RunPlan, world: World | None = None) -> None:
         """Prepares the checks.
 
         Args:
             plan: The run; its requirements replace those of the environment that have the same names.
+            world: Its world; absent: it is read when it is needed.
         """
         self.next_time_s = 0.0
         self._plan = plan
@@ -36,7 +37,7 @@ class RequirementsObserver:
         self._checks: list[_Check] = []
         self._within_steps: list[_Check] = []
         self._model: Any = None
-        self._world: World | None = None
+        self._world = world
         self._data: Any = None
         self._time_s = 0.0
 
@@ -118,7 +119,7 @@ class RequirementsObserver:
         self._rules = make_rules(requirements)
 
     def _read_world(self, requirements: Sequence[JobRequirement]) -> None:
-        if self._plan.world_dir is not None and _needs_world(requirements):
+        if self._world is None and self._plan.world_dir is not None and _needs_world(requirements):
             self._world = World.model_validate_json((self._plan.world_dir / "world.json").read_bytes())
 
     def _bind(self, environment: Any) -> None:

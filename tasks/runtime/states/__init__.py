@@ -12,4 +12,5 @@ __all__ = [
     "provenance",
     "state_log",
     "state_log_writer",
+    "trial_checkpoints",
 ]

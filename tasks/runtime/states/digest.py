@@ -11,6 +11,7 @@ times, positions and velocities themselves, so that the first difference can be 
 import hashlib
 import os
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -43,13 +44,15 @@ _NOT_COUNTED = frozenset({"paths", "npaths", "nbuffer", "signature"})
 class StateDigest:
     """Hashes states and keeps a few of them in a file that stays readable when the run is killed."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | None, of_model: Callable[[mujoco.MjModel], str] | None = None) -> None:
         """Prepares a digest; the file is made with the first state.
 
         Args:
-            path: The file to write; one that exists is replaced.
+            path: The file to write; one that exists is replaced. None: there is only the digest.
+            of_model: Gives the digest of a model; absent: `digest_of_model`.
         """
         self._path = path
+        self._of_model = of_model or digest_of_model
         self._model: mujoco.MjModel | None = None
         self._buffer = np.zeros(_CHAIN_BYTES // 8)
         self._bytes = self._buffer.data.cast("B")
@@ -84,7 +87,7 @@ class StateDigest:
         time_s = self._last_s = data.time
         self._times.append(time_s)
         # Half a microsecond forgives rounding in sums of time steps.
-        if time_s >= self._state_due_s - 5e-7:
+        if self._path is not None and time_s >= self._state_due_s - 5e-7:
             self._keep_state(time_s)
 
     def finish(self, data: mujoco.MjData | None = None) -> StateDigestSummary | None:
@@ -100,7 +103,8 @@ class StateDigest:
             return None
         if data is not None and data.time != self._last_s:
             self.look(self._model, data)
-        self._keep_state(self._last_s)
+        if self._path is not None:
+            self._keep_state(self._last_s)
         self._write_block()
         value = self._bytes[:_CHAIN_BYTES].hex()
         return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)
@@ -129,6 +133,7 @@ class StateDigest:
         Raises:
             OSError: The file is shorter than it was then, or cannot be written.
         """
+        assert self._path is not None
         if self._path.stat().st_size < state["written_bytes"]:
             raise OSError(f"{self._path} is shorter than it was at the checkpoint")
         os.truncate(self._path, state["written_bytes"])
@@ -142,11 +147,13 @@ class StateDigest:
 
     def _begin(self, model: mujoco.MjModel) -> None:
         """Takes in a model: the first, or another that an environment has made meanwhile."""
-        model_sha256 = digest_of_model(model)
+        model_sha256 = self._of_model(model)
         if self._model is None:
-            self.model_sha256, self.joints, self.positions = model_sha256, joints_of(model), int(model.nq)
-            self._path.write_bytes(_MAGIC)
-            self._written_bytes = len(_MAGIC)
+            self.model_sha256 = model_sha256
+            if self._path is not None:
+                self.joints, self.positions = joints_of(model), int(model.nq)
+                self._path.write_bytes(_MAGIC)
+                self._written_bytes = len(_MAGIC)
         else:
             self._write_block()
         before = bytes(self._bytes[:_CHAIN_BYTES])
@@ -170,6 +177,11 @@ class StateDigest:
 
     def _write_block(self) -> None:
         if not self._times and not self._states:
+            return
+        if self._path is None:
+            self._looks += len(self._times)
+            self._links.clear()
+            self._times.clear()
             return
         times = np.array(self._times).tobytes()
         # By number rather than by state: what does not move compresses to nothing.
@@ -231,6 +243,23 @@ def read_timeline(path: Path) -> StateTimeline:
         links += [payload[at : at + _LINK_BYTES] for at in range(looks * 8, end, _LINK_BYTES)]
         states += list(np.frombuffer(payload, np.float64, kept * width, end).reshape(width, kept).T)
     return StateTimeline(np.concatenate(times), links, states)
+
+
+class ModelDigests:
+    """Gives the digest of one model again and again, quickly as long as nothing in it has changed."""
+
+    def __init__(self) -> None:
+        self._seen = b""
+        self._digest = ""
+
+    def of(self, model: mujoco.MjModel) -> str:
+        """See `digest_of_model`, which takes a hundred times as long as hashing the model as MuJoCo would save it."""
+        saved = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, saved)
+        seen = hashlib.sha256(saved.data).digest()
+        if seen != self._seen:
+            self._seen, self._digest = seen, digest_of_model(model)
+        return self._digest
 
 
 def digest_of_model(model: mujoco.MjModel) -> str:

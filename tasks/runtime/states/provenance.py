@@ -131,6 +131,31 @@ def note_run_of_programs(plan: RunPlan) -> None:
     _write_provenance(Provenance(plan=plan, machine=machine_facts(), world_sha256=world_sha256))
 
 
+def note_run_of_trials(
+    plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_by: str | None = None
+) -> None:
+    """Writes `provenance.json` of a run with trials, whose digests are in the rows of its table.
+
+    Args:
+        plan: The run.
+        applications: What its environments and agents were made by, once it has ended.
+        ended_by: What ended it; None: it goes on.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    world_sha256 = digest_of_folder(plan.world_dir) if plan.world_dir else None
+    _write_provenance(
+        Provenance(
+            plan=plan,
+            machine=machine_facts(),
+            world_sha256=world_sha256,
+            applications=_digests_of(applications),
+            ended_by=ended_by,
+        )
+    )
+
+
 @lru_cache(maxsize=1)
 def machine_facts() -> MachineFacts:
     """What of this machine, and of what is installed on it, can change a run's numbers."""

@@ -13,6 +13,7 @@ from ..agents.agent_socket import remove_agent_socket
 from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
 from ..limits.left_files import read_left
 from ..limits.run_notes import add_note
+from ..trials.completion import complete_after_all
 from .outcomes import Exit, Outcome, failure_reason, tool_in_words
 
 INVALID_RESULT_FILE = "result.invalid.json"
@@ -41,6 +42,8 @@ def finish_outputs(
         add_note(plan.output_dir, f"robomaker: {tool_in_words(tool, plan)}")
     if plan.has_episode:
         remove_agent_socket(plan)
+        if plan.trials is not None:
+            _complete_trials(plan, outcome)
         if outcome.status == "Failed":
             with suppress(OSError):  # the application may have put anything in the folder's place
                 (plan.output_dir / RESULT_FILE).unlink()
@@ -61,6 +64,15 @@ def finish_outputs(
             outcome = Outcome("Failed", "InternalServiceError", reason)
         return outcome, False
     return outcome, True
+
+
+def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
+    """Stores the rows of trials that had finished when the run's process was killed or failed."""
+    stopped_by = None if outcome.status == "Failed" else "duration limit" if outcome.timed_out else "canceled"
+    try:
+        complete_after_all(plan, ended_by=stopped_by)
+    except OSError as error:  # the disk is full, or an application put something in the way
+        add_note(plan.output_dir, f"robomaker: the table of trials cannot be written: {error}")
 
 
 def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, datetime]) -> None:

@@ -47,7 +47,8 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         LaunchError: The variables ask for an impossible video or recording.
     """
     plan = _with_absolute_paths(plan)
-    records_video = plan.video == "always"
+    # Trials are filmed when they are run once more, at the end of the run.
+    records_video = plan.video == "always" or (plan.trials is not None and plan.video == "on-failure")
     if plan.video != "none":
         settings_of(plan)  # what is wrong with them is said before anything is started
     renders_now = records_video or camera_recording(plan) is not None

@@ -50,7 +50,7 @@ def record_failure_videos(
         limit_s: Wall-clock limit.
         clock: Seconds, for the limit.
     """
-    if plan.video == "none" or not plan.has_episode:
+    if plan.video == "none" or not plan.has_episode or plan.trials is not None:
         return
     _remove_unfinished(plan.output_dir)
     if not has_failed(plan, outcome):

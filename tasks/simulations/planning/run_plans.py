@@ -9,6 +9,7 @@ from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requested_requirements import unknown_room
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ....schemas.runs.trials import Trials
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError, StorageUnavailableError
 from ....schemas.worlds.world import World
 from ...catalog import Resource
@@ -74,11 +75,12 @@ def run_plan(
         video=document.video,
         live_view_port=_live_view_port(request),
         requirements=_requirements(document, world_dir),
+        trials=Trials.model_validate(document.trials) if document.trials else None,
     )
     destinations = tuple(each.destination for each in sources if each.destination)
     applications = plan_applications(request, RunEnvironment(plan, folder, sandbox, destinations, service, stopped))
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
-    return plan.model_copy(
+    planned = plan.model_copy(
         update={
             "compute": limits.model_copy(update={"disk_bytes": disk_bytes}),
             "checkpoint_every_s": checkpoint_every_s(applications.plans.get("simulation")),
@@ -88,6 +90,19 @@ def run_plan(
             "ports": applications.ports,
         }
     )
+    _check_trials(planned)
+    return planned
+
+
+def _check_trials(plan: RunPlan) -> None:
+    """Refuses trials of programs, which nothing puts back to their beginning."""
+    if plan.trials is not None and (plan.has_robot_program or not plan.has_episode):
+        role = "robot" if plan.has_robot_program or plan.simulation_application is None else "simulation"
+        raise LaunchError(
+            f"trials: the {role} application is a program, which cannot be begun anew for each trial; "
+            "trials need applications that are factories (make_environment, make_agent), or a job for each seed",
+            "InvalidInput",
+        )
 
 
 def _live_view_port(request: Mapping[str, Any]) -> int | None:

@@ -46,6 +46,10 @@ class IndoorNavigation(ResumableEnvironment):
         """Frames by numbers of bodies; a recording's `/tf` tells where they are."""
         return frames_of_bodies(self.robot, self.physics.model.ptr)
 
+    def renew(self, context: SimulationContext) -> None:
+        """Serves another trial of its job; all else is put back by `reset`."""
+        self._navigation.renew(context.rng)
+
     def run_result(self) -> EnvironmentReport:
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
 

@@ -183,6 +183,10 @@ class NavigationTask(Task):
 
     # -- Called by the environment --------------------------------------------
 
+    def renew(self, rng: np.random.Generator) -> None:
+        """Serves another episode, with another source of chance."""
+        self._rng = rng
+
     def state(self) -> dict[str, Any]:
         """What it remembers besides the physics; see `checkpoints.Resumable`."""
         return {

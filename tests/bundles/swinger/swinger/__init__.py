@@ -74,6 +74,9 @@ class Swinging(control.Environment):
         self._task.steps, self._task.highest = state["steps"], state["highest"]
         self._step_count, self._reset_next_step = state["count"], False
 
+    def renew(self, context):
+        self._task = Swing(context)
+
     def run_result(self):
         verdict = "PASS" if self._task.highest < float(self._task.variables.get("LIMIT", "inf")) else "FAIL"
         missed = {"name": "low", "satisfied": verdict == "PASS", "detail": f"{self._task.highest} rad"}
@@ -81,7 +84,7 @@ class Swinging(control.Environment):
 
 
 class ClosedSwinging(control.Environment):
-    """The same, but it cannot be continued."""
+    """The same, but it cannot be continued, and is made anew for each trial."""
 
 
 def make_environment(context) -> dm_env.Environment:

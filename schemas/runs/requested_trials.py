@@ -1,0 +1,91 @@
+"""The trials that a request for a job orders: by its member, or by a launch variable."""
+
+from collections.abc import Iterator
+from typing import Protocol
+
+from pydantic import ValidationError
+
+from ..wire.base import Model
+from ..wire.errors import InvalidParameterException
+from ..wire.job_configs import RobotApplicationConfig, SimulationApplicationConfig
+from ..wire.request_problems import problems_of
+from ..wire.strict_json import load_strict
+from .trials import Trials
+
+TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
+"""Launch variable that holds the trials as JSON, for SDKs that do not know the member."""
+
+_MAX_CHARACTERS = 1024
+
+
+class TrialsSource(Protocol):
+    """The members of a request that trials can be given in."""
+
+    @property
+    def trials(self) -> Trials | None:
+        """The extension member."""
+        ...
+
+    @property
+    def robotApplications(self) -> list[RobotApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The robot application, whose launch variables may hold trials."""
+        ...
+
+    @property
+    def simulationApplications(self) -> list[SimulationApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The simulation application, likewise."""
+        ...
+
+
+class _Holder(Model):
+    trials: Trials
+
+
+def trials_of(request: TrialsSource) -> Trials | None:
+    """The trials that a request orders; `None`: its job is one episode.
+
+    Raises:
+        InvalidParameterException: the variable's text does not describe trials, or they are given twice and differ.
+    """
+    given = {} if request.trials is None else {"trials": request.trials}
+    given |= {place: _parse(text, place) for place, text in _variables(request)}
+    if not given:
+        return None
+    (first, trials), *others = given.items()
+    for place, again in others:
+        if again != trials:
+            raise InvalidParameterException(f"{first} and {place} differ; leave one of them out")
+    return trials
+
+
+def check_trials(request: TrialsSource) -> None:
+    """Finds out whether the launch variable says what the member may say.
+
+    Raises:
+        ValueError: it does not.
+    """
+    try:
+        trials_of(request)
+    except InvalidParameterException as error:
+        raise ValueError(str(error)) from None
+
+
+def _parse(text: str, place: str) -> Trials:
+    try:
+        return _Holder.model_validate({"trials": load_strict(text, place, _MAX_CHARACTERS)}).trials
+    except ValidationError as error:
+        lines = [str(problem).removeprefix("trials") for problem in problems_of(error, _Holder)]
+        raise InvalidParameterException("\n".join(f"{place}{line}" for line in lines)) from None
+
+
+def _variables(request: TrialsSource) -> Iterator[tuple[str, str]]:
+    """Where the launch variable is set, and what it holds."""
+    for member, configs in (
+        ("simulationApplications", request.simulationApplications),
+        ("robotApplications", request.robotApplications),
+    ):
+        for index, config in enumerate(configs or ()):
+            variables = config.launchConfig.environmentVariables or {}
+            if TRIALS_VARIABLE in variables:
+                place = f"{member}[{index}].launchConfig.environmentVariables.{TRIALS_VARIABLE}"
+                yield place, variables[TRIALS_VARIABLE]

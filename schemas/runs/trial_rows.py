@@ -1,0 +1,139 @@
+"""Results of a job's trials: a row for each, and their summary.
+
+The rows are `trials.parquet` among the job's outputs; the summary is in `extra.trials` of its `result.json`. A trial
+that was recorded has a folder of outputs of its own, like a job: `trials/000012`.
+"""
+
+from pathlib import PurePosixPath
+from typing import Literal
+
+from pydantic import Field, ValidationError
+
+from ..wire.base import Model
+from .plan import Requirement, RunPlan, RunResult, Verdict
+from .trials import Trial
+
+TRIALS_FILE = "trials.parquet"
+TRIALS_FOLDER = "trials"
+SUMMARY_NAME = "trials"
+"""Of the summary, in a result's `extra`."""
+MAX_FAILING = 100
+"""How many trials that did not pass a summary names."""
+MAX_COMBINATIONS = 200
+"""How many combinations of parameters a summary counts."""
+
+
+class TrialRow(Model):
+    """One finished trial."""
+
+    trial: int = Field(ge=0, description="Its number.")
+    seed: int = Field(ge=0, description="Its seed.")
+    parameters: dict[str, str] = Field(default={}, description="Its parameters by name.")
+    verdict: Verdict = Field(description="PASS, FAIL, ERROR (something broke), or NONE when nothing was judged.")
+    reason: str = Field(default="", description="Why the verdict is FAIL or ERROR, in words.")
+    failure_code: str | None = Field(
+        default=None, description="Failure code of a trial that broke by an application's exception; absent otherwise."
+    )
+    ended_by: str | None = Field(default=None, description="As in `result.json`; absent: an exception did.")
+    sim_time_s: float = Field(default=0.0, description="Simulated time at the end.")
+    wall_time_s: float = Field(default=0.0, description="Wall-clock time spent stepping.")
+    steps: int = Field(default=0, description="Steps of the environment.")
+    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
+    state_digest: str | None = Field(default=None, description="Digest of all its states; absent: it has no physics.")
+    looks: int = Field(default=0, description="How many states the digest is of.")
+    digest_until_s: float = Field(default=0.0, description="Simulated time of the last of them.")
+
+    @property
+    def passed(self) -> bool:
+        """Whether it needs no look: it passed, or nothing was judged."""
+        return self.verdict in ("PASS", "NONE")
+
+    def result(self) -> RunResult:
+        """Its `result.json`, as far as the row has it."""
+        return RunResult(
+            verdict=self.verdict,
+            requirements=self.requirements,
+            metrics=self.metrics,
+            sim_time_s=self.sim_time_s,
+            wall_time_s=self.wall_time_s,
+            real_time_factor=self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else 0.0,
+            ended_by=self.ended_by or "",
+            seed=self.seed,
+            state_digest=self.state_digest,
+        )
+
+
+class FailingTrial(Model):
+    """A trial that did not pass."""
+
+    trial: int = Field(description="Its number.")
+    seed: int = Field(description="Its seed.")
+    parameters: dict[str, str] = Field(default={}, description="Its parameters by name.")
+    verdict: Literal["FAIL", "ERROR"] = Field(description="FAIL, or ERROR.")
+    reason: str = Field(default="", description="Why, in words.")
+    recorded: bool = Field(default=False, description="Whether it has a folder with its recording.")
+
+
+class TrialCounts(Model):
+    """How many trials ended how."""
+
+    parameters: dict[str, str] = Field(default={}, description="Of which combination of parameters; empty: of all.")
+    passed: int = Field(default=0, description="With verdict PASS.")
+    failed: int = Field(default=0, description="With verdict FAIL.")
+    errors: int = Field(default=0, description="With verdict ERROR.")
+    unjudged: int = Field(default=0, description="With verdict NONE.")
+
+    @property
+    def total(self) -> int:
+        """How many there are."""
+        return self.passed + self.failed + self.errors + self.unjudged
+
+
+class TrialsSummary(Model):
+    """How the trials of a job went."""
+
+    planned: int = Field(description="How many trials the job has.")
+    counts: TrialCounts = Field(description="How the finished ones ended.")
+    combinations: list[TrialCounts] = Field(
+        default=[], description="The same by combination of parameters, the first 200; empty without parameters."
+    )
+    failing: list[FailingTrial] = Field(default=[], description="Those that did not pass, the first 100.")
+    recorded: list[int] = Field(default=[], description="Numbers of those that have a folder of outputs of their own.")
+    stopped_in: int | None = Field(
+        default=None, description="Number of the trial in which the job was stopped; absent: all trials ran."
+    )
+
+    @classmethod
+    def of(cls, result: RunResult | None) -> "TrialsSummary | None":
+        """The summary in a job's result; `None` for a job without trials."""
+        found = result.extra.get(SUMMARY_NAME) if result is not None else None
+        if found is None:
+            return None
+        try:
+            return cls.model_validate(found)
+        except ValidationError:  # an application's own remark of this name
+            return None
+
+
+def trial_folder(number: int) -> str:
+    """Where the outputs of a recorded trial are, below those of its job."""
+    return str(PurePosixPath(TRIALS_FOLDER, f"{number:06d}"))
+
+
+def plan_of_trial(plan: RunPlan, trial: Trial) -> RunPlan:
+    """The plan of one trial, which is that of a job with its seed and its parameters, and without trials.
+
+    Args:
+        plan: The job's.
+        trial: One of its trials.
+    """
+    changes: dict[str, object] = {"seed": trial.seed, "trials": None, "trial": trial.number}
+    if trial.parameters:
+        changes["environment"] = {**plan.environment, **trial.parameters}
+        for name in ("simulation_application", "robot_application"):
+            application = getattr(plan, name)
+            if application is not None:
+                variables = {**application.environment_variables, **trial.parameters}
+                changes[name] = application.model_copy(update={"environment_variables": variables})
+    return plan.model_copy(update=changes)

@@ -1,0 +1,140 @@
+"""Trials: many episodes in one job, each with a seed of its own, in every combination of parameters.
+
+A job's request orders them as its member `trials` or, for SDKs that do not know that member, as JSON in the launch
+variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each combination of parameters gets the same seeds, the job's
+own and those after it; seeds change from trial to trial, then the parameter that is named last.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from ..wire.base import Shape, ShapeName
+from ..wire.common import MAX_SEED
+from ..wire.job_configs import EnvironmentVariableKey, EnvironmentVariableValue
+
+MAX_TRIALS = 1_000_000
+"""How many trials a job may have."""
+MAX_PARAMETERS = 20
+MAX_RECORDED = 1000
+"""How many trials of a job may be recorded, each in a folder of its own."""
+_OF_THE_JOB = (
+    *("ROBOMAKER_REQUIREMENTS", "ROBOMAKER_TRIALS", "ROBOMAKER_CHECKPOINT_EVERY_S", "ROBOMAKER_SEED"),
+    *("ROBOMAKER_OUTPUT_DIR", "ROBOMAKER_DATA_DIR", "ROBOMAKER_WORLD_DIR", "ROBOMAKER_JOB_ROOT"),
+)
+"""Variables that say something about the whole job."""
+
+TrialCount = Annotated[int, ShapeName("TrialCount"), Field(ge=1, le=MAX_TRIALS)]
+TrialNumber = Annotated[int, ShapeName("TrialNumber"), Field(ge=0, lt=MAX_TRIALS)]
+RecordedTrials = Annotated[int, ShapeName("RecordedTrials"), Field(ge=0, le=MAX_RECORDED)]
+TrialNumbers = Annotated[list[TrialNumber], ShapeName("TrialNumbers"), Field(max_length=MAX_RECORDED)]
+
+
+def _differ(values: list[str]) -> list[str]:
+    if twice := sorted({value for value in values if values.count(value) > 1}):
+        raise ValueError(f"values have to differ; {', '.join(map(repr, twice))} appears more than once")
+    return values
+
+
+def _possible(parameters: dict[str, list[str]]) -> dict[str, list[str]]:
+    if reserved := sorted(name for name in parameters if name.startswith("AWS") or name in _OF_THE_JOB):
+        raise ValueError(f"{', '.join(reserved)} cannot differ from trial to trial; give it for the whole job")
+    if with_nul := sorted(name for name, values in parameters.items() if any("\0" in value for value in values)):
+        raise ValueError(f"no variable can hold a NUL character; remove it from {', '.join(with_nul)}")
+    return parameters
+
+
+TrialValues = Annotated[
+    list[EnvironmentVariableValue],
+    ShapeName("TrialValues"),
+    Field(min_length=1, max_length=1000),
+    AfterValidator(_differ),
+]
+TrialParameters = Annotated[
+    dict[EnvironmentVariableKey, TrialValues],
+    ShapeName("TrialParameters"),
+    Field(max_length=MAX_PARAMETERS),
+    AfterValidator(_possible),
+]
+
+
+class Trials(Shape):
+    """The trials of a job."""
+
+    seeds: TrialCount = Field(
+        description="How many trials there are of each combination of parameters: with the job's seed, 0 unless the "
+        "request gives one, and with those after it."
+    )
+    parameters: TrialParameters | None = Field(
+        default=None,
+        description="Values of environment variables, by name; there are trials of every combination. They take the "
+        "place of launch variables of these names, of both applications.",
+    )
+    record: TrialNumbers | None = Field(
+        default=None,
+        description="Numbers of trials that are recorded, with a video if the job's policy is `always`, however they "
+        "end.",
+    )
+    record_failed: RecordedTrials = Field(
+        default=10,
+        description="How many of the trials that do not pass are recorded, the first ones, with a video if the job's "
+        "policy is `on-failure` or `always`.",
+    )
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Self:
+        if self.count > MAX_TRIALS:
+            raise ValueError(
+                f"{self.seeds} seeds for each of {self.combinations} combinations of parameters are {self.count} "
+                f"trials; a job has at most {MAX_TRIALS}"
+            )
+        if missing := [number for number in self.record or () if number >= self.count]:
+            raise ValueError(f"record: there is no trial {missing[0]}; the trials are 0 to {self.count - 1}")
+        return self
+
+    @property
+    def combinations(self) -> int:
+        """How many combinations of parameters there are; 1 without parameters."""
+        return math.prod(len(values) for values in (self.parameters or {}).values())
+
+    @property
+    def count(self) -> int:
+        """How many trials there are."""
+        return self.seeds * self.combinations
+
+    def trial(self, number: int, first_seed: int) -> "Trial":
+        """One trial.
+
+        Args:
+            number: Its number, from 0.
+            first_seed: The job's seed.
+
+        Raises:
+            IndexError: There is no such trial.
+        """
+        if not 0 <= number < self.count:
+            raise IndexError(f"there is no trial {number}; the trials are 0 to {self.count - 1}")
+        place, offset = divmod(number, self.seeds)
+        chosen: dict[str, str] = {}
+        for name, values in reversed((self.parameters or {}).items()):
+            place, index = divmod(place, len(values))
+            chosen[name] = values[index]
+        # Seeds are a ring, so that the largest one may be followed too.
+        return Trial(number, (first_seed + offset) % (MAX_SEED + 1), dict(reversed(chosen.items())))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial of a job."""
+
+    number: int
+    seed: int
+    parameters: Mapping[str, str]
+    """What its environment variables are, besides those of all."""
+
+    def __str__(self) -> str:
+        parameters = "".join(f", {name}={value}" for name, value in self.parameters.items())
+        return f"trial {self.number} (seed {self.seed}{parameters})"

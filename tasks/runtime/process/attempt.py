@@ -1,0 +1,164 @@
+"""One attempt at a run: its applications, its observers, its loop, and `result.json`."""
+
+import random
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.worlds.world import World
+from ..agents.recorded_robot import RecordedRobot
+from ..agents.remote_robot import RemoteRobot
+from ..episode.context import SimulationContext
+from ..episode.loading import load_factory
+from ..episode.progress import Phase, Progress
+from ..episode.results import Episode, make_result, write_result
+from ..episode.stops import Stop
+from ..recording.recording import McapRecorder, NullRecorder, RecordingError
+from ..states.checkpoints import Checkpointer
+from ..states.failure_state import FailureRecorder
+from ..video.camera_recorder import CameraRecorder
+from ..video.recorded_camera_settings import camera_recording
+from .failures import report_of
+from .loop import run_episode
+from .observers import Observer, make_observers
+from .run_request import RunRequest
+
+RECORDING_FILE = "recording.mcap"
+BUILT_IN_ENVIRONMENT = ApplicationPlan(
+    role="simulation",
+    name="indoor-navigation",
+    attribute="prefect_robomaker.tasks.runtime.applications.indoor_navigation.make_environment",
+)
+BUILT_IN_AGENT = ApplicationPlan(
+    role="robot", name="scout", attribute="prefect_robomaker.tasks.runtime.applications.scout.make_agent"
+)
+
+
+def seed_globals(seed: int) -> None:
+    """Applications should use the context's generator; those that use the global ones are repeatable too."""
+    random.seed(seed)
+    np.random.seed(seed % 2**32)  # noqa: NPY002
+
+
+def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
+    """Begins a run, or continues it from its last checkpoint, and carries it out to `result.json`.
+
+    Args:
+        run: What to do.
+        progress: Where to say how far it is and how it ended.
+        stop: Whether to stop.
+
+    Raises:
+        CheckpointError: The last checkpoint cannot be continued from.
+        Exception: Any exception of the applications.
+    """
+    plan = run.plan
+    rng = np.random.default_rng(plan.seed)
+    checkpoints = Checkpointer(plan, rng) if plan.checkpoint_dir and plan.checkpoint_every_s else None
+    resumes = checkpoints is not None and checkpoints.resumes
+    recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else NullRecorder()
+    remote = _remote_robot(plan, stop)
+    observers = make_observers(plan, run.video_backend, applications_of(plan), remote.actions if remote else None)
+    if camera := camera_recording(plan):
+        observers.append(CameraRecorder(recorder, camera, run.video_backend))
+    if remote is not None:
+        observers.insert(0, remote)  # told of the end before others take their time for it
+    try:
+        episode = _run(plan, rng, recorder, progress, stop, observers, remote, checkpoints)
+    except BaseException as error:
+        for observer in observers:
+            if isinstance(observer, FailureRecorder) and (where := observer.explain()):
+                error.add_note(where)
+        # Reported before the robot's program is told, whose end would seem to be the failure.
+        progress.write_report(report_of(error, progress))
+        # The first failure counts; a full disk may also keep the rest from being closed.
+        for observer in observers:
+            with suppress(Exception):
+                observer.close(None)
+        with suppress(RecordingError):
+            recorder.close()
+        if checkpoints is not None:
+            checkpoints.close()
+        raise
+    progress.mark(Phase.FINISHING)
+    findings = [observer.close(episode.ended_by) for observer in observers]
+    recorder.close()
+    write_result(make_result(episode, plan.seed, findings), plan.output_dir)
+    progress.write_report({"ended_by": episode.ended_by})
+
+
+def _run(
+    plan: RunPlan,
+    rng: np.random.Generator,
+    recorder: McapRecorder | NullRecorder,
+    progress: Progress,
+    stop: Stop,
+    observers: Sequence[Observer],
+    remote: RemoteRobot | RecordedRobot | None,
+    checkpoints: Checkpointer | None,
+) -> Episode:
+    simulation, robot = applications_of(plan)
+    context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
+    return run_episode(
+        lambda: factory_of(simulation)(context),
+        lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
+        mark=progress.mark,
+        stop=stop,
+        recorder=recorder,
+        watchers=observers,
+        checkpoints=checkpoints,
+    )
+
+
+def contexts_of(
+    plan: RunPlan, rng: np.random.Generator, world: World | None, recorder: McapRecorder | NullRecorder
+) -> tuple[SimulationContext, SimulationContext]:
+    """What the factories of environment and agent get; the variables of each go over those of the other."""
+    simulation, robot = applications_of(plan)
+    context = SimulationContext(
+        plan=plan,
+        rng=rng,
+        world=world,
+        world_dir=plan.world_dir,
+        data_dir=plan.data_dir,
+        output_dir=plan.output_dir,
+        environment={**robot.environment_variables, **simulation.environment_variables},
+        recorder=recorder,
+    )
+    environment = {**simulation.environment_variables, **robot.environment_variables}
+    return context, replace(context, environment=environment)
+
+
+def _remote_robot(plan: RunPlan, stop: Stop) -> RemoteRobot | RecordedRobot | None:
+    """The robot's side of a run whose robot application is a program; None: it is a factory."""
+    robot = applications_of(plan)[1]
+    if robot.attribute is not None:
+        return None
+    if plan.recorded_actions is not None:
+        return RecordedRobot(plan.recorded_actions, robot.name)
+    return RemoteRobot(plan, robot.name, stop)
+
+
+def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
+    """Returns the factories of the environment and the agent."""
+    return plan.simulation_application or BUILT_IN_ENVIRONMENT, plan.robot_application or BUILT_IN_AGENT
+
+
+def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
+    """Imports the factory of an application that is no program.
+
+    Raises:
+        LoadError: It cannot be imported.
+    """
+    assert application.attribute is not None, "programs are not imported"
+    return load_factory(application.attribute, application.path)
+
+
+def read_world(world_dir: Path | None) -> World | None:
+    """Reads the description of a run's world."""
+    return World.model_validate_json((world_dir / "world.json").read_bytes()) if world_dir else None

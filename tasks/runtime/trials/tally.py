@@ -1,0 +1,231 @@
+"""Counts a job's trials, and judges the job by them. Pure; it holds a few numbers, however many trials there are."""
+
+import hashlib
+from dataclasses import dataclass, field
+
+from ....schemas.runs.plan import Requirement, RunResult, Verdict
+from ....schemas.runs.trial_rows import (
+    MAX_COMBINATIONS,
+    MAX_FAILING,
+    SUMMARY_NAME,
+    FailingTrial,
+    TrialCounts,
+    TrialRow,
+    TrialsSummary,
+)
+from ....schemas.runs.trials import Trials
+
+MAX_NAMES = 200
+"""How many metrics, and how many requirements, are counted; those that came first."""
+OF_ALL_TRIALS = "trials"
+"""Name of the job's own requirement, that no trial fails."""
+_NAMED = 10
+_REASON_CHARACTERS = 300
+_COUNTED: dict[Verdict, str] = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "NONE": "unjudged"}
+
+Combination = tuple[tuple[str, str], ...]
+
+
+class Tally:
+    """Counts rows as they come.
+
+    Args:
+        trials: The job's trials.
+    """
+
+    def __init__(self, trials: Trials) -> None:
+        self._trials = trials
+        self._counts: dict[str, int] = {}
+        self._combinations: dict[Combination, dict[str, int]] = {}
+        self._failing: list[FailingTrial] = []
+        self._requirements: dict[str, _RequirementCount] = {}
+        self._means: dict[str, _Mean] = {}
+        self._digest = hashlib.sha256()
+        self._has_digests = False
+        self._sim_time_s = self._wall_time_s = 0.0
+        self._steps = 0
+        self.rows = 0
+        """How many trials were counted."""
+
+    def take(self, row: TrialRow) -> None:
+        """Counts a row."""
+        self.rows += 1
+        counted = _COUNTED[row.verdict]
+        self._counts[counted] = self._counts.get(counted, 0) + 1
+        if row.parameters:
+            of = tuple(row.parameters.items())
+            if of in self._combinations or len(self._combinations) < MAX_COMBINATIONS:
+                counts = self._combinations.setdefault(of, {})
+                counts[counted] = counts.get(counted, 0) + 1
+        if row.verdict in ("FAIL", "ERROR") and len(self._failing) < MAX_FAILING:
+            self._failing.append(_failing(row, row.verdict))
+        for requirement in row.requirements:
+            if requirement.name in self._requirements or len(self._requirements) < MAX_NAMES:
+                self._requirements.setdefault(requirement.name, _RequirementCount()).take(requirement)
+        for name, value in row.metrics.items():
+            if name in self._means or len(self._means) < MAX_NAMES:
+                self._means.setdefault(name, _Mean()).take(value)
+        self._digest.update((row.state_digest or "").encode() + b"\n")
+        self._has_digests |= row.state_digest is not None
+        self._sim_time_s += row.sim_time_s
+        self._wall_time_s += row.wall_time_s
+        self._steps += row.steps
+
+    @property
+    def sim_time_s(self) -> float:
+        """Simulated time of all trials."""
+        return self._sim_time_s
+
+    @property
+    def first_failing(self) -> list[int]:
+        """Numbers of the first trials that did not pass."""
+        return [each.trial for each in self._failing]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all trials were counted."""
+        return self.rows >= self._trials.count
+
+    def summary(self, recorded: list[int]) -> TrialsSummary:
+        """What is told of the trials.
+
+        Args:
+            recorded: Numbers of trials that have a folder of outputs.
+        """
+        return TrialsSummary(
+            planned=self._trials.count,
+            counts=_counts(self._counts),
+            combinations=[_counts(counts, dict(of)) for of, counts in self._combinations.items()],
+            failing=[
+                each.model_copy(update={"recorded": True}) if each.trial in recorded else each for each in self._failing
+            ],
+            recorded=recorded,
+            stopped_in=None if self.is_whole else self.rows,
+        )
+
+    def result(self, ended_by: str, seed: int, versions: dict[str, str], recorded: list[int]) -> RunResult:
+        """The job's `result.json`: FAIL if any trial failed, else ERROR if any broke or did not run.
+
+        Args:
+            ended_by: `environment` once all trials ran, else why it was stopped.
+            seed: The job's seed.
+            versions: What the numbers depend on.
+            recorded: See `summary`.
+        """
+        summary = self.summary(recorded)
+        own = Requirement(
+            name=OF_ALL_TRIALS,
+            satisfied=self._verdict in ("PASS", "NONE"),
+            detail=self._in_words,
+            value=float(summary.counts.failed + summary.counts.errors),
+            limit=0.0,
+        )
+        result = RunResult(
+            verdict=self._verdict,
+            summary=f"{self._in_words[0].upper()}{self._in_words[1:]}.",
+            requirements=[own, *(count.requirement(name) for name, count in self._requirements.items())],
+            metrics=self._metrics(summary.counts),
+            sim_time_s=self._sim_time_s,
+            wall_time_s=self._wall_time_s,
+            real_time_factor=self._sim_time_s / self._wall_time_s if self._wall_time_s > 0 else 0.0,
+            ended_by=ended_by,
+            seed=seed,
+            versions=versions,
+            state_digest=self._digest.hexdigest() if self._has_digests else None,
+            extra={SUMMARY_NAME: summary.model_dump(mode="json", exclude_defaults=True)},
+        )
+        return result.unjudged() if ended_by == "canceled" else result
+
+    @property
+    def _verdict(self) -> Verdict:
+        if self._counts.get("failed"):
+            return "FAIL"
+        if self._counts.get("errors") or not self.is_whole:
+            return "ERROR"
+        return "PASS" if self._counts.get("passed") else "NONE"
+
+    @property
+    def _in_words(self) -> str:
+        """`3 of 100 trials did not pass: 4, 17 and 33`."""
+        bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
+        text = f"{bad} of {_trials(self.rows)} did not pass" if bad else f"none of {_trials(self.rows)} failed"
+        if bad:
+            more = bad - _NAMED
+            named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
+            text += f": {named}{f' and {more} more' if more > 0 else ''}"
+        if not self.is_whole:
+            text += f"; stopped in trial {self.rows} of {self._trials.count}"
+        return text
+
+    def _metrics(self, counts: TrialCounts) -> dict[str, float]:
+        judged = counts.passed + counts.failed
+        metrics = {
+            "trials": float(self.rows),
+            "trials_passed": float(counts.passed),
+            "trials_failed": float(counts.failed),
+            "trials_errors": float(counts.errors),
+            "steps": float(self._steps),
+        }
+        if judged:
+            metrics["pass_rate"] = counts.passed / judged
+        return metrics | {f"mean_{name}": mean.value for name, mean in self._means.items() if name != "steps"}
+
+
+@dataclass
+class _Mean:
+    """A mean of numbers that are not kept."""
+
+    count: int = 0
+    value: float = 0.0
+
+    def take(self, value: float) -> None:
+        self.count += 1
+        self.value += (value - self.value) / self.count
+
+
+@dataclass
+class _RequirementCount:
+    """How many trials met one requirement."""
+
+    trials: int = 0
+    met: int = 0
+    worst: Requirement | None = field(default=None)
+    """Of the smallest margin."""
+
+    def take(self, requirement: Requirement) -> None:
+        self.trials += 1
+        self.met += requirement.satisfied
+        if requirement.margin is not None and (
+            self.worst is None or self.worst.margin is None or requirement.margin < self.worst.margin
+        ):
+            self.worst = requirement
+
+    def requirement(self, name: str) -> Requirement:
+        """What the job's result says of it; the job is judged by its trials, not by this again."""
+        told = {"kind", "value", "limit", "unit", "margin"}
+        worst = {} if self.worst is None else self.worst.model_dump(include=told)
+        return Requirement(
+            name=name,
+            satisfied=self.met == self.trials,
+            detail=f"met in {self.met} of {_trials(self.trials)}",
+            counts=False,
+            **worst,
+        )
+
+
+def _counts(counts: dict[str, int], parameters: dict[str, str] | None = None) -> TrialCounts:
+    return TrialCounts.model_validate({"parameters": parameters or {}, **counts})
+
+
+def _failing(row: TrialRow, verdict: Verdict) -> FailingTrial:
+    return FailingTrial(
+        trial=row.trial,
+        seed=row.seed,
+        parameters=row.parameters,
+        verdict="FAIL" if verdict == "FAIL" else "ERROR",
+        reason=row.reason if len(row.reason) <= _REASON_CHARACTERS else f"{row.reason[: _REASON_CHARACTERS - 1]}…",
+    )
+
+
+def _trials(count: int) -> str:
+    return f"{count} trial{'' if count == 1 else 's'}"

@@ -1,0 +1,151 @@
+"""Journal, tally and table of trials."""
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.schemas.runs.trial_rows import MAX_FAILING, TrialRow, TrialsSummary
+from prefect_robomaker.schemas.runs.trials import Trials
+from prefect_robomaker.tasks.runtime.trials import table
+from prefect_robomaker.tasks.runtime.trials.journal import TrialJournal, read_journal
+from prefect_robomaker.tasks.runtime.trials.table import read_row, write_table
+from prefect_robomaker.tasks.runtime.trials.tally import Tally
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+TEXTS = st.text(max_size=20).filter(lambda text: text.isprintable())
+NAMES = st.sampled_from(("goal", "clear", "fast"))
+REQUIREMENTS = st.builds(Requirement, name=NAMES, satisfied=st.booleans(), detail=TEXTS, margin=st.none() | NUMBERS)
+
+
+@st.composite
+def some_rows(draw: Any) -> tuple[Trials, list[TrialRow]]:
+    """Rows of the first trials of a job."""
+    parameters = draw(st.none() | st.just({"A": ["1", "2"], "B": ["x", "y", "z"]}))
+    trials = Trials(seeds=draw(st.integers(1, 6)), parameters=parameters)
+    rows = []
+    for number in range(draw(st.integers(0, trials.count))):
+        trial = trials.trial(number, 10)
+        rows.append(
+            TrialRow(
+                trial=number,
+                seed=trial.seed,
+                parameters=dict(trial.parameters),
+                verdict=draw(st.sampled_from(("PASS", "FAIL", "ERROR", "NONE"))),
+                reason=draw(TEXTS),
+                failure_code=draw(st.none() | st.just("RobotApplicationCrash")),
+                ended_by=draw(st.none() | st.just("agent")),
+                sim_time_s=draw(st.floats(0, 100)),
+                wall_time_s=draw(st.floats(0, 100)),
+                steps=draw(st.integers(0, 10**6)),
+                requirements=draw(st.lists(REQUIREMENTS, max_size=3, unique_by=lambda each: each.name)),
+                metrics=draw(st.dictionaries(st.sampled_from(("distance_m", "goals")), NUMBERS)),
+                state_digest=draw(st.none() | st.just("ab" * 32)),
+                looks=draw(st.integers(0, 100)),
+                digest_until_s=draw(st.floats(0, 100)),
+            )
+        )
+    return trials, rows
+
+
+def keep(rows: list[TrialRow], path: Path) -> None:
+    path.unlink(missing_ok=True)
+    journal = TrialJournal(path, lambda row: None)
+    for row in rows:
+        journal.append(row)
+    journal.close()
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@given(found=some_rows())
+def test_rows_are_the_same_in_journal_and_table(found: tuple[Trials, list[TrialRow]], tmp_path: Path) -> None:
+    trials, rows = found
+    journal, path = tmp_path / "trials.jsonl", tmp_path / "trials.parquet"
+    keep(rows, journal)
+
+    assert list(read_journal(journal)) == rows
+    assert write_table(journal, path, trials, {0}) == len(rows)
+    assert [read_row(path, number) for number in range(len(rows))] == rows
+    assert read_row(path, len(rows)) is None
+    assert pq.read_table(path).column("recorded").to_pylist() == [number == 0 for number in range(len(rows))]
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@given(found=some_rows(), data=st.data())
+def test_a_journal_that_was_cut_off_goes_on_after_its_last_whole_row(
+    found: tuple[Trials, list[TrialRow]], data: Any, tmp_path: Path
+) -> None:
+    _, rows = found
+    path = tmp_path / "trials.jsonl"
+    keep(rows, path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: data.draw(st.integers(0, len(whole)))])
+    left = path.read_bytes().count(b"\n")
+
+    taken: list[TrialRow] = []
+    journal = TrialJournal(path, taken.append)
+    assert taken == rows[:left]
+    assert journal.rows == left
+    for row in rows[left:]:
+        journal.append(row)
+    journal.close()
+    assert path.read_bytes() == whole
+
+
+@given(found=some_rows())
+def test_the_job_is_judged_by_its_trials(found: tuple[Trials, list[TrialRow]]) -> None:
+    trials, rows = found
+    tally = Tally(trials)
+    for row in rows:
+        tally.take(row)
+    result = tally.result("environment" if tally.is_whole else "duration limit", 10, {}, [])
+    summary = TrialsSummary.of(result)
+
+    assert summary is not None
+    verdicts = [row.verdict for row in rows]
+    counts = summary.counts
+    assert [counts.passed, counts.failed, counts.errors, counts.unjudged] == [
+        verdicts.count(each) for each in ("PASS", "FAIL", "ERROR", "NONE")
+    ]
+    if "FAIL" in verdicts:
+        assert result.verdict == "FAIL"
+    elif "ERROR" in verdicts or len(rows) < trials.count:
+        assert result.verdict == "ERROR"
+    else:
+        assert result.verdict == ("PASS" if "PASS" in verdicts else "NONE")
+    assert [each.trial for each in summary.failing] == [row.trial for row in rows if row.verdict in ("FAIL", "ERROR")]
+    assert summary.stopped_in == (None if len(rows) == trials.count else len(rows))
+    assert (result.reason is None) == (result.verdict in ("PASS", "NONE"))
+    if trials.parameters:
+        assert sum(each.total for each in summary.combinations) == len(rows)
+
+
+def test_the_summary_stays_small_however_many_trials_fail() -> None:
+    trials = Trials(seeds=5000)
+    tally = Tally(trials)
+    for number in range(trials.count):
+        tally.take(TrialRow(trial=number, seed=number, verdict="FAIL", reason="x" * 2000))
+    result = tally.result("environment", 0, {}, [])
+    assert len(result.extra["trials"]["failing"]) == MAX_FAILING
+    assert result.reason == "trials: 5000 of 5000 trials did not pass: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 4990 more"
+    assert len(result.model_dump_json()) < 100_000
+
+
+def test_rows_lie_in_groups(tmp_path: Path) -> None:
+    trials = Trials(seeds=2 * table.ROWS_IN_GROUP + 1)
+    rows = [TrialRow(trial=number, seed=number, verdict="PASS") for number in range(trials.count)]
+    keep(rows, tmp_path / "trials.jsonl")
+    write_table(tmp_path / "trials.jsonl", tmp_path / "trials.parquet", trials, set())
+    assert pq.ParquetFile(tmp_path / "trials.parquet").num_row_groups == 3
+    for number in (0, table.ROWS_IN_GROUP - 1, table.ROWS_IN_GROUP, trials.count - 1):
+        assert read_row(tmp_path / "trials.parquet", number) == rows[number]
+
+
+def test_something_else_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / "trials.parquet").write_bytes(b"PAR1 but not really")
+    with pytest.raises(ValueError, match="is no table of trials"):
+        read_row(tmp_path / "trials.parquet", 0)
