@@ -34,3 +34,11 @@ def add_simulation(parser: argparse.ArgumentParser) -> None:
     """Adds the simulation job to run again."""
     text = "ARN or id of a simulation job, s3://BUCKET/PREFIX or a folder of outputs"
     parser.add_argument("run", metavar="JOB", help=text)
+    trial = "number of the trial, of a job that has trials"
+    parser.add_argument("--trial", metavar="K", type=_trial_number, help=trial)
+
+
+def _trial_number(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no trial; its number, from 0, would be right")
+    return int(text)

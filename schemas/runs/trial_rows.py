@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError
 
 from ..wire.base import Model
 from .plan import Requirement, RunPlan, RunResult, Verdict
+from .provenance import StateDigestSummary
 from .trials import Trial
 
 TRIALS_FILE = "trials.parquet"
@@ -41,6 +42,9 @@ class TrialRow(Model):
     requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     state_digest: str | None = Field(default=None, description="Digest of all its states; absent: it has no physics.")
+    model_sha256: str | None = Field(
+        default=None, description="SHA-256 of its compiled model, as in `provenance.json`."
+    )
     looks: int = Field(default=0, description="How many states the digest is of.")
     digest_until_s: float = Field(default=0.0, description="Simulated time of the last of them.")
 
@@ -48,6 +52,13 @@ class TrialRow(Model):
     def passed(self) -> bool:
         """Whether it needs no look: it passed, or nothing was judged."""
         return self.verdict in ("PASS", "NONE")
+
+    @property
+    def digest(self) -> StateDigestSummary | None:
+        """The digest of its states, as `provenance.json` has it; `None`: it has none."""
+        if self.state_digest is None:
+            return None
+        return StateDigestSummary(looks=self.looks, until_s=self.digest_until_s, value=self.state_digest)
 
     def result(self) -> RunResult:
         """Its `result.json`, as far as the row has it."""

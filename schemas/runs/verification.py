@@ -47,6 +47,7 @@ class Verification(Model):
     run: str = Field(description="The run, as it was asked for.")
     job_arn: str = Field(description="ARN of its job.")
     run_id: str = Field(description="Id of the run.")
+    trial: int | None = Field(default=None, description="Number of the trial, of a run that has trials.")
     answer: Answer = Field(description="What came of it.")
     reasons: list[str] = Field(default=[], description="Why the runs cannot be compared.")
     divergence: Divergence | None = Field(default=None, description="The first difference.")

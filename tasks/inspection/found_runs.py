@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.provenance import PROVENANCE_FILE
+from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
@@ -27,7 +28,7 @@ from ..storage.naming import join_key
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
 """A link, a folder or FIFO, a socket."""
-_WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE)
+_WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE, TRIALS_FILE)
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class FoundRun:
     """What it wrote down; only that, not all of its outputs."""
     job: Resource | None
     """Its job, while the catalog has it."""
+    failure_code: str | None = None
+    """What it failed with; None: it did not."""
 
 
 @contextmanager
@@ -70,7 +73,8 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
             job = service.catalog.get_many([plan.job_arn]).get(plan.job_arn)
             if job is not None and SimulationJobDocument.of(job).run_id == plan.run_id:  # earlier runs of it have ended
                 _check_ended(job)
-        yield FoundRun(outputs, scratch, job)
+        failure_code = SimulationJobDocument.of(job).failure_code if job is not None else None
+        yield FoundRun(outputs, scratch, job, failure_code)
 
 
 def _job_of(reference: str, service: Service) -> Resource | None:

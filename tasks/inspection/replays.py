@@ -26,9 +26,12 @@ from ..simulations.containers.cleanup import remove_containers
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import own_domain
 from .found_runs import FoundRun, found_run, scratch_folder
+from .found_trials import found_trial, plan_of_found_trial
 
 
-def verify_run(reference: str, service: Service, *, run_program: bool = False) -> Verification:
+def verify_run(
+    reference: str, service: Service, *, trial: int | None = None, run_program: bool = False
+) -> Verification:
     """Runs a run again on this machine and compares all states; neither job nor outputs are touched.
 
     The program of a robot application is not run again: what it did was recorded, and is done again.
@@ -36,14 +39,16 @@ def verify_run(reference: str, service: Service, *, run_program: bool = False) -
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
         service: where it is stored.
+        trial: number of the trial, of a job that has trials.
         run_program: whether the robot's program, if it is one, is run again nevertheless.
 
     Raises:
-        ConfigurationError: that names no run.
+        ConfigurationError: that names no run, or no trial of it.
         ResourceNotFoundException: there is no such job.
         StorageError: its outputs cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
+        run = found_trial(run, trial)
         first = run.outputs
         reasons = [
             *why_not_repeatable(first, run_program=run_program),
@@ -82,7 +87,9 @@ def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) 
     return outcome, read_outputs(plan.output_dir)
 
 
-def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPolicy = "always") -> ReproductionFolder:
+def reproduce_run(
+    reference: str, folder: Path, service: Service, video: VideoPolicy = "always", trial: int | None = None
+) -> ReproductionFolder:
     """Fetches all that a run needs into a folder, runs it again and writes a test that does so.
 
     Args:
@@ -90,6 +97,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         folder: where to; it must be absent or hold no reproduction.
         service: where the run is stored.
         video: whether the rerun gets a video.
+        trial: number of the trial, of a job that has trials.
 
     Raises:
         ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
@@ -98,12 +106,12 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         StorageError: its outputs cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
+        run = found_trial(run, trial)
         if reasons := why_not_repeatable(run.outputs):
             raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
-        failure_code = SimulationJobDocument.of(run.job).failure_code if run.job else None
         plan = _plan_here(run, scratch / "inputs", service, ros_domain)
         try:
-            test = write_reproduction(plan, run.folder, failure_code, folder)
+            test = write_reproduction(plan, run.folder, run.failure_code, folder)
         except FileExistsError as error:
             raise ConfigurationError(str(error)) from error
     reproduction = Reproduction(folder)
@@ -114,7 +122,7 @@ def reproduce_run(reference: str, folder: Path, service: Service, video: VideoPo
         test=test.resolve(),
         video=video_file if video_file.exists() else None,
         ending=in_words(rerun.ending),
-        same_ending=is_expected(rerun.ending, rerun_ending(reproduction.first, failure_code)),
+        same_ending=is_expected(rerun.ending, rerun_ending(reproduction.first, run.failure_code)),
         other_inputs=reproduction.other_inputs(rerun),
         robot=_robot_in_rerun(reproduction.first),
     )
@@ -136,16 +144,20 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
 
 
 def _verification(reference: str, first: RunOutputs, reasons: list[str]) -> Verification:
-    provenance, timeline = first.provenance, first.timeline
+    provenance, timeline, digest = first.provenance, first.timeline, first.provenance.digest
+    looks, until_s = (digest.looks, digest.until_s) if digest else (0, None)
+    if timeline is not None:
+        looks, until_s = len(timeline.links), float(timeline.times_s[-1]) if timeline.links else None
     return Verification(
         run=reference,
         job_arn=provenance.plan.job_arn,
         run_id=provenance.plan.run_id,
+        trial=provenance.plan.trial,
         answer="not comparable",
         reasons=reasons,
-        looks=len(timeline.links) if timeline else 0,
-        until_s=float(timeline.times_s[-1]) if timeline and timeline.links else None,
-        digest=provenance.digest.value if provenance.digest else None,
+        looks=looks,
+        until_s=until_s,
+        digest=digest.value if digest else None,
         robot=_robot_in_rerun(first),
     )
 
@@ -159,6 +171,8 @@ def _robot_in_rerun(first: RunOutputs) -> RobotRepeat:
 def _without_physics(first: RunOutputs) -> list[str]:
     if (first.timeline is not None and first.timeline.links) or not first.provenance.plan.has_episode:
         return []
+    if first.provenance.plan.trial is not None and first.provenance.digest is not None:
+        return []  # the row of a trial has the digest of its states, not the states
     return ["it kept no states: its environment has no physics, or it ended before the first"]
 
 
@@ -173,7 +187,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -
         plan = without_robot(plan)
     if run.job is not None:
         try:
-            return _plan_of_job(run.job, plan, folder, service, ros_domain)
+            return plan_of_found_trial(_plan_of_job(run.job, plan, folder, service, ros_domain), plan)
         except ResourceNotFoundException as error:
             raise LaunchError(str(error), "ResourceNotFound") from error
     if plan.programs:

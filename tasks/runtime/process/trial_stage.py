@@ -118,9 +118,10 @@ class TrialStage:
             return _broken(trial, report_of(error, self._progress))
         if episode.ended_by in _STOPPED:
             return None
-        found = digest.close()
+        summary = digest.close()
         findings = [failures.close(episode.ended_by), requirements.close(episode.ended_by)]
-        return _row(trial, make_result(episode, plan.seed, findings), episode, found)
+        row = _row(trial, make_result(episode, plan.seed, findings), episode, summary)
+        return row.model_copy(update={"model_sha256": digest.model_sha256})
 
     def close(self) -> None:
         """Closes the environment."""
@@ -166,6 +167,10 @@ class _TrialDigest:
 
     def close(self) -> StateDigestSummary | None:
         return self._digest.finish(self._data)
+
+    @property
+    def model_sha256(self) -> str | None:
+        return self._digest.model_sha256
 
 
 def _row(trial: Trial, result: RunResult, episode: Episode, digest: StateDigestSummary | None) -> TrialRow:

@@ -42,6 +42,8 @@ def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
     here, there = one.provenance, other.provenance
     if here.model_sha256 != there.model_sha256:
         return Divergence(time_s=0.0, what="in the model itself: its environment built another one")
+    if one.timeline is None and here.plan.trial is not None:
+        return _other_digest(one, other)
     if one.timeline is None or other.timeline is None:
         return None
     names = JointNames(here.joints, here.positions)
@@ -72,6 +74,15 @@ def compare_timelines(
         what = "in no position or velocity that was kept: in controls, forces or solver state"
         return Divergence(time_s=time_s, equal_until_s=until_s, what=what)
     return named.model_copy(update={"time_s": time_s, "equal_until_s": until_s})
+
+
+def _other_digest(one: RunOutputs, other: RunOutputs) -> Divergence | None:
+    """Whether a trial, of which only the digest of its states is kept, has parted from its rerun."""
+    digest, again = one.provenance.digest, other.provenance.digest
+    if digest is None or again is None or digest == again:
+        return None
+    what = "or before: of a trial only the digest of all its states is kept"
+    return Divergence(time_s=min(digest.until_s, again.until_s), what=what)
 
 
 def _other_end(one: StateTimeline, other: StateTimeline) -> Divergence:

@@ -36,7 +36,7 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
     | `metric.NAME` | a column for each metric; empty where a trial has none of that name |
     | `requirement.NAME`, `margin.NAME` | whether the requirement was met, and by how much |
     | `requirements` | all of them, as JSON |
-    | `state_digest`, `digest_looks`, `digest_until_s` | what `robomaker verify` compares |
+    | `state_digest`, `model_sha256`, `digest_looks`, `digest_until_s` | what `robomaker verify` compares |
     | `recorded` | whether it has a folder of outputs |
 
     Args:
@@ -129,7 +129,13 @@ def _schema(pa: Any, parameters: list[str], names: _Names) -> "pa.Schema":
                 for name in names.requirements
                 for column in ((f"requirement.{name}", pa.bool_()), (f"margin.{name}", number))
             ),
-            *(("requirements", text), ("state_digest", text), ("digest_looks", whole), ("digest_until_s", number)),
+            *(
+                ("requirements", text),
+                ("state_digest", text),
+                ("model_sha256", text),
+                ("digest_looks", whole),
+                ("digest_until_s", number),
+            ),
             ("recorded", pa.bool_()),
         ]
     )
@@ -153,6 +159,7 @@ def _plain(row: TrialRow, names: _Names, recorded: set[int]) -> dict[str, Any]:
         **{f"margin.{each.name}": each.margin for each in requirements},
         "requirements": _REQUIREMENTS.dump_json(row.requirements, exclude_defaults=True).decode(),
         "state_digest": row.state_digest,
+        "model_sha256": row.model_sha256,
         "digest_looks": row.looks,
         "digest_until_s": row.digest_until_s,
         "recorded": row.trial in recorded,
@@ -181,6 +188,7 @@ def _row(found: dict[str, Any]) -> TrialRow:
         requirements=_REQUIREMENTS.validate_python(json.loads(found["requirements"])),
         metrics=dict(named("metric.")),
         state_digest=found["state_digest"],
+        model_sha256=found["model_sha256"],
         looks=found["digest_looks"],
         digest_until_s=found["digest_until_s"],
     )

@@ -1,6 +1,9 @@
 """Trials: many episodes in one job, each as a job with its seed alone would be."""
 
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
@@ -9,6 +12,8 @@ from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.service.service import Service
 
 Simulate = Callable[..., dict[str, Any]]
@@ -77,3 +82,44 @@ def test_each_trial_has_the_states_that_a_job_with_its_seed_has(
     if not kept:  # the other one does not say
         found = [row["metric.highest_rad"] for row in rows]
         assert found == [result.metrics["highest_rad"] for result in alone]
+
+
+def test_any_trial_is_verified_and_taken_apart_by_itself(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    job = swing(seed=3, job={"trials": {"seeds": 6, "parameters": {"LIMIT": ["0.5", "9"]}}}, TIME_LIMIT_S="2")
+    rows = rows_of(service, job)
+    failing = next(row["trial"] for row in rows if row["verdict"] == "FAIL")
+
+    for number in (failing, 11):
+        answer = verify_run(job["arn"], service, trial=number)
+        assert (answer.answer, answer.trial) == ("bit-identical", number)
+        assert answer.digest == answer.digest_again == rows[number]["state_digest"]
+    assert verify_run(str(outputs_of(service, job)), service, trial=0).answer == "bit-identical"
+    kept = outputs_of(service, job) / f"trials/{failing:06d}"
+    assert verify_run(str(kept), service).digest == rows[failing]["state_digest"]
+
+    made = reproduce_run(job["arn"], tmp_path / "repro", service, "none", trial=failing)
+    assert (made.ending, made.same_ending) == ("ended with verdict FAIL (low)", True)
+    test = next((tmp_path / "repro").glob("test_repro_*.py"))
+    repeated = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", test], cwd=tmp_path, capture_output=True
+    )
+    assert b"2 passed" in repeated.stdout, repeated.stdout.decode()
+
+
+def test_chance_that_no_seed_repeats_shows_in_its_trial(service: Service, swing: Simulate) -> None:
+    parameters = {"DRIFT_AT": ["-1", "60"]}
+    job = swing(job={"trials": {"seeds": 1, "parameters": parameters}})
+    assert verify_run(job["arn"], service, trial=0).answer == "bit-identical"
+    answer = verify_run(job["arn"], service, trial=1)
+    assert str(answer).startswith("diverged at t=4.000 s or before: of a trial only the digest")
+
+
+def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
+    job, alone = swing(job={"trials": {"seeds": 2}}, TIME_LIMIT_S="0.1"), swing(TIME_LIMIT_S="0.1")
+    for reference, trial, said in (
+        (job, None, "has 2 trials; name one with --trial, from 0 to 1"),
+        (job, 2, "--trial 2: there is no trial 2; the trials are 0 to 1"),
+        (alone, 0, "has no trials; leave --trial out"),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            verify_run(reference["arn"], service, trial=trial)

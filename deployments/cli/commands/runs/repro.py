@@ -26,9 +26,10 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.inspection.replays import reproduce_run
     from .....tasks.service.service import Service
 
-    folder = Path(arguments.to or f"repro-{_name_of(arguments.run)}")
+    name = _name_of(arguments.run) if arguments.trial is None else f"{_name_of(arguments.run)}-trial-{arguments.trial}"
+    folder = Path(arguments.to or f"repro-{name}")
     service = Service.open(Settings.from_environment(os.environ))
-    made = reproduce_run(arguments.run, folder, service, "none" if arguments.no_video else "always")
+    made = reproduce_run(arguments.run, folder, service, "none" if arguments.no_video else "always", arguments.trial)
     if arguments.output == "json":
         sys.stdout.write(made.model_dump_json(indent=2) + "\n")
         return 0

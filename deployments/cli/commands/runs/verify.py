@@ -30,7 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.service.service import Service
 
     service = Service.open(Settings.from_environment(os.environ))
-    verification = verify_run(arguments.run, service, run_program=arguments.run_program)
+    verification = verify_run(arguments.run, service, trial=arguments.trial, run_program=arguments.run_program)
     text = verification.model_dump_json(indent=2) if arguments.output == "json" else str(verification)
     sys.stdout.write(f"{text}\n")
     return EXIT_CODES[verification.answer]
