@@ -55,9 +55,9 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop, clock: Callable[
         with suppress(RunStopped):  # between two trials
             _run_rest(run, plan.trials, (progress, stop), journal, tally, checkpoints)
     finally:
-        progress.mark(Phase.FINISHING)
         journal.close()
         checkpoints.close()
+    progress.mark(Phase.FINISHING)
     if tally.is_whole:
         _record_some(run, plan.trials, tally, stop)
     result = complete_trials(plan, stop.reason, tally)

@@ -60,6 +60,9 @@ class Exit:
     tools: Sequence[ToolEnds] = ()
     """Tools that ended and were started again."""
 
+    trial: int | None = None
+    """Number of the trial that the run's process was in; None: it has no trials, or all have finished."""
+
     @property
     def ended_by(self) -> str | None:
         """What ended the loop of a run that finished its outputs; None for others."""
@@ -74,7 +77,15 @@ class Exit:
         """Reads what `to_message` made."""
         crash = Crash(**message["crash"]) if message["crash"] else None
         tools = [ToolEnds.model_validate(tool) for tool in message["tools"]]
-        return cls(message["exit_code"], message["signal"], Phase(message["phase"]), message["report"], crash, tools)
+        return cls(
+            message["exit_code"],
+            message["signal"],
+            Phase(message["phase"]),
+            message["report"],
+            crash,
+            tools,
+            message["trial"],
+        )
 
 
 @dataclass(frozen=True)
@@ -102,7 +113,8 @@ def decide_outcome(
         The outcome. When a run was told to stop but had already ended by itself or crashed, that end counts.
     """
     if ended is not None and ended.crash is not None:
-        head = f"{_subject(ended.crash, plan)} {ended.crash.what}{_about_tools(ended, plan)}"
+        where = _in_trial(ended) if ended.crash.program is None else ""
+        head = f"{_subject(ended.crash, plan)} {ended.crash.what}{where}{_about_tools(ended, plan)}"
         return Outcome("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
     if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
         return Outcome("Completed")  # a rerun ends by itself where the run was stopped
@@ -206,8 +218,12 @@ def _what(ended: Exit) -> str:
     if "error" in ended.report:
         return ended.report["error"]
     if ended.signal is not None:
-        return f"killed by {signal_name(ended.signal)}"
-    return f"the process ended itself with exit code {ended.exit_code} before the run was over"
+        return f"killed by {signal_name(ended.signal)}{_in_trial(ended)}"
+    return f"the process ended itself with exit code {ended.exit_code} before the run was over{_in_trial(ended)}"
+
+
+def _in_trial(ended: Exit) -> str:
+    return "" if ended.trial is None else f" in trial {ended.trial}"
 
 
 def signal_name(number: int) -> str:

@@ -335,10 +335,15 @@ class Supervision:
             return Exit(0 if self._is_completed else None, None, Phase.STARTING, ended_by, self._crash, tools)
         status = self._run_status
         if status is None:
-            return Exit(None, None, phase, report, self._crash, tools)
+            return Exit(None, None, phase, report, self._crash, tools, self._trial())
         exit_code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else None
         signal_number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
-        return Exit(exit_code, signal_number, phase, report, self._crash, tools)
+        return Exit(exit_code, signal_number, phase, report, self._crash, tools, self._trial())
+
+    def _trial(self) -> int | None:
+        """The trial that the run's process was in."""
+        trials, finished = self._plan.trials, self._progress.trials
+        return finished if trials is not None and finished < trials.count else None
 
     def _tools(self) -> list[ToolEnds]:
         return [restarts for program in self._programs if (restarts := program.restarts) is not None]

@@ -123,3 +123,65 @@ def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
     ):
         with pytest.raises(ConfigurationError, match=said):
             verify_run(reference["arn"], service, trial=trial)
+
+
+@pytest.mark.parametrize(
+    ("variable", "said"),
+    [
+        ("FAIL_AT", "the rope broke, in step 30, at 0.580 s simulated, in trial 3 (seed 3, FAIL_AT=30)"),
+        ("KILL_AT", "killed by SIGKILL in trial 3"),
+    ],
+)
+def test_a_crash_leaves_the_rows_before_it_and_says_where_it_was(
+    service: Service, swing: Simulate, variable: str, said: str
+) -> None:
+    trials = {"seeds": 3, "parameters": {variable: ["-1", "30"]}}
+    job = swing(seed=3, job={"trials": trials}, TIME_LIMIT_S="2")
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
+    assert said in job["failureReason"]
+    assert [row["trial"] for row in rows_of(service, job)] == [0, 1, 2]
+    assert not (outputs_of(service, job) / "result.json").exists()
+    assert verify_run(job["arn"], service, trial=2).answer == "bit-identical"
+    [reason] = verify_run(job["arn"], service, trial=3).reasons
+    assert "no states" in reason
+    with pytest.raises(ConfigurationError, match=r"trial 4 of .* has not finished"):
+        verify_run(job["arn"], service, trial=4)
+
+
+def test_a_trial_that_crashed_is_taken_apart(service: Service, swing: Simulate, tmp_path: Path) -> None:
+    job = swing(seed=3, job={"trials": {"seeds": 2, "parameters": {"FAIL_AT": ["-1", "30"]}}}, TIME_LIMIT_S="2")
+    made = reproduce_run(job["arn"], tmp_path / "repro", service, "none", trial=2)
+    assert (made.ending, made.same_ending) == ("failed with SimulationApplicationCrash", True)
+
+
+def test_with_continue_a_crash_is_the_error_of_its_trial(service: Service, swing: Simulate) -> None:
+    trials = {"seeds": 2, "parameters": {"FAIL_AT": ["-1", "30", "-2"]}}
+    job = swing(job={"trials": trials, "failureBehavior": "Continue"}, TIME_LIMIT_S="2")
+
+    assert job["status"] == "Completed"
+    rows, result = rows_of(service, job), result_of(service, job)
+    assert [row["verdict"] for row in rows] == ["PASS", "PASS", "ERROR", "ERROR", "PASS", "PASS"]
+    assert rows[2]["reason"].startswith("RuntimeError: the rope broke")
+    assert rows[2]["failure_code"] == "SimulationApplicationCrash"
+    assert (result.verdict, result.reason) == ("ERROR", "trials: 2 of 6 trials did not pass: 2, 3")
+    # What follows a crash begins as if there had been none.
+    assert [row["state_digest"] for row in rows[4:]] == [row["state_digest"] for row in rows[:2]]
+    assert (outputs_of(service, job) / "trials/000002/recording.mcap").exists()
+
+
+def test_the_time_limit_ends_the_job_in_a_trial(service: Service, swing: Simulate) -> None:
+    job = swing(duration_s=2, job={"trials": {"seeds": 1000}}, TIME_LIMIT_S="2", SLEEP_S="0.002")
+
+    rows, result = rows_of(service, job), result_of(service, job)
+    assert job["status"] == "Completed"
+    assert 0 < len(rows) < 1000
+    assert (result.verdict, result.ended_by) == ("ERROR", "duration limit")
+    assert result.reason == f"trials: none of {len(rows)} trials failed; stopped in trial {len(rows)} of 1000"
+    assert [row["trial"] for row in rows] == list(range(len(rows)))
+
+
+def test_trials_of_programs_are_refused(service: Service, swing: Simulate) -> None:
+    job = swing(robot={"launchConfig": {"command": ["sleep", "1"]}}, job={"trials": {"seeds": 2}})
+    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
+    assert "trials: the robot application is a program, which cannot be begun anew" in job["failureReason"]
