@@ -1,7 +1,7 @@
 """The stage of a job's trials: plays one after the other, and keeps the environment for the next where it may."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import dm_env
 import numpy as np
@@ -29,7 +29,6 @@ _STOPPED = ("duration limit", "canceled")
 _CRASH_CODES = {"robot": "RobotApplicationCrash", "simulation": "SimulationApplicationCrash"}
 
 
-@runtime_checkable
 class RenewableEnvironment(Protocol):
     """An environment that serves more than one trial."""
 
@@ -41,13 +40,17 @@ class RenewableEnvironment(Protocol):
         ...
 
 
-@runtime_checkable
 class RenewableAgent(Protocol):
     """An agent that serves more than one trial."""
 
     def renew(self, context: SimulationContext, environment: dm_env.Environment) -> None:
         """Puts everything where making it anew would; the environment is the one that it was made for."""
         ...
+
+
+def renews(part: RenewableEnvironment | RenewableAgent | None) -> bool:
+    """Whether an environment or an agent serves more than one trial."""
+    return callable(getattr(part, "renew", None))
 
 
 class TrialStage:
@@ -94,7 +97,7 @@ class TrialStage:
         """
         plan = plan_of_trial(self._plan, trial)
         context, robot_context = contexts_of(plan, np.random.default_rng(plan.seed), self._world, self._recorder)
-        digest, failures = _TrialDigest(self._digests), FailureRecorder(plan.output_dir)
+        digest, failures = _TrialDigest(self._digests), FailureRecorder(plan.output_dir, LOOK_EVERY_S)
         requirements = RequirementsObserver(plan, self._world)
         try:
             episode = run_episode(
@@ -131,7 +134,7 @@ class TrialStage:
 
     def _environment_for(self, trial: Trial, context: SimulationContext) -> Any:
         environment = self._environment
-        if isinstance(environment, RenewableEnvironment) and trial.parameters == self._parameters:
+        if renews(environment) and trial.parameters == self._parameters:
             physics: Any = getattr(environment, "physics", None)
             if hasattr(physics, "between_substeps"):  # requirements of the trial before have added theirs
                 physics.between_substeps = self._between_substeps
@@ -144,11 +147,10 @@ class TrialStage:
         return environment
 
     def _agent_for(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
-        agent: Any = self._agent
-        if not isinstance(agent, RenewableAgent):
-            self._agent = self._make_agent(context, environment)
+        if renews(self._agent):
+            self._agent.renew(context, environment)
         else:
-            agent.renew(context, environment)
+            self._agent = self._make_agent(context, environment)
         return self._agent
 
 

@@ -40,12 +40,14 @@ _OF_A_VELOCITY = (mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BAD
 class FailureRecorder:
     """Observes a run; counts MuJoCo's warnings, and writes the state down when the run breaks after one."""
 
-    def __init__(self, output_dir: Path) -> None:
+    def __init__(self, output_dir: Path, keep_every_s: float = KEEP_EVERY_S) -> None:
         """Prepares the notes.
 
         Args:
             output_dir: Where `failure-state.json`, `failure-state.npy` and `failure-model.mjb` are written.
+            keep_every_s: Simulated time between two states that are kept.
         """
+        self._keep_every_s = keep_every_s
         self.next_time_s = 0.0
         self._output_dir = output_dir
         self._model: mujoco.MjModel | None = None
@@ -62,7 +64,7 @@ class FailureRecorder:
             self._warned = data.warning.number.copy()
         self._states.reverse()
         mujoco.mj_getState(model, data, self._states[0], _STATE)
-        self.next_time_s = time_s + KEEP_EVERY_S
+        self.next_time_s = time_s + self._keep_every_s
 
     def state(self) -> None:
         """Has nothing to keep: a run that is continued keeps states anew."""

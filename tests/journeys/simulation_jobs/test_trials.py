@@ -3,18 +3,23 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from helpers.job_worker_process import PerformElsewhere
+from helpers.processes import wait_for, working_below
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
 Simulate = Callable[..., dict[str, Any]]
 Row = dict[str, Any]
@@ -185,3 +190,32 @@ def test_trials_of_programs_are_refused(service: Service, swing: Simulate) -> No
     job = swing(robot={"launchConfig": {"command": ["sleep", "1"]}}, job={"trials": {"seeds": 2}})
     assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
     assert "trials: the robot application is a program, which cannot be begun anew" in job["failureReason"]
+
+
+def test_a_job_whose_worker_was_killed_goes_on_after_the_trials_that_had_finished(
+    service: Service, swing: Simulate, perform_elsewhere: PerformElsewhere
+) -> None:
+    trials = {"seeds": 60}
+    whole = rows_of(service, swing(job={"trials": trials}, TIME_LIMIT_S="1"))
+    job = swing(job={"trials": trials}, perform=False, TIME_LIMIT_S="1", SLEEP_S="0.002")
+    folder = service.settings.home / "jobs" / job["name"]
+
+    def finished() -> int:
+        return sum(path.read_bytes().count(b"\n") for path in folder.glob("*/checkpoints/trials.jsonl"))
+
+    with perform_elsewhere(job["arn"]) as worker:
+        wait_for(lambda: [*folder.glob("*/checkpoints/checkpoint-*.bin")] and finished() >= 10, "some trials")
+        worker.kill()
+        worker.wait()
+        before = finished()
+    wait_for(lambda: not working_below(service.settings.home), "the run to die with its job worker")
+    perform_job(job["arn"], replace(service, timing=Timing(lease_s=2.0, renew_lease_every_s=0.3)))
+
+    assert 10 <= before < 60
+    document = service.catalog.get(job["arn"]).document
+    assert (document["attempts"], document["verdict"]) == (2, "PASS")
+    rows = rows_of(service, job)
+    assert [row["state_digest"] for row in rows] == [row["state_digest"] for row in whole]
+    begun = (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins")
+    # Each was begun once, but for the one that was cut off.
+    assert begun <= 61
