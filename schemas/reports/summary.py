@@ -52,6 +52,7 @@ class JobCase(Model):
     remarks: list[str] = Field(default=[], description="What it asked for and had to do without, such as a video.")
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
+    trials: Share | None = Field(default=None, description="How many of its trials passed; absent: it has none.")
     reused_from: str | None = Field(
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
     )

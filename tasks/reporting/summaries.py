@@ -8,6 +8,7 @@ from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
 from . import wording
 from .outcomes import Outcome, count_outcomes, outcome_of
 from .shares import by_requirement, by_room, by_world, of_jobs
+from .trials import trials_share
 
 
 def summarize(report: Report) -> ReportSummary:
@@ -100,6 +101,7 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
         remarks=result.remarks if result else [],
         tools=result.tools if result else [],
         metrics=result.metrics if result else {},
+        trials=trials_share(job),
         reused_from=job.reused_from,
         earlier=job.earlier,
     )

@@ -13,6 +13,7 @@ from .drawings import plan
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
 from .summaries import folder_of, summarize, why_broken
+from .trials import TrialsView, view_trials
 from .worlds import WorldView, view_worlds
 
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
@@ -81,6 +82,8 @@ class JobView:
     folder: str
     seconds: tuple[str, str] | None
     """Simulated time at the path's start and end."""
+    trials: TrialsView | None = None
+    """Its trials, if it has any."""
 
     @property
     def result(self) -> RunResult | None:
@@ -190,6 +193,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         files=[_view_file(file) for file in job.files],
         folder=folder_of(job),
         seconds=_path_seconds(job.result),
+        trials=view_trials(job),
     )
 
 

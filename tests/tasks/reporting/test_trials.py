@@ -1,0 +1,78 @@
+"""Trials in reports: the pass rate with its interval, the failing ones, and how large a page becomes."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
+from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
+from prefect_robomaker.schemas.runs.trial_rows import TrialRow
+from prefect_robomaker.schemas.runs.trials import Trials
+from prefect_robomaker.tasks.reporting import render_report, summarize, wilson_interval
+from prefect_robomaker.tasks.reporting.trials import MOST_SHOWN
+from prefect_robomaker.tasks.runtime.trials.tally import Tally
+
+START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)
+
+
+def result(trials: Trials, every: int) -> RunResult:
+    """The result of a job of which every so manieth trial fails."""
+    tally = Tally(trials)
+    for number in range(trials.count):
+        trial = trials.trial(number, 7)
+        is_bad = number % every == 3
+        asked = Requirement(
+            name="clear", satisfied=not is_bad, detail="0.02 m", margin=-0.1 if is_bad else 0.2, unit="m"
+        )
+        row = TrialRow(trial=number, seed=trial.seed, parameters=dict(trial.parameters), requirements=[asked],
+                       verdict="FAIL" if is_bad else "PASS", reason="clear: 0.02 m, 0.1 m <asked>" if is_bad else "",
+                       metrics={"distance_m": 3.0})  # fmt: skip
+        tally.take(row)
+    return tally.result("environment", 7, {}, [3])
+
+
+def report(*results: RunResult) -> Report:
+    jobs = [
+        ReportedJob(label=f"sim-{number}", arn=f"arn:{number}", status="Completed", step="drive", seed=7, result=each)
+        for number, each in enumerate(results)
+    ]
+    step = ReportedStep(name="drive", operation="StartSimulationJobBatch", status="Completed", duration_s=9.0)
+    return Report(name="trials", run_id="r", state="failed", started_at=START, ended_at=START + timedelta(seconds=9),
+                  steps=[step], worlds=[], jobs=jobs, command="robomaker run trials.yaml")  # fmt: skip
+
+
+def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> None:
+    made = report(result(Trials(seeds=50, parameters={"SPEED": ["0.2", "0.4"]}), 10))
+    page = render_report(made)
+    (tmp_path / "report.html").write_text(page)
+
+    low, high = wilson_interval(90, 100)
+    assert "90 of 100 trials passed" in page
+    assert f"95&nbsp;% interval {100 * low:.1f} to {100 * high:.1f}&nbsp;%" in page
+    assert "SPEED=0.4" in page
+    assert "clear: 0.02 m, 0.1 m &lt;asked&gt;" in page
+    assert "robomaker repro sim-0 --trial 3" in page
+    [suite] = summarize(made).steps
+    share = suite.jobs[0].trials
+    assert share is not None
+    assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
+
+
+def test_a_job_without_trials_has_none() -> None:
+    plain = RunResult(verdict="PASS", sim_time_s=1.0, wall_time_s=1.0, real_time_factor=1.0, ended_by="agent", seed=1)
+    assert "trials" not in render_report(report(plain)).partition("<article")[2]
+    assert summarize(report(plain)).steps[0].jobs[0].trials is None
+
+
+def test_a_card_names_some_and_says_how_many_more() -> None:
+    page = render_report(report(result(Trials(seeds=1000), 4)))
+    assert f"{250 - MOST_SHOWN} more did not pass" in page
+
+
+@pytest.mark.slow
+def test_the_report_of_100_000_trials_stays_small() -> None:
+    few = render_report(report(*(result(Trials(seeds=25_000), 5) for _ in range(4))))
+    many = render_report(report(*(result(Trials(seeds=100), 5) for _ in range(1000))))
+    assert len(few.encode()) < 300_000
+    assert len(many.encode()) < 10_000_000
