@@ -132,6 +132,9 @@ class SimulationJobProgress(FailureChanges):
         serialization_alias="ending",
         description="How it finished, known before its outputs are stored.",
     )
+    trials_finished: int | None = Field(
+        default=None, description="How many trials of the last run had finished when it was last asked; absent: none."
+    )
     finished: bool | None = Field(
         default=None, description="Whether the last run wrote its outputs to the end; absent: no run ended."
     )

@@ -46,6 +46,9 @@ from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, withou
 Stop = Callable[[], StopReason | None]
 """Asked while a job runs; answers why it should stop, or `None`."""
 
+OnTrials = Callable[[int, int], None]
+"""Told now and then how many trials of a job have finished, and how many there are."""
+
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _WORKER_DIED = "the job was stopped after its job worker had died"
 _DIED = "the job worker died while this run went on; the job was run again"
@@ -56,7 +59,13 @@ _RUNS = ("Running", "RunningFailed", "Restarting")
 _logger = logging.getLogger(__name__)
 
 
-def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step: RunStep = directly) -> None:
+def perform_job(
+    arn: str,
+    service: Service,
+    stop: Stop = lambda: None,
+    run_step: RunStep = directly,
+    on_trials: OnTrials = lambda *_: None,
+) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
     A job that a dead job worker left half-way goes on from the last checkpoint, when the run's folder is on this
@@ -68,9 +77,10 @@ def perform_job(arn: str, service: Service, stop: Stop = lambda: None, run_step:
         service: where it is stored.
         stop: asked several times a second; see `Stop`.
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
+        on_trials: see `OnTrials`.
     """
     remove_abandoned_containers(service)
-    run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step).run())
+    run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials).run())
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
@@ -112,9 +122,18 @@ class JobRun:
         service: where it is stored.
         stop: see `Stop`.
         run_step: how its steps are run.
+        on_trials: see `OnTrials`.
     """
 
-    def __init__(self, lease: Lease, service: Service, stop: Stop = lambda: None, run_step: RunStep = directly) -> None:
+    def __init__(
+        self,
+        lease: Lease,
+        service: Service,
+        stop: Stop = lambda: None,
+        run_step: RunStep = directly,
+        on_trials: OnTrials = lambda *_: None,
+    ) -> None:
+        self._on_trials = on_trials
         self._run_step = run_step
         self._lease = lease
         self._service = service
@@ -215,7 +234,13 @@ class JobRun:
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         # What an earlier run failed of, and what it was judged to be, is nothing that this one has.
         begun = SimulationJobProgress(
-            run_id=run_id, failure_code=None, failure_reason=None, verdict=None, verdict_reason=None, reached_s=0.0
+            run_id=run_id,
+            failure_code=None,
+            failure_reason=None,
+            verdict=None,
+            verdict_reason=None,
+            reached_s=0.0,
+            trials_finished=None,
         )
         self._lease.transition("prepare", begun)
         service = self._service.patient(self._lease.job.id, self._is_stopped)
@@ -270,6 +295,7 @@ class JobRun:
             plan,
             lambda: RunStop.CANCELED if self._is_interrupted() else None,
             on_crash=self._note_crash,
+            on_trials=lambda finished: self._note_trials(finished, plan),
             on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
             try_again=lambda: self._may_try_again(plan.run_id),
         )
@@ -282,6 +308,16 @@ class JobRun:
             _logger.debug("%s crashed while it was ended: %s", self._lease.job.arn, reason)
         except ServiceUnavailableException as error:
             _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
+
+    def _note_trials(self, finished: int, plan: RunPlan) -> None:
+        """Says how many of the job's trials have finished."""
+        if plan.trials is None:
+            return
+        self._on_trials(finished, plan.trials.count)
+        try:
+            self._lease.update(SimulationJobProgress(trials_finished=finished))
+        except (StateConflictError, ServiceUnavailableException) as error:  # the next one may be noted
+            _logger.debug("that %s trials of %s have finished cannot be noted: %s", finished, plan.job_id, error)
 
     # Stopping
 

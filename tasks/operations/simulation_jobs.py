@@ -46,9 +46,13 @@ def perform_simulation_job(arn: str, service: Service) -> None:
         status, is_canceled = service.catalog.standing(arn)
         return is_canceled or is_terminal(KIND, status)
 
+    def tell_trials(finished: int, planned: int) -> None:
+        service.report_progress(Progress({"completed": finished, "running": planned - finished}, planned))
+
     def perform() -> None:
         with MachineSlots(service.settings).hold(has_to_end, arn):
-            perform_job(arn, service, run_step=run_step)  # ends one that has no slot because it has to end
+            # Ends one that has no slot because it has to end.
+            perform_job(arn, service, run_step=run_step, on_trials=tell_trials)
 
     run_alone(perform, job_arn=arn, service=service)
     status = service.catalog.get(arn).status

@@ -81,6 +81,7 @@ class Launcher:
         stop: Callable[[], RunStop | None],
         *,
         on_crash: OnCrash | None = None,
+        on_trials: Callable[[int], None] = lambda *_: None,
         on_stopped: Callable[[], None] = lambda: None,
         try_again: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
@@ -93,6 +94,7 @@ class Launcher:
             on_crash: Called once, with failure code and reason, when something crashed in a run whose
                 failure behaviour is `Continue`. The run goes on until it is stopped or its duration
                 limit is reached, and fails then.
+            on_trials: Called now and then with the number of trials that have finished.
             on_stopped: Called when none of its processes is left, before its outputs are looked at.
             try_again: Asked when the run was killed from outside; when it is, its outputs are left as they are.
             clock: Seconds, for the duration limit.
@@ -118,7 +120,7 @@ class Launcher:
                 channel.send_bytes(request.model_dump_json().encode())
                 _expect_start(channel)
                 started_at = datetime.now(UTC)
-                ended, stopped_for = Watch(channel, left_s, stop, crash.on_crash, clock).until_end()
+                ended, stopped_for = Watch(channel, left_s, stop, crash.on_crash, on_trials, clock).until_end()
         ended_at = datetime.now(UTC)
         if ended is None:
             _clean_up(request)

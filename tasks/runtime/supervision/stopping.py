@@ -24,6 +24,7 @@ class Watch:
         max_duration_s: The run's duration limit.
         stop: Asked about every 0.1 s whether to stop it.
         on_crash: Told when something crashed and the run goes on.
+        on_trials: Told now and then how many trials have finished.
         clock: Seconds.
     """
 
@@ -33,11 +34,13 @@ class Watch:
         max_duration_s: float,
         stop: Callable[[], RunStop | None],
         on_crash: Callable[[Exit], None],
+        on_trials: Callable[[int], None],
         clock: Callable[[], float],
     ) -> None:
         self._channel = channel
         self._stop = stop
         self._on_crash = on_crash
+        self._on_trials = on_trials
         self._clock = clock
         self._deadline = clock() + max_duration_s
         self._stopped_for: RunStop | None = None
@@ -52,7 +55,10 @@ class Watch:
                 message = self._receive()
                 if message is None or message["event"] == "exited":
                     return Exit.from_message(message["exit"]) if message else None, self._stopped_for
-                self._on_crash(Exit.from_message(message["exit"]))
+                if message["event"] == "trials":
+                    self._on_trials(message["finished"])
+                else:
+                    self._on_crash(Exit.from_message(message["exit"]))
             elif self._was_killed:
                 return None, self._stopped_for
             if self._stopped_for is None:

@@ -32,6 +32,8 @@ LAST_WORD_S = 1.0
 AGENT_GONE_S = 0.5
 """Time in which an episode notices by itself that its robot program has ended."""
 CLEAN_UP_TIMEOUT_S = 6.0
+TELL_TRIALS_EVERY_S = 2.0
+"""Time between two messages that say how many trials have finished."""
 _CLEAN_UP_POLL_S = 0.02
 
 
@@ -82,6 +84,8 @@ class Supervision:
         self._crash: Crash | None = None
         self._has_crashed = False
         """Whether something crashed and the run goes on nevertheless."""
+        self._told_trials = 0
+        self._next_tell_s = 0.0
 
     # Beginning
 
@@ -187,12 +191,20 @@ class Supervision:
         excess = self._meter.look()
         for log in self._logs:
             log.look()
+        self._tell_trials()
         self._next_look_s = time.monotonic() + self._meter.interval_s
         if excess is not None:
             self._on_excess(excess)
         elif self._disk_writer is None and self._disk.look():
             self._is_over = True  # files are measured and reported once no process writes to them
             self._disk_writer = self._meter.busiest_writer()
+
+    def _tell_trials(self) -> None:
+        """Tells the launcher how many trials have finished, if there are more than it knows of."""
+        finished = self._progress.trials
+        if finished > self._told_trials and time.monotonic() >= self._next_tell_s:
+            self._told_trials, self._next_tell_s = finished, time.monotonic() + TELL_TRIALS_EVERY_S
+            self._tell({"event": "trials", "finished": finished})
 
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))

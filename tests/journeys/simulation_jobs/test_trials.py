@@ -18,7 +18,8 @@ from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
-from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
+from prefect_robomaker.tasks.service.service import Progress, Service
 from prefect_robomaker.tasks.service.timing import Timing
 
 Simulate = Callable[..., dict[str, Any]]
@@ -219,3 +220,16 @@ def test_a_job_whose_worker_was_killed_goes_on_after_the_trials_that_had_finishe
     begun = (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins")
     # Each was begun once, but for the one that was cut off.
     assert begun <= 61
+
+
+def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
+    told: list[Progress] = []
+    job = swing(perform=False, job={"trials": {"seeds": 100}}, TIME_LIMIT_S="1", SLEEP_S="0.001")
+    perform_simulation_job(job["arn"], service.watched_by(told.append))
+
+    counts = [(each.counts["completed"], each.total) for each in told]
+    assert len(counts) > 2
+    assert counts[:-1] == sorted(counts[:-1])
+    assert {total for _, total in counts[:-1]} == {100}
+    assert counts[-1] == (1, 1)
+    assert service.catalog.get(job["arn"]).document["trialsFinished"] == counts[-2][0]
