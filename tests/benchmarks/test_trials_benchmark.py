@@ -1,7 +1,7 @@
 """What trials cost beside a bare loop of episodes, and how much memory many of them take; prints figures.
 
-The bare loop makes environment and agent as trials do, and then only calls `agent` and `environment.step`: no digest, no
-requirements, no rows. Both play the same seeds, in CPU time of one process; they take turns, and of each the best round
+The bare loop makes environment and agent as trials do, and then only calls `agent` and `environment.step`: no digest,
+no requirements, no rows. Both play the same seeds, in CPU time of one process; they take turns, and of each the best round
 counts. Trials include all that a job's process does for them, up to the table.
 
 Memory is that of a job's process, seen while it runs `ROBOMAKER_BENCH_TRIALS` trials (2,000 unless it says otherwise).
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.paths import BUNDLES, REPOSITORY
+from helpers.processes import working_below
 from helpers.stop_flags import StopFlag
 from ruamel.yaml import YAML
 
@@ -146,31 +147,6 @@ def memory_mb(pid: int) -> tuple[float, float]:
     return found["VmRSS"], found["VmHWM"]
 
 
-def run_process() -> int:
-    """The process that steps: the one of the tree below this process that has used the most processor time."""
-
-    def ticks(path: Path) -> int:
-        fields = path.read_text().rpartition(")")[2].split()
-        return int(fields[11]) + int(fields[12])
-
-    own = os.getpid()
-    parents = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parents[int(path.parent.name)] = (int(path.read_text().rpartition(")")[2].split()[1]), ticks(path))
-        except (OSError, IndexError):
-            continue
-
-    def is_below(pid: int) -> bool:
-        while pid in parents:
-            pid = parents[pid][0]
-            if pid == own:
-                return True
-        return False
-
-    return max((pid for pid in parents if is_below(pid)), key=lambda pid: parents[pid][1])
-
-
 @pytest.mark.benchmark
 @pytest.mark.timeout(3600)
 def test_memory_of_many_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,24 +158,25 @@ def test_memory_of_many_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str
     last = [(0, 0.0, 0.0)]
 
     def look() -> None:
-        if not journal.exists():
+        if not journal.exists() or not (found := working_below(tmp_path)):
             return
+        [process] = found
         rows = journal.read_bytes().count(b"\n") if count <= 5000 else int(journal.stat().st_size / 450)
         for mark in (100, 500, 1000, 2000, 10_000, 50_000, 100_000):
             if rows >= mark and mark not in seen:
-                seen[mark] = memory_mb(run_process())
+                seen[mark] = memory_mb(process)
         if rows:
-            last[0] = (rows, *memory_mb(run_process()))
+            last[0] = (rows, *memory_mb(process))
 
     with Launcher() as launcher:
         outcome = launcher.run(plan, look)  # type: ignore[arg-type]
     assert outcome.status == "Completed", outcome
-    own = memory_mb(os.getpid())
+    wall_s = (outcome.ended_at - outcome.started_at).total_seconds()
+    table, rows = plan.output_dir / "trials.parquet", journal
     with capsys.disabled():
         shown = ", ".join(f"{mark}: {now:.1f} (most {most:.1f})" for mark, (now, most) in seen.items())
         print(
-            f"\nresident MB of the job's process after so many trials: {shown}; at its end {last[0][2]:.1f}; "
-            f"of this one {own[1]:.0f}; table {(plan.output_dir / 'trials.parquet').stat().st_size / count:.0f} bytes a "
-            f"row, journal {journal.stat().st_size / count:.0f}; "
-            f"{(outcome.ended_at - outcome.started_at).total_seconds():.1f} s for {count}; load {os.getloadavg()[0]:.1f}"
+            f"\nresident MB of the job's process after so many trials: {shown}; when last seen {last[0][2]:.1f}; "
+            f"of this one {memory_mb(os.getpid())[1]:.0f}\n{table.stat().st_size / count:.0f} bytes a row in the table, "
+            f"{rows.stat().st_size / count:.0f} in the journal; {wall_s:.1f} s for {count}; load {os.getloadavg()[0]:.1f}"
         )

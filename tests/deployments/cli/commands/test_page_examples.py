@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 from helpers.paths import REPOSITORY
 
@@ -35,6 +36,28 @@ def test_the_example_of_requirements_meets_all_of_them(home: Path, prefect_serve
         assert judged == dict.fromkeys(("at-home", "to-bed", "gentle", "polite", "quick"), True)
         assert result["ended_by"] == "requirements"
         assert result["sim_time_s"] > 2, "the bedroom is a way off"
+
+
+@pytest.mark.deep
+def test_the_example_of_trials_has_a_row_for_each(home: Path, prefect_server: str, tmp_path: Path) -> None:
+    record, results = run_example("trials", tmp_path, home, prefect_server)
+    assert [job["verdict"] for job in record["jobs"]] == ["PASS"]
+    [table] = home.rglob("trials.parquet")
+    rows = pq.read_table(table).to_pylist()
+    assert [row["verdict"] for row in rows] == ["PASS"] * 20
+    assert [row["seed"] for row in rows] == 2 * list(range(10))
+    assert [row["parameter.ROBOMAKER_SIM_TIME_LIMIT_S"] for row in rows] == ["120"] * 10 + ["240"] * 10
+    assert [row["trial"] for row in rows if row["recorded"]] == [0]
+    # A longer limit changes nothing for those that are faster.
+    digests = [row["state_digest"] for row in rows]
+    assert digests[:10] == digests[10:]
+    assert len(set(digests)) == 10
+    verified = subprocess.run(
+        [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "verify", record["jobs"][0]["arn"], "--trial", "5"],
+        env={**os.environ, "ROBOMAKER_HOME": str(home)}, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert verified.stdout.startswith("bit-identical: "), verified
+    assert len(results) == 2, "the job's, and that of the trial that was recorded"
 
 
 @pytest.mark.deep
