@@ -1,8 +1,8 @@
 """What trials cost beside a bare loop of episodes, and how much memory many of them take; prints figures.
 
 The bare loop makes environment and agent as trials do, and then only calls `agent` and `environment.step`: no digest,
-no requirements, no rows. Both play the same seeds, in CPU time of one process; they take turns, and of each the best round
-counts. Trials include all that a job's process does for them, up to the table.
+no requirements, no rows. Both play the same seeds, in CPU time of one process; they take turns, and of each the best
+round counts. Trials include all that a job's process does for them, up to the table.
 
 Memory is that of a job's process, seen while it runs `ROBOMAKER_BENCH_TRIALS` trials (2,000 unless it says otherwise).
 """
@@ -172,11 +172,12 @@ def test_memory_of_many_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str
         outcome = launcher.run(plan, look)  # type: ignore[arg-type]
     assert outcome.status == "Completed", outcome
     wall_s = (outcome.ended_at - outcome.started_at).total_seconds()
-    table, rows = plan.output_dir / "trials.parquet", journal
+    table_bytes = (plan.output_dir / "trials.parquet").stat().st_size / count
+    journal_bytes = journal.stat().st_size / count
     with capsys.disabled():
         shown = ", ".join(f"{mark}: {now:.1f} (most {most:.1f})" for mark, (now, most) in seen.items())
         print(
             f"\nresident MB of the job's process after so many trials: {shown}; when last seen {last[0][2]:.1f}; "
-            f"of this one {memory_mb(os.getpid())[1]:.0f}\n{table.stat().st_size / count:.0f} bytes a row in the table, "
-            f"{rows.stat().st_size / count:.0f} in the journal; {wall_s:.1f} s for {count}; load {os.getloadavg()[0]:.1f}"
+            f"of this one {memory_mb(os.getpid())[1]:.0f}\n{table_bytes:.0f} bytes a row in the table, "
+            f"{journal_bytes:.0f} in the journal; {wall_s:.1f} s for {count}; load {os.getloadavg()[0]:.1f}"
         )

@@ -53,7 +53,8 @@ def test_the_example_of_trials_has_a_row_for_each(home: Path, prefect_server: st
     assert digests[:10] == digests[10:]
     assert len(set(digests)) == 10
     verified = subprocess.run(
-        [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "verify", record["jobs"][0]["arn"], "--trial", "5"],
+        [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "verify", record["jobs"][0]["arn"],
+         "--trial", "5"],
         env={**os.environ, "ROBOMAKER_HOME": str(home)}, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
     assert verified.stdout.startswith("bit-identical: "), verified
