@@ -2,7 +2,7 @@
 
 May import: `schemas`, `tasks.catalog`, `tasks.comparison`, `tasks.execution`, `tasks.jobs`, `tasks.reporting`,
 `tasks.runtime.agents`, `tasks.runtime.episode`, `tasks.runtime.limits`, `tasks.runtime.replay`, `tasks.runtime.states`,
-`tasks.service`, `tasks.simulations`, `tasks.simulations.containers`, `tasks.simulations.inputs`,
+`tasks.runtime.trials`, `tasks.service`, `tasks.simulations`, `tasks.simulations.containers`, `tasks.simulations.inputs`,
 `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.simulations.ros`, `tasks.storage`, `tasks.worlds`.
 """
 
