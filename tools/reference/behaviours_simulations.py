@@ -41,8 +41,8 @@ SIMULATIONS = (
         "Trials",
         _JOB_REQUESTS,
         known="Each episode was a job.",
-        here="`trials`, or the launch variable `ROBOMAKER_TRIALS`, order many episodes in one job, with other seeds and "
-        "other environment variables. See [Trials](trials.md).",
+        here="`trials`, or the launch variable `ROBOMAKER_TRIALS`, order many episodes in one job, with other seeds "
+        "and other environment variables. See [Trials](trials.md).",
     ),
     differs(
         "Network",

@@ -135,7 +135,7 @@ def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
     ("variable", "said"),
     [
         ("FAIL_AT", "the rope broke, in step 30, at 0.580 s simulated, in trial 3 (seed 3, FAIL_AT=30)"),
-        ("KILL_AT", "killed by SIGKILL in trial 3"),
+        ("ABORT_AT", "killed by SIGABRT in trial 3"),
     ],
 )
 def test_a_crash_leaves_the_rows_before_it_and_says_where_it_was(
@@ -233,3 +233,15 @@ def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
     assert {total for _, total in counts[:-1]} == {100}
     assert counts[-1] == (1, 1)
     assert service.catalog.get(job["arn"]).document["trialsFinished"] == counts[-2][0]
+
+
+def test_a_job_that_was_killed_from_outside_goes_on_in_the_trial_it_was_in(service: Service, swing: Simulate) -> None:
+    trials = {"seeds": 20, "parameters": {"KILL_AT": ["-1", "30"]}}
+    job = swing(job={"trials": trials}, TIME_LIMIT_S="1", SLEEP_S="0.002")
+
+    rows = rows_of(service, job)
+    document = service.catalog.get(job["arn"]).document
+    assert (job["status"], document["attempts"], len(rows)) == ("Completed", 2, 40)
+    digests = [row["state_digest"] for row in rows]
+    assert digests[:20] == digests[20:]
+    assert (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins") == 41

@@ -46,6 +46,8 @@ class Swing(control.Task):
             physics.named.data.qpos["elbow"] += 1e-9 * os.urandom(1)[0]
         if self.steps == int(self.variables.get("FAIL_AT", "-1")):
             raise RuntimeError("the rope broke")
+        if self.steps == int(self.variables.get("ABORT_AT", "-1")):
+            os.kill(os.getpid(), signal.SIGABRT)
         is_due = self.steps == int(self.variables.get("KILL_AT", "-1"))
         if is_due and ("KILL_ALWAYS" in self.variables or not Path("killed").exists()):
             Path("killed").touch()
