@@ -64,7 +64,7 @@ def perform_job(
     service: Service,
     stop: Stop = lambda: None,
     run_step: RunStep = directly,
-    on_trials: OnTrials = lambda *_: None,
+    on_trials: OnTrials | None = None,
 ) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
@@ -77,7 +77,7 @@ def perform_job(
         service: where it is stored.
         stop: asked several times a second; see `Stop`.
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
-        on_trials: see `OnTrials`.
+        on_trials: see `OnTrials`; absent: nothing is told.
     """
     remove_abandoned_containers(service)
     run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials).run())
@@ -122,7 +122,7 @@ class JobRun:
         service: where it is stored.
         stop: see `Stop`.
         run_step: how its steps are run.
-        on_trials: see `OnTrials`.
+        on_trials: see `OnTrials`; absent: nothing is told.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class JobRun:
         service: Service,
         stop: Stop = lambda: None,
         run_step: RunStep = directly,
-        on_trials: OnTrials = lambda *_: None,
+        on_trials: OnTrials | None = None,
     ) -> None:
         self._on_trials = on_trials
         self._run_step = run_step
@@ -313,7 +313,8 @@ class JobRun:
         """Says how many of the job's trials have finished."""
         if plan.trials is None:
             return
-        self._on_trials(finished, plan.trials.count)
+        if self._on_trials is not None:
+            self._on_trials(finished, plan.trials.count)
         try:
             self._lease.update(SimulationJobProgress(trials_finished=finished))
         except (StateConflictError, ServiceUnavailableException) as error:  # the next one may be noted
