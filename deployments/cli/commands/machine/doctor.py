@@ -19,6 +19,9 @@ _MARKS: dict[str, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
     parser.add_argument("--notify", action="store_true", help="send a test message to the channels of ROBOMAKER_NOTIFY")
+    parser.add_argument(
+        "--backend", metavar="B", help="also run one job on a backend, such as dask:tcp://10.0.0.7:8786 or local"
+    )
     add_output(parser, "text", "json")
 
 
@@ -27,7 +30,13 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
     from ...health import examine
 
-    findings = examine(Settings.from_environment(os.environ), notify=arguments.notify)
+    chosen = {"ROBOMAKER_BACKEND": arguments.backend} if arguments.backend else {}
+    settings = Settings.from_environment({**os.environ, **chosen})
+    findings = examine(settings, notify=arguments.notify)
+    if arguments.backend:
+        from ...backend_check import check_backend
+
+        findings.append(check_backend(settings))
     if arguments.output == "json":
         document = {"schema_version": 1, "findings": [asdict(finding) for finding in findings]}
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")

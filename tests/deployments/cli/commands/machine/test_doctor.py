@@ -1,8 +1,10 @@
 """doctor and server, on this machine."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.paths import REPOSITORY
@@ -117,3 +119,22 @@ def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkey
     some = health.check_extras()
     assert f"container images by {tmp_path / 'podman'}" in some.found
     assert "ROS launch files by ros2" in some.found
+
+
+@pytest.mark.slow
+def test_a_backend_is_tried_with_one_job(robomaker: Any, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PREFECT_API_URL", prefect_server)
+
+    examined = robomaker("doctor", "--backend", "local")
+    again = robomaker("doctor", "--backend", "local")
+
+    for each in (examined, again):
+        assert re.search(r"✓ backend local +one job ran there", each.out), each.out + each.err
+
+
+def test_a_backend_that_there_is_not_is_refused_before_anything_is_looked_at(robomaker: Any) -> None:
+    refused = robomaker("doctor", "--backend", "slurm:somewhere")
+
+    assert refused.code == 2
+    assert "slurm:somewhere" in refused.err
+    assert "dask" in refused.err

@@ -1,0 +1,74 @@
+"""Whether a backend works: one small job is run there, as part of a batch."""
+
+import sys
+import time
+from dataclasses import replace
+from typing import Any
+
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import RobomakerError
+from .health import Finding
+
+_PLACE = "python://prefect_robomaker.tasks.runtime.applications.falling_ball"
+_ROLE = "arn:aws:iam::000000000000:role/doctor"
+_TIMEOUT_S = 300
+_REMEDY = "docs/machines.md says what each machine needs"
+
+
+def check_backend(settings: Settings) -> Finding:
+    """Runs one job on the backend of some settings, and says how that went.
+
+    Args:
+        settings: those of a run, with the backend that is examined.
+    """
+    from ...flows import lookup
+    from ...tasks.operations.registry import call
+    from ...tasks.service.service import Service
+    from .prefect_server import use_server
+
+    subject = f"backend {settings.backend}"
+    try:
+        service = replace(Service.open(settings), report_note=_tell)
+        use_server(settings)
+        batch = call("StartSimulationJobBatch", _request(service), service)["arn"]
+        began = time.monotonic()
+        with service.activated():
+            answer, _ = lookup.perform("StartSimulationJobBatch", batch)
+    except RobomakerError as error:
+        return Finding(subject, "broken", str(error), _REMEDY)
+    took_s = time.monotonic() - began
+    jobs = [call("DescribeSimulationJob", {"job": job["arn"]}, service) for job in answer["createdRequests"]]
+    if [job["status"] for job in jobs] == ["Completed"]:
+        return Finding(subject, "ok", f"one job ran there; it took {took_s:.0f} s with the start of its job worker")
+    reasons = [job.get("failureReason") for job in jobs] + [answer.get("failureReason")]
+    found = "\n".join(reason for reason in reasons if reason) or f"the batch is {answer['status']}"
+    return Finding(subject, "broken", found, _REMEDY)
+
+
+def _tell(note: str) -> None:
+    """Says what is waited for."""
+    sys.stderr.write(f"{note}\n")
+    sys.stderr.flush()
+
+
+def _request(service: Any) -> dict[str, Any]:
+    """A batch of one small job, whose applications are made if need be."""
+    from ...tasks.operations.applications.records import reuse_application
+    from ...tasks.operations.registry import call
+
+    common = {"name": "robomaker-doctor", "environment": {"uri": _PLACE}, "robotSoftwareSuite": {"name": "General"}}
+    simulation = {**common, "simulationSoftwareSuite": {"name": "SimulationRuntime"}}
+    if reuse_application("robot", common, service) is None:
+        call("CreateRobotApplication", common, service)
+    if reuse_application("simulation", simulation, service) is None:
+        call("CreateSimulationApplication", simulation, service)
+    job = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": _ROLE,
+        "robotApplications": [{"application": common["name"], "launchConfig": {}}],
+        "simulationApplications": [{"application": common["name"], "launchConfig": {}}],
+    }
+    return {
+        "createSimulationJobRequests": [job],
+        "batchPolicy": {"maxConcurrency": 1, "timeoutInSeconds": _TIMEOUT_S},
+    }
