@@ -9,7 +9,10 @@ from contracts import FOLDERS, ROOT, check_contracts
 
 PLANTED = {
     # A flat module that belongs to no room, and does all that only owners may.
-    "tasks/planted.py": "import apprise\nimport boto3\nimport botocore\nimport minio, mujoco, prefect, sqlalchemy\n",
+    "tasks/planted.py": (
+        "import apprise\nimport boto3\nimport botocore\nimport distributed, ray\n"
+        "import minio, mujoco, prefect, sqlalchemy\n"
+    ),
     "schemas/planted.py": "from ..tasks import catalog\n",
     "schemas/wire/planted.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from . import planted_too\n",
     "schemas/wire/planted_too.py": "from . import planted\n",
@@ -34,6 +37,7 @@ BROKEN = {
     "Only WorldForge and the runtime know MuJoCo": "tasks.planted -> mujoco",
     "Only flows, deployments and execution know Prefect": "tasks.planted -> prefect",
     "Only notifications know apprise": "tasks.planted -> apprise",
+    "Only their backends know Dask and Ray": "tasks.planted -> distributed",
     "Command line: commands over the work they share over output over inputs": (
         "inputs.planted -> prefect_robomaker.deployments.cli.main"
     ),

@@ -20,6 +20,14 @@ def add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--report", metavar="PATH", help="put a copy of the report there")
 
 
+def add_backend(parser: argparse.ArgumentParser) -> None:
+    """Adds `--backend`."""
+    text = (
+        "where the jobs of batches run, in place of ROBOMAKER_BACKEND: local, workers:POOL, dask:ADDRESS, ray:ADDRESS"
+    )
+    parser.add_argument("--backend", metavar="B", help=text)
+
+
 def add_spec(parser: argparse.ArgumentParser) -> None:
     """Adds the specification's file."""
     parser.add_argument("spec", metavar="SPEC", help="specification, a YAML file")

@@ -84,6 +84,20 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str, *, as_json: b
     sys.stdout.flush()
 
 
+def settings_of(arguments: argparse.Namespace) -> Settings:
+    """The settings of a run, with the backend that the command line names.
+
+    Raises:
+        ConfigurationError: one of them cannot be used; nothing has been started.
+    """
+    from ...tasks.backends.opening import open_backend
+
+    chosen = {"ROBOMAKER_BACKEND": arguments.backend} if arguments.backend else {}
+    settings = Settings.from_environment({**os.environ, **chosen})
+    open_backend(settings.backend)
+    return settings
+
+
 def _with_report(record: RunRecord, path: Path | None) -> RunRecord:
     if path is None or record.report_path is None:
         return record

@@ -16,6 +16,7 @@ from typing import NamedTuple
 _COMMAND = ("-P", "-m", "prefect_robomaker", "work")
 _LAST_WORDS = 2_000  # characters of its messages: enough for the reason, little to send
 _LOOK_S = 0.5
+_END_S = 30.0  # for a job worker that is told to end by an exception here; then it is killed
 
 
 class Ended(NamedTuple):
@@ -56,12 +57,24 @@ def run_job_worker(
             start_new_session=True,
         )
         assert process.stdin is not None
-        while process.poll() is None:
-            if should_stop():
-                process.stdin.close()
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(_LOOK_S)
-        process.stdin.close()
+        try:
+            while process.poll() is None:
+                if should_stop():
+                    process.stdin.close()
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(_LOOK_S)
+        finally:
+            process.stdin.close()
+            _see_out(process)
         messages.seek(max(0, messages.seek(0, os.SEEK_END) - _LAST_WORDS))
         last_words = messages.read().decode("utf-8", "replace")
     return Ended(socket.gethostname(), process.returncode, last_words)
+
+
+def _see_out(process: "subprocess.Popen[bytes]") -> None:
+    """Waits for a job worker that has been told to end."""
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

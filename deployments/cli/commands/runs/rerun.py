@@ -6,10 +6,9 @@ is 0; otherwise it says how the rerun ended, as that of `robomaker run` does.
 """
 
 import argparse
-import os
 import sys
 
-from ...arguments import add_open, add_output, add_report
+from ...arguments import add_backend, add_open, add_output, add_report
 from ...inputs.output_files import output_file
 from ...inputs.runs import read_record
 
@@ -26,6 +25,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--world", action="append", default=[], metavar="W", help="only jobs in this world, such as world-3; likewise"
     )
+    add_backend(parser)
     add_report(parser)
     add_output(parser, "text", "json")
     add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
@@ -33,12 +33,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs the jobs; the exit code says how they ended."""
-    from .....schemas.settings import Settings
     from .....schemas.specs.check import load_spec
-    from ...pipelines import carry_out
+    from ...pipelines import carry_out, settings_of
 
     report = output_file(arguments.report, "--report")
-    settings = Settings.from_environment(os.environ)
+    settings = settings_of(arguments)
     record = read_record(settings.home / "runs", arguments.run)
 
     from .....tasks.inspection.reruns import Selection, plan_rerun
@@ -68,4 +67,7 @@ def again(arguments: argparse.Namespace, run_id: str) -> list[str]:
     for option in ("job", "world"):
         for value in getattr(arguments, option):
             command += [f"--{option}", value]
-    return [*command, "--report", arguments.report] if arguments.report else command
+    for option in ("backend", "report"):
+        if value := getattr(arguments, option):
+            command += [f"--{option}", value]
+    return command

@@ -5,11 +5,10 @@ The exit code says how it ended; `robomaker --help` lists them.
 
 import argparse
 import dataclasses
-import os
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_open, add_output, add_report, add_spec
+from ...arguments import add_backend, add_open, add_output, add_report, add_spec
 from ...inputs.output_files import output_file
 
 if TYPE_CHECKING:
@@ -26,6 +25,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reuse", action="store_true", help="take over worlds and results of earlier runs that had the same inputs"
     )
+    add_backend(parser)
     add_report(parser)
     add_output(parser, "text", "json")
     add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
@@ -33,11 +33,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs the specification; the exit code says how it ended."""
-    from .....schemas.settings import Settings
-    from ...pipelines import carry_out
+    from ...pipelines import carry_out, settings_of
 
     spec = _chosen(arguments)
-    settings = Settings.from_environment(os.environ)
+    settings = settings_of(arguments)
     report = output_file(arguments.report, "--report")
     return carry_out(
         spec, settings, arguments, again(arguments), report=report, spec_path=arguments.spec, reuse=arguments.reuse
@@ -47,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def again(arguments: argparse.Namespace) -> list[str]:
     """The command that does the same again."""
     command = ["robomaker", "run", arguments.spec]
-    for option in ("name", "seed", "report"):
+    for option in ("name", "seed", "backend", "report"):
         if (value := getattr(arguments, option)) is not None:
             command += [f"--{option}", str(value)]
     return [*command, "--reuse"] if arguments.reuse else command

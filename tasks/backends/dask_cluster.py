@@ -1,0 +1,177 @@
+"""Job workers on a Dask cluster: one task for each Dask worker, which starts a job worker there and waits for it.
+
+Dask's own retries and stealing are off: which jobs run again is for the catalog to say. The task ends its job worker
+once the cluster does not want it any more, for whatever reason: it was cancelled, or the client that asked is gone.
+"""
+
+import importlib.util
+import re
+import time
+from collections.abc import Callable, Collection, Generator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from ...schemas.exit_codes import BAD_USAGE, BROKE
+from ...schemas.wire.errors import ConfigurationError
+from .backend import Backend, BackendError
+from .cluster_workers import ClusterWorkers, cluster_workers
+from .node import Ended
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_ADDRESS = r"([a-z]+://)?[^\s/]+:[0-9]+"
+_CONNECT_S = 10.0
+_ANSWER_S = 10.0
+_CLOSE_S = 2.0
+_PAUSE_S = 0.2
+
+
+def backend_at(place: str) -> Backend:
+    """The backend of a Dask cluster; nothing is connected yet.
+
+    Args:
+        place: address of its scheduler, such as `tcp://10.0.0.7:8786`.
+
+    Raises:
+        ConfigurationError: that is no address, or Dask is not installed.
+    """
+    if not re.fullmatch(_ADDRESS, place):
+        raise ConfigurationError(
+            f"ROBOMAKER_BACKEND is 'dask:{place}'; after dask: there has to be the address of a scheduler, such as "
+            "tcp://10.0.0.7:8786"
+        )
+    if importlib.util.find_spec("distributed") is None:
+        raise ConfigurationError(
+            f"ROBOMAKER_BACKEND is 'dask:{place}', and Dask is not installed: pip install 'prefect-robomaker[dask]'"
+        )
+    return _DaskBackend(place)
+
+
+class _DaskBackend:
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Generator[ClusterWorkers]:
+        """Has job workers for a batch inside the block."""
+        from distributed import Client
+
+        try:
+            client = Client(self._address, timeout=_CONNECT_S, set_as_default=False, name="robomaker")
+        except (OSError, ValueError) as error:
+            raise BackendError(
+                f"the Dask cluster {self._address} does not answer ({error}): check the address in ROBOMAKER_BACKEND, "
+                "that `dask scheduler` runs there, and that this machine may connect to its port"
+            ) from error
+        try:
+            with cluster_workers(DaskCluster(client, self._address), batch, wanted) as workers:
+                yield workers
+        finally:
+            client.close(timeout=_CLOSE_S)
+
+
+class DaskCluster:
+    """The workers of a Dask cluster.
+
+    Args:
+        client: connected.
+        address: of its scheduler.
+    """
+
+    def __init__(self, client: "Client", address: str) -> None:
+        self.place = f"the Dask cluster {address}"
+        self.addresses: dict[str, str] = {}
+        self._client = client
+        self._tasks: list[_Task] = []
+
+    def machines(self) -> Collection[str]:
+        """Dask workers, by the address of their nanny, which stays when it starts them again, or else by their own."""
+        scheduler: Any = self._client.scheduler  # `Client.scheduler_info` answers also when no scheduler does
+        answer: Any = self._client.sync(scheduler.identity, n_workers=-1, callback_timeout=_ANSWER_S)
+        workers = answer["workers"]
+        self.addresses = {facts.get("nanny") or address: address for address, facts in workers.items()}
+        return self.addresses.keys()
+
+    def start(self, machine: str, batch: str) -> "_Task":
+        """Starts a job worker on a Dask worker."""
+        address = self.addresses[machine]
+        future = self._client.submit(
+            _task(), batch, workers=[address], allow_other_workers=False, pure=False, retries=0, key=None
+        )
+        task = _Task(self, machine, address, future)
+        self._tasks = [*(task for task in self._tasks if not task.future.done()), task]
+        return task
+
+    def end_all(self, patience_s: float) -> None:
+        """Cancels the tasks, and waits until the Dask workers have none of them."""
+        with suppress(OSError, TimeoutError):
+            keys = {task.future.key for task in self._tasks}
+            self._client.cancel([task.future for task in self._tasks], reason="the batch is over")
+            deadline = time.monotonic() + patience_s
+            while time.monotonic() < deadline and self._any_has(keys):
+                time.sleep(_PAUSE_S)
+
+    def _any_has(self, keys: Collection[Any]) -> bool:
+        answers: Any = self._client.run(_has(keys), on_error="ignore")
+        return any(answers.values())
+
+
+class _Task:
+    """A task that runs a job worker."""
+
+    def __init__(self, cluster: DaskCluster, machine: str, address: str, future: "Future") -> None:
+        self.future = future
+        self._cluster = cluster
+        self._machine = machine
+        self._address = address
+
+    def ended(self) -> Ended | None:
+        """How the job worker ended, also with its Dask worker."""
+        if self.future.status == "finished":
+            return Ended(*self.future.result())
+        if self.future.status == "error":
+            error = self.future.exception()
+            # What cannot be imported there is not there, or too old.
+            code = BAD_USAGE if isinstance(error, ImportError | AttributeError) else BROKE
+            return Ended(self._machine, code, f"{type(error).__name__}: {error}")
+        if self.future.cancelled():  # the scheduler was away, and knows nothing of it any more
+            return Ended(self._machine, BROKE, "the scheduler has lost its task")
+        if self._cluster.addresses.get(self._machine) != self._address:
+            self.future.cancel()  # else it would wait for a worker with that address
+            return Ended(self._machine, BROKE, f"the Dask worker {self._address} is gone")
+        return None
+
+
+def _task() -> Callable[[str], tuple[str, int, str]]:
+    """What Dask runs. A function inside a function is sent as a whole: the scheduler needs no package of ours."""
+
+    def work(batch: str) -> tuple[str, int, str]:
+        import os
+
+        from distributed import get_worker
+
+        from .node import run_job_worker
+
+        worker = get_worker()
+        key = worker.get_current_task()
+
+        def is_unwanted() -> bool:
+            task = worker.state.tasks.get(key)
+            return task is None or task.state == "cancelled"
+
+        at_once = {"ROBOMAKER_MAX_JOBS": os.environ.get("ROBOMAKER_MAX_JOBS") or str(worker.state.nthreads)}
+        host, exit_code, last_words = run_job_worker(batch, at_once, is_unwanted)
+        return host, exit_code, last_words
+
+    return work
+
+
+def _has(keys: Collection[Any]) -> Callable[[Any], bool]:
+    """What each Dask worker is asked: whether it has one of these tasks."""
+    wanted = set(keys)
+
+    def has(dask_worker: Any) -> bool:
+        return not wanted.isdisjoint(dask_worker.state.tasks)
+
+    return has

@@ -1,0 +1,144 @@
+"""Batches whose jobs run on Dask and Ray clusters of real processes."""
+
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.clusters import Cluster, of_home
+from helpers.processes import wait_for
+
+from prefect_robomaker.tasks.backends.backend import BackendError
+from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.operations.registry import call
+
+from .conftest import CLUSTERS, BatchOnCluster
+
+Order = Callable[..., dict[str, Any]]
+Begin = Callable[..., BatchOnCluster]
+LONG = {"DURATION_S": "200"}
+pytestmark = pytest.mark.timeout(600)
+
+
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
+    order: Order, cluster: Cluster, begin: Begin
+) -> None:
+    cluster.add("first")
+    cluster.add("second")
+    batch = begin([order(LONG) for _ in range(3)], maxConcurrency=3)
+
+    batch.await_running(2)  # each has room for one
+    assert of_home(cluster.home("first"))
+    assert of_home(cluster.home("second"))
+    call("CancelSimulationJobBatch", {"batch": batch.arn}, batch.service)
+
+    assert batch.ending.result(60)["status"] == "Canceled"
+    assert set(batch.statuses()) == {"Canceled"}
+    assert not of_home(cluster.home("first")) | of_home(cluster.home("second"))
+    assert cluster.remains() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_machines_come_and_die_while_a_batch_runs(order: Order, cluster: Cluster, begin: Begin) -> None:
+    batch = begin([order(LONG) for _ in range(2)], maxConcurrency=2)
+    cluster.add("first")
+    batch.await_running(1)
+    cluster.add("second")
+    batch.await_running(2)
+
+    cluster.kill("first")
+    wait_for(lambda: not of_home(cluster.home("first")), "the job worker to end with its machine")
+    batch.await_running(1)
+    cluster.add("third")
+    batch.await_running(2)
+    assert of_home(cluster.home("third"))
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_jobs_of_a_machine_whose_power_fails_run_elsewhere(order: Order, cluster: Cluster, begin: Begin) -> None:
+    """Its leases have to run out."""
+    cluster.add("first")
+    batch = begin([order({"DURATION_S": "20"})], maxConcurrency=2)
+    batch.await_running(1)
+
+    cluster.kill_all_of("first")
+    cluster.add("second")
+
+    assert batch.ending.result(120)["status"] == "Completed"
+    assert batch.machines() == ["second"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: Cluster, begin: Begin) -> None:
+    from prefect.client.orchestration import get_client
+
+    cluster.add("first")
+    cluster.add("second")
+    batch = begin([order({"DURATION_S": "8"}) for _ in range(5)], maxConcurrency=2)
+    batch.await_running(2)
+    with get_client(sync_client=True) as client:
+        client.upsert_global_concurrency_limit_by_name(f"robomaker-{batch.arn.rpartition('/')[2]}", 1)
+
+    batch.await_running(1)
+    most = 0
+    while not batch.ending.done():
+        most = max(most, batch.statuses().count("Running"))
+        time.sleep(0.2)
+    assert most == 1
+    assert batch.ending.result()["status"] == "Completed"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
+    order: Order, cluster: Cluster, begin: Begin, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    cluster.add("astray", ROBOMAKER_CATALOG_URL=f"sqlite:///{tmp_path}/other.db")
+    batch = begin([order({"DURATION_S": "1"})], maxConcurrency=2)
+    with pytest.raises(BackendError, match=r"the catalog of this machine, sqlite:.*other\.db, does not have") as raised:
+        batch.ending.result(120)
+    assert "set ROBOMAKER_CATALOG_URL" in str(raised.value)
+
+    cluster.add("right")
+    caplog.clear()
+    again = begin([order(LONG)], maxConcurrency=2)
+    again.await_running(1)
+    wait_for(lambda: "1 job worker on" in caplog.text and "does not have" in caplog.text, "what is said of the first")
+    assert of_home(cluster.home("right"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_a_cluster_that_goes_away_is_waited_for(order: Order, cluster: Cluster, begin: Begin) -> None:
+    cluster.add("first")
+    batch = begin([order({"DURATION_S": "3"}) for _ in range(3)], maxConcurrency=1)
+    batch.await_running(1)
+
+    cluster.kill("first")
+    cluster.restart_head()
+    cluster.add("second")
+
+    assert batch.ending.result(180)["status"] == "Completed"
+    assert "second" in batch.machines()
+
+
+@pytest.mark.parametrize("kind", ["dask", "ray"])
+def test_a_cluster_that_does_not_answer_is_an_error_that_says_what_to_check(kind: str) -> None:
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        backend = open_backend(f"{kind}:127.0.0.1:{silent.getsockname()[1]}")
+
+        with (
+            pytest.raises(
+                BackendError, match=r"127\.0\.0\.1.* does not answer .*check the address in ROBOMAKER_BACKEND"
+            ),
+            backend.job_workers("arn", 1),
+        ):
+            pytest.fail("no cluster is there")
