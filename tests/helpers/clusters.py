@@ -13,7 +13,7 @@ from pathlib import Path
 from subprocess import STDOUT, Popen
 from typing import Any
 
-from helpers.processes import alive, descendants, started, wait_for
+from helpers.processes import alive, descendants, started, wait_for, working_below
 
 
 class Cluster:
@@ -51,6 +51,10 @@ class Cluster:
     def home(self, name: str) -> Path:
         """The home of a machine."""
         return self._folder / name
+
+    def await_job_on(self, name: str) -> None:
+        """Waits until a simulation runs on a machine."""
+        wait_for(lambda: working_below(self.home(name)), f"a job to run on {name}", 120)
 
     def log(self, name: str) -> str:
         """What a machine has written."""

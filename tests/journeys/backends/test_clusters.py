@@ -30,9 +30,8 @@ def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
     cluster.add("second")
     batch = begin([order(LONG) for _ in range(3)], maxConcurrency=3)
 
-    batch.await_running(2)  # each has room for one
-    assert of_home(cluster.home("first"))
-    assert of_home(cluster.home("second"))
+    cluster.await_job_on("first")
+    cluster.await_job_on("second")
     call("CancelSimulationJobBatch", {"batch": batch.arn}, batch.service)
 
     assert batch.ending.result(60)["status"] == "Canceled"
@@ -44,18 +43,19 @@ def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_machines_come_and_die_while_a_batch_runs(order: Order, cluster: Cluster, begin: Begin) -> None:
-    batch = begin([order(LONG) for _ in range(2)], maxConcurrency=2)
+    batch = begin([order(LONG, maxJobDurationInSeconds=600) for _ in range(2)], maxConcurrency=2)
     cluster.add("first")
-    batch.await_running(1)
+    cluster.await_job_on("first")
     cluster.add("second")
-    batch.await_running(2)
+    cluster.await_job_on("second")
 
     cluster.kill("first")
     wait_for(lambda: not of_home(cluster.home("first")), "the job worker to end with its machine")
-    batch.await_running(1)
     cluster.add("third")
-    batch.await_running(2)
-    assert of_home(cluster.home("third"))
+
+    cluster.await_job_on("third")
+    assert of_home(cluster.home("second"))
+    assert batch.statuses() == ["Running", "Running"]
 
 
 @pytest.mark.deep
@@ -64,7 +64,7 @@ def test_jobs_of_a_machine_whose_power_fails_run_elsewhere(order: Order, cluster
     """Its leases have to run out."""
     cluster.add("first")
     batch = begin([order({"DURATION_S": "20"})], maxConcurrency=2)
-    batch.await_running(1)
+    cluster.await_job_on("first")
 
     cluster.kill_all_of("first")
     cluster.add("second")
@@ -108,18 +108,17 @@ def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
 
     cluster.add("right")
     caplog.clear()
-    again = begin([order(LONG)], maxConcurrency=2)
-    again.await_running(1)
+    begin([order(LONG)], maxConcurrency=2)
+    cluster.await_job_on("right")
     wait_for(lambda: "1 job worker on" in caplog.text and "does not have" in caplog.text, "what is said of the first")
-    assert of_home(cluster.home("right"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_a_cluster_that_goes_away_is_waited_for(order: Order, cluster: Cluster, begin: Begin) -> None:
     cluster.add("first")
-    batch = begin([order({"DURATION_S": "3"}) for _ in range(3)], maxConcurrency=1)
-    batch.await_running(1)
+    batch = begin([order({"DURATION_S": "10"}) for _ in range(2)], maxConcurrency=1)
+    cluster.await_job_on("first")
 
     cluster.kill("first")
     cluster.restart_head()

@@ -1,0 +1,166 @@
+"""Job workers on a Ray cluster. A process of its own, `ray_driver.py`, is connected to it; here is what starts that.
+
+Ray ends the process that is connected to a cluster when the cluster has been away for a minute, may start a cluster
+where it finds none, and writes to standard error. None of this may happen to a process that runs batches, which may
+also be connected to another cluster.
+"""
+
+import importlib.util
+import json
+import re
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from typing import IO
+
+from ...schemas.wire.errors import ConfigurationError
+from .backend import Backend, BackendError, JobWorkers
+
+_ADDRESS = r"(?:ray://)?([^\s/:]+|\[[0-9a-f:]+\]):([0-9]+)"
+_DRIVER = ("-P", "-m", "prefect_robomaker.tasks.backends.ray_driver")
+_CONNECT_S = 10.0
+_CLOSE_S = 30.0
+_LONGEST_PAUSE_S = 60.0
+
+
+def backend_at(place: str) -> Backend:
+    """The backend of a Ray cluster; nothing is connected yet.
+
+    Args:
+        place: address of its head, `10.0.0.7:6379`, or of its Ray Client server, `ray://10.0.0.7:10001`.
+
+    Raises:
+        ConfigurationError: that is no address, or Ray is not installed.
+    """
+    if not re.fullmatch(_ADDRESS, place):
+        raise ConfigurationError(
+            f"ROBOMAKER_BACKEND is 'ray:{place}'; after ray: there has to be the address of a cluster, such as "
+            "10.0.0.7:6379 or ray://10.0.0.7:10001"
+        )
+    if importlib.util.find_spec("ray") is None:
+        raise ConfigurationError(
+            f"ROBOMAKER_BACKEND is 'ray:{place}', and Ray is not installed: pip install 'prefect-robomaker[ray]'"
+        )
+    return _RayBackend(place)
+
+
+class _RayBackend:
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Generator[JobWorkers]:
+        """Has job workers for a batch inside the block."""
+        _check_answer(self._address)
+        driver = RayDriver(self._address, batch, wanted)
+        try:
+            yield driver
+        finally:
+            driver.close()
+
+
+def _check_answer(address: str) -> None:
+    """Finds out at once that nothing listens there; Ray would try for long."""
+    found = re.fullmatch(_ADDRESS, address)
+    assert found is not None
+    try:
+        socket.create_connection((found[1].strip("[]"), int(found[2])), _CONNECT_S).close()
+    except (OSError, OverflowError) as error:
+        raise BackendError(
+            f"the Ray cluster {address} does not answer ({error}): check the address in ROBOMAKER_BACKEND, that "
+            "`ray start --head` runs there, and that this machine may connect to its port"
+        ) from error
+
+
+class RayDriver:
+    """The process that is connected to the cluster, started again when it dies.
+
+    Args:
+        address: of the cluster.
+        batch: ARN of the batch.
+        wanted: how many job workers can be of use.
+    """
+
+    def __init__(self, address: str, batch: str, wanted: int) -> None:
+        self._address = address
+        self._arguments = (address, batch, str(wanted))
+        self._words = f"connecting to the Ray cluster {address}"
+        self._error = ""
+        self._was_connected = False
+        self._deaths = 0
+        self._not_before = 0.0
+        self._start()
+
+    def look(self) -> str:
+        """What there is, in words.
+
+        Raises:
+            BackendError: no machine can run jobs.
+        """
+        if self._error:
+            raise BackendError(self._error)
+        if self._process is None:
+            if time.monotonic() >= self._not_before:
+                self._start()
+        elif self._process.poll() is not None:
+            self._note_death()
+        return self._words
+
+    def close(self) -> None:
+        """Has the job workers end, and the process."""
+        if self._process is not None:
+            self._end(self._process)
+
+    def _start(self) -> None:
+        self._messages = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
+        self._process = subprocess.Popen(
+            [sys.executable, *_DRIVER, *self._arguments],
+            stdin=subprocess.PIPE,  # its other end closes when this process ends, in whatever way
+            stdout=subprocess.PIPE,
+            stderr=self._messages,
+            start_new_session=True,
+        )
+        assert self._process.stdout is not None
+        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader.start()
+
+    def _read(self, output: IO[bytes]) -> None:
+        for line in output:
+            said = json.loads(line)
+            self._was_connected = True
+            self._words = said.get("words", self._words)
+            self._error = said.get("error", "")
+
+    def _note_death(self) -> None:
+        """Ray ends the process when the cluster has been away for a minute."""
+        assert self._process is not None
+        self._reader.join()
+        if not self._error:
+            self._messages.seek(0)
+            lines = self._messages.read().decode("utf-8", "replace").strip().splitlines()
+            why = lines[-1] if lines else f"exit code {self._process.returncode}"
+            self._words = f"the Ray cluster {self._address} does not answer: {why}"
+            self._error = "" if self._was_connected else self._words
+        self._deaths += 1
+        self._not_before = time.monotonic() + min(2.0**self._deaths, _LONGEST_PAUSE_S)
+        self._end(self._process)
+
+    def _end(self, process: "subprocess.Popen[bytes]") -> None:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+        try:
+            process.wait(_CLOSE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()  # then Ray ends what it has started
+            process.wait()
+        self._reader.join()
+        process.stdout.close()
+        self._messages.close()
+        self._process = None
