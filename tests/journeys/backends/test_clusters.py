@@ -1,6 +1,8 @@
 """Batches whose jobs run on Dask and Ray clusters of real processes."""
 
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -8,11 +10,12 @@ from typing import Any
 
 import pytest
 from helpers.clusters import Cluster, of_home
-from helpers.processes import wait_for
+from helpers.processes import started, wait_for
 
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.service import Service
 
 from .conftest import CLUSTERS, BatchOnCluster
 
@@ -141,3 +144,27 @@ def test_a_cluster_that_does_not_answer_is_an_error_that_says_what_to_check(kind
             backend.job_workers("arn", 1),
         ):
             pytest.fail("no cluster is there")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_job_workers_end_with_the_process_that_runs_the_batch(
+    order: Order, cluster: Cluster, service: Service, prefect_server: str, tmp_path: Path
+) -> None:
+    """However it ends."""
+    cluster.add("first")
+    request = {"createSimulationJobRequests": [order(LONG, maxJobDurationInSeconds=600)]}
+    arn = call("StartSimulationJobBatch", request, service)["arn"]
+    command = [sys.executable, "-m", "prefect_robomaker", "perform", arn]
+    environ = {
+        "ROBOMAKER_HOME": str(service.settings.home),
+        "ROBOMAKER_BACKEND": cluster.backend,
+        "PREFECT_API_URL": prefect_server,
+    }
+    with started(command, environ, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as coordinator:
+        cluster.await_job_on("first")
+        coordinator.kill()
+
+    wait_for(lambda: not of_home(cluster.home("first")), "the job worker to end", 30)
+    wait_for(lambda: cluster.remains() == [], "the cluster to forget its task")
+    assert call("DescribeSimulationJobBatch", {"batch": arn}, service)["status"] in ("InProgress", "Completing")
