@@ -5,7 +5,6 @@ once the cluster does not want it any more, for whatever reason: it was cancelle
 """
 
 import importlib.util
-import re
 import time
 from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager, suppress
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...schemas.exit_codes import BAD_USAGE, BROKE
 from ...schemas.wire.errors import ConfigurationError
+from .addresses import check_answer, is_address
 from .backend import Backend, BackendError
 from .cluster_workers import ClusterWorkers, cluster_workers
 from .node import Ended
@@ -20,7 +20,6 @@ from .node import Ended
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-_ADDRESS = r"([a-z]+://)?[^\s/]+:[0-9]+"
 _CONNECT_S = 10.0
 _ANSWER_S = 10.0
 _CLOSE_S = 2.0
@@ -36,7 +35,7 @@ def backend_at(place: str) -> Backend:
     Raises:
         ConfigurationError: that is no address, or Dask is not installed.
     """
-    if not re.fullmatch(_ADDRESS, place):
+    if not is_address(place):
         raise ConfigurationError(
             f"ROBOMAKER_BACKEND is 'dask:{place}'; after dask: there has to be the address of a scheduler, such as "
             "tcp://10.0.0.7:8786"
@@ -57,15 +56,14 @@ class _DaskBackend:
         """Has job workers for a batch inside the block."""
         from distributed import Client
 
+        place = f"the Dask cluster {self._address}"
+        check_answer(place, self._address, "dask scheduler")
         try:
             client = Client(self._address, timeout=_CONNECT_S, set_as_default=False, name="robomaker")
         except (OSError, ValueError) as error:
-            raise BackendError(
-                f"the Dask cluster {self._address} does not answer ({error}): check the address in ROBOMAKER_BACKEND, "
-                "that `dask scheduler` runs there, and that this machine may connect to its port"
-            ) from error
+            raise BackendError(f"{place} cannot be used: {error}") from error
         try:
-            with cluster_workers(DaskCluster(client, self._address), batch, wanted) as workers:
+            with cluster_workers(DaskCluster(client, place), batch, wanted) as workers:
                 yield workers
         finally:
             client.close(timeout=_CLOSE_S)
@@ -76,11 +74,11 @@ class DaskCluster:
 
     Args:
         client: connected.
-        address: of its scheduler.
+        place: what it is, in words.
     """
 
-    def __init__(self, client: "Client", address: str) -> None:
-        self.place = f"the Dask cluster {address}"
+    def __init__(self, client: "Client", place: str) -> None:
+        self.place = place
         self.addresses: dict[str, str] = {}
         self._client = client
         self._tasks: list[_Task] = []

@@ -7,8 +7,6 @@ also be connected to another cluster.
 
 import importlib.util
 import json
-import re
-import socket
 import subprocess
 import sys
 import tempfile
@@ -19,11 +17,10 @@ from contextlib import contextmanager, suppress
 from typing import IO
 
 from ...schemas.wire.errors import ConfigurationError
+from .addresses import check_answer, is_address
 from .backend import Backend, BackendError, JobWorkers
 
-_ADDRESS = r"(?:ray://)?([^\s/:]+|\[[0-9a-f:]+\]):([0-9]+)"
 _DRIVER = ("-P", "-m", "prefect_robomaker.tasks.backends.ray_driver")
-_CONNECT_S = 10.0
 _CLOSE_S = 30.0
 _LONGEST_PAUSE_S = 60.0
 
@@ -37,7 +34,7 @@ def backend_at(place: str) -> Backend:
     Raises:
         ConfigurationError: that is no address, or Ray is not installed.
     """
-    if not re.fullmatch(_ADDRESS, place):
+    if not is_address(place):
         raise ConfigurationError(
             f"ROBOMAKER_BACKEND is 'ray:{place}'; after ray: there has to be the address of a cluster, such as "
             "10.0.0.7:6379 or ray://10.0.0.7:10001"
@@ -56,25 +53,12 @@ class _RayBackend:
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[JobWorkers]:
         """Has job workers for a batch inside the block."""
-        _check_answer(self._address)
+        check_answer(f"the Ray cluster {self._address}", self._address, "ray start --head")
         driver = RayDriver(self._address, batch, wanted)
         try:
             yield driver
         finally:
             driver.close()
-
-
-def _check_answer(address: str) -> None:
-    """Finds out at once that nothing listens there; Ray would try for long."""
-    found = re.fullmatch(_ADDRESS, address)
-    assert found is not None
-    try:
-        socket.create_connection((found[1].strip("[]"), int(found[2])), _CONNECT_S).close()
-    except (OSError, OverflowError) as error:
-        raise BackendError(
-            f"the Ray cluster {address} does not answer ({error}): check the address in ROBOMAKER_BACKEND, that "
-            "`ray start --head` runs there, and that this machine may connect to its port"
-        ) from error
 
 
 class RayDriver:

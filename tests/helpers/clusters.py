@@ -37,7 +37,7 @@ class Cluster:
         raise NotImplementedError
 
     def add(self, name: str, **variables: str) -> None:
-        """Adds a machine that runs one job at once; it may take a while to appear."""
+        """Adds a machine that runs one job at once, and waits until it has joined."""
         raise NotImplementedError
 
     def restart_head(self) -> None:
@@ -119,6 +119,7 @@ class DaskCluster(Cluster):
         command = ("dask", "worker", self.address, "--name", name, "--nthreads", "1", "--no-dashboard")
         own = {"DASK_TEMPORARY_DIRECTORY": str(self._folder / "dask"), **variables}
         self.run(name, *command, "--host", "127.0.0.1", **own)
+        wait_for(lambda: "Registered to" in self.log(name), f"{name} to join", 120)
 
 
 class RayCluster(Cluster):

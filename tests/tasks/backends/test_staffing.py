@@ -23,7 +23,7 @@ def test_as_many_machines_are_taken_as_can_be_of_use() -> None:
 
 def test_another_machine_takes_over_and_the_pauses_of_the_first_grow() -> None:
     staffing = Staffing("the cluster", 1)
-    now, pauses = 0.0, []
+    now, ended_at, pauses = 0.0, 0.0, []
     for _ in range(8):
         assert staffing.to_start(("a",), now) == ["a"]
         now += 5.0
