@@ -1,5 +1,6 @@
 """Batches whose jobs run on Dask and Ray clusters of real processes."""
 
+import re
 import socket
 import subprocess
 import sys
@@ -100,20 +101,21 @@ def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: C
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
-    order: Order, cluster: Cluster, begin: Begin, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    order: Order, cluster: Cluster, begin: Begin, service: Service, tmp_path: Path
 ) -> None:
-    caplog.set_level("INFO")
     cluster.add("astray", ROBOMAKER_CATALOG_URL=f"sqlite:///{tmp_path}/other.db")
-    batch = begin([order({"DURATION_S": "1"})], maxConcurrency=2)
+    batch = begin([order(LONG)], maxConcurrency=2)
     with pytest.raises(BackendError, match=r"the catalog of this machine, sqlite:.*other\.db, does not have") as raised:
         batch.ending.result(120)
     assert "set ROBOMAKER_CATALOG_URL" in str(raised.value)
 
     cluster.add("right")
-    caplog.clear()
-    begin([order(LONG)], maxConcurrency=2)
-    cluster.await_job_on("right")
-    wait_for(lambda: "1 job worker on" in caplog.text and "does not have" in caplog.text, "what is said of the first")
+    arn = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]}, service)["arn"]
+    with open_backend(cluster.backend).job_workers(arn, 2) as workers:  # type: ignore[union-attr]
+        said = re.compile(r"1 job worker on the (Dask|Ray) cluster .*; .*other\.db, does not have")
+        wait_for(lambda: said.match(workers.look()), "what is said of the first machine")
+        assert of_home(cluster.home("right"))
+    assert not of_home(cluster.home("right"))
 
 
 @pytest.mark.slow
