@@ -113,7 +113,8 @@ class DaskCluster(Cluster):
             return [*clients, *map(str, dask_scheduler.tasks)]
 
         with Client(self.address, set_as_default=False) as client:
-            return client.run_on_scheduler(ask)
+            answer: Any = client.run_on_scheduler(ask)
+        return list(answer)
 
     def add(self, name: str, **variables: str) -> None:
         command = ("dask", "worker", self.address, "--name", name, "--nthreads", "1", "--no-dashboard")

@@ -111,7 +111,9 @@ def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
 
     cluster.add("right")
     arn = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]}, service)["arn"]
-    with open_backend(cluster.backend).job_workers(arn, 2) as workers:  # type: ignore[union-attr]
+    backend = open_backend(cluster.backend)
+    assert backend is not None
+    with backend.job_workers(arn, 2) as workers:
         said = re.compile(r"1 job worker on the (Dask|Ray) cluster .*; .*other\.db, does not have")
         wait_for(lambda: said.match(workers.look()), "what is said of the first machine")
         assert of_home(cluster.home("right"))
@@ -138,7 +140,7 @@ def test_a_cluster_that_does_not_answer_is_an_error_that_says_what_to_check(kind
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         backend = open_backend(f"{kind}:127.0.0.1:{silent.getsockname()[1]}")
-
+        assert backend is not None
         with (
             pytest.raises(
                 BackendError, match=r"127\.0\.0\.1.* does not answer .*check the address in ROBOMAKER_BACKEND"
