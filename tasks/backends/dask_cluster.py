@@ -145,8 +145,6 @@ def _task() -> Callable[[str], tuple[str, int, str]]:
     """What Dask runs. A function inside a function is sent as a whole: the scheduler needs no package of ours."""
 
     def work(batch: str) -> tuple[str, int, str]:
-        import os
-
         from distributed import get_worker
 
         from .node import run_job_worker
@@ -158,8 +156,7 @@ def _task() -> Callable[[str], tuple[str, int, str]]:
             task = worker.state.tasks.get(key)
             return task is None or task.state == "cancelled"
 
-        at_once = {"ROBOMAKER_MAX_JOBS": os.environ.get("ROBOMAKER_MAX_JOBS") or str(worker.state.nthreads)}
-        host, exit_code, last_words = run_job_worker(batch, at_once, is_unwanted)
+        host, exit_code, last_words = run_job_worker(batch, should_stop=is_unwanted)
         return host, exit_code, last_words
 
     return work

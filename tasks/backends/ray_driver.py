@@ -22,7 +22,7 @@ from .node import Ended
 _LOOK_S = 0.25
 _MISSING = (ImportError, AttributeError)  # what cannot be imported there is not there, or too old
 
-Task = Callable[[str, int], tuple[str, int, str]]
+Task = Callable[[str], tuple[str, int, str]]
 
 
 class RayCluster:
@@ -54,8 +54,7 @@ class RayCluster:
         node = self._nodes[machine]
         there = NodeAffinitySchedulingStrategy(node_id=machine, soft=False)
         task = self._run.options(scheduling_strategy=there, name="robomaker work")
-        reference = task.remote(batch, int(node["Resources"]["CPU"]))
-        started = _Started(self._ray, node["NodeManagerAddress"], reference)
+        started = _Started(self._ray, node["NodeManagerAddress"], task.remote(batch))
         self._started = [*(started for started in self._started if not started.over), started]
         return started
 
@@ -96,13 +95,10 @@ class _Started:
 def _task() -> Task:
     """What Ray runs. A function inside a function is sent as a whole, so that a missing package is our error."""
 
-    def work(batch: str, cpus: int) -> tuple[str, int, str]:
-        import os
-
+    def work(batch: str) -> tuple[str, int, str]:
         from .node import run_job_worker
 
-        at_once = {"ROBOMAKER_MAX_JOBS": os.environ.get("ROBOMAKER_MAX_JOBS") or str(cpus)}
-        host, exit_code, last_words = run_job_worker(batch, at_once)
+        host, exit_code, last_words = run_job_worker(batch)
         return host, exit_code, last_words
 
     return work
