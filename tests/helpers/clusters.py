@@ -15,6 +15,8 @@ from typing import Any
 
 from helpers.processes import alive, descendants, started, wait_for, working_below
 
+_MISSING = "No module named 'prefect_robomaker'"
+
 
 class Cluster:
     """A head, and machines that are added to it.
@@ -48,6 +50,13 @@ class Cluster:
         """What the cluster has of its clients and their tasks, in its own words."""
         raise NotImplementedError
 
+    def without_package(self) -> dict[str, str]:
+        """Variables of a process that does not find the package of ours."""
+        package = self._folder / "hidden" / "prefect_robomaker"
+        package.mkdir(parents=True, exist_ok=True)
+        (package / "__init__.py").write_text(f"raise ModuleNotFoundError({_MISSING!r})\n")
+        return {"PYTHONPATH": str(package.parent)}
+
     def home(self, name: str) -> Path:
         """The home of a machine."""
         return self._folder / name
@@ -80,7 +89,7 @@ class Cluster:
         output = self._stack.enter_context((self._folder / f"{name}.txt").open("w"))
         environ = {**self._variables, "ROBOMAKER_HOME": str(self.home(name)), **variables}
         words = [sys.executable, "-m", *command]
-        process = self._stack.enter_context(started(words, environ, stdout=output, stderr=STDOUT))
+        process = self._stack.enter_context(started(words, environ, stdout=output, stderr=STDOUT, cwd=self._folder))
         self._machines[name] = process
         return process
 
@@ -92,7 +101,7 @@ class DaskCluster(Cluster):
 
     def start_head(self, port: int = 0) -> "Popen[str]":
         command = ("dask", "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-        process = self.run("head", *command)
+        process = self.run("head", *command, **self.without_package())
 
         def announced() -> str:
             return next((word for word in self.log("head").split() if word.startswith("tcp://127.0.0.1:")), "")

@@ -13,7 +13,7 @@ import pytest
 from helpers.clusters import Cluster, of_home
 from helpers.processes import started, wait_for
 
-from prefect_robomaker.tasks.backends.backend import BackendError
+from prefect_robomaker.tasks.backends.backend import BackendError, JobWorkers
 from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -172,3 +172,24 @@ def test_job_workers_end_with_the_process_that_runs_the_batch(
     wait_for(lambda: not of_home(cluster.home("first")), "the job worker to end", 30)
     wait_for(lambda: cluster.remains() == [], "the cluster to forget its task")
     assert call("DescribeSimulationJobBatch", {"batch": arn}, service)["status"] in ("InProgress", "Completing")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+def test_a_machine_without_the_package_says_so(cluster: Cluster) -> None:
+    cluster.add("bare", **cluster.without_package())
+    backend = open_backend(cluster.backend)
+    assert backend is not None
+
+    def refused(workers: JobWorkers) -> str:
+        try:
+            workers.look()
+        except BackendError as error:
+            return str(error)
+        return ""
+
+    with backend.job_workers("arn", 1) as workers:
+        said = wait_for(lambda: refused(workers), "the refusal")
+    assert re.match(
+        r"no machine of the (Dask|Ray) cluster .* can run jobs: .*No module named 'prefect_robomaker'", said
+    )
