@@ -22,10 +22,10 @@ def add_report(parser: argparse.ArgumentParser) -> None:
 
 def add_backend(parser: argparse.ArgumentParser) -> None:
     """Adds `--backend`."""
-    text = (
-        "where the jobs of batches run, in place of ROBOMAKER_BACKEND: local, workers:POOL, dask:ADDRESS, ray:ADDRESS"
+    kinds = "local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS"
+    parser.add_argument(
+        "--backend", metavar="B", help=f"where jobs of batches run, in place of ROBOMAKER_BACKEND: {kinds}"
     )
-    parser.add_argument("--backend", metavar="B", help=text)
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:

@@ -42,7 +42,10 @@ def test_nothing_is_connected_by_opening(named: str) -> None:
     ("named", "said"),
     [
         ("dask:head", "ROBOMAKER_BACKEND is 'dask:head'; after dask: there has to be the address of a scheduler"),
-        ("dask:", "ROBOMAKER_BACKEND is 'dask:'; it has to be local, workers:POOL, dask:ADDRESS or ray:ADDRESS"),
+        (
+            "dask:",
+            "ROBOMAKER_BACKEND is 'dask:'; it has to be local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS",
+        ),
         ("ray:auto", "ROBOMAKER_BACKEND is 'ray:auto'; after ray: there has to be the address of a cluster"),
         ("slurm:head:1", "ROBOMAKER_BACKEND is 'slurm:head:1'; it has to be local"),
     ],

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from prefect_robomaker.deployments.cli.commands.specifications.run import again
+from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
 QUICK = """\
@@ -95,3 +97,26 @@ def test_without_runs_report_says_how_to_make_one(robomaker) -> None:
     ended = robomaker("report")
     assert ended.code == 2
     assert "there are no runs in" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("backend", "said"),
+    [
+        ("slurm", "ROBOMAKER_BACKEND is 'slurm'"),
+        ("dask:head", "ROBOMAKER_BACKEND is 'dask:head'; after dask: there has"),
+    ],
+)
+def test_a_backend_that_is_none_is_refused_before_anything_starts(
+    robomaker, spec, home: Path, backend: str, said: str
+) -> None:
+    outcome = robomaker("run", spec(QUICK), "--backend", backend)
+
+    assert outcome.code == 2
+    assert said in outcome.err
+    assert not home.exists()
+
+
+def test_the_command_that_does_the_same_again_names_the_backend() -> None:
+    arguments = build_parser().parse_args(["run", "spec.yaml", "--backend", "dask:tcp://head:8786"])
+
+    assert again(arguments) == ["robomaker", "run", "spec.yaml", "--backend", "dask:tcp://head:8786"]
