@@ -1,10 +1,25 @@
-"""Flows: simulation job batches: many jobs, never more than `maxConcurrency` at once."""
+"""Flows: simulation job batches: many jobs, never more than `maxConcurrency` at once; and their job workers.
+
+One that a work pool starts is a flow run for each machine, not for each job: to start one takes seconds.
+"""
 
 from typing import Any
+
+from prefect import State, flow
+from prefect.context import FlowRunContext
+from prefect.exceptions import TerminationSignal
+from prefect.states import Completed, Failed
 
 from ..schemas.operations.simulation_job_batches import BatchPolicy
 from ..schemas.operations.simulation_jobs import SimulationJobRequests
 from ..schemas.wire.common import Arn, ClientRequestToken, Filters, MaxResults, PaginationToken, TagMap
+from ..schemas.wire.errors import ConfigurationError
+from ..tasks.backends.backend import JOB_WORKER_FLOW, MISCONFIGURED
+from ..tasks.execution.flow_ends import started_by_worker
+from ..tasks.execution.orphans import end_job_worker
+from ..tasks.execution.run_watch import watched_run
+from ..tasks.jobs.batch_workers import BatchWorker
+from ..tasks.service.service import Service
 from .steps import carry_out, operation_flow, perform_flow, read, record, validate
 
 
@@ -45,3 +60,28 @@ def ListSimulationJobBatches(
 def CancelSimulationJobBatch(*, batch: Arn) -> dict[str, Any]:
     """Stops a batch: its jobs end, requests that wait never become jobs."""
     return record("CancelSimulationJobBatch", validate("CancelSimulationJobBatch", locals()))
+
+
+@flow(name=JOB_WORKER_FLOW)
+def RunJobWorker(batch: str) -> State[Any]:
+    """Takes jobs of a batch from the catalog and runs them here, until none is left.
+
+    `ROBOMAKER_BACKEND=workers:POOL` starts as many as there are machines. When a run is cancelled, the jobs that it
+    runs go on with other job workers; the batch goes on.
+
+    Args:
+        batch: ARN of the simulation job batch.
+    """
+    try:
+        service = Service.current()
+        worker = BatchWorker(batch, service)
+        with watched_run(service.catalog, worker.stop):
+            count = worker.run()
+    except ConfigurationError as error:
+        return Failed(name=MISCONFIGURED, message=str(error))
+    except (KeyboardInterrupt, TerminationSignal):
+        context = FlowRunContext.get()
+        if started_by_worker() and context is not None and context.flow_run is not None:
+            end_job_worker(Service.current().catalog, context.flow_run.id)
+        raise
+    return Completed(message=f"ran {count} {'job' if count == 1 else 'jobs'} of {batch}", data={"jobs": count})

@@ -35,7 +35,7 @@ BROKEN = {
     "Only storage and the signatures of the endpoint know botocore": "tasks.planted -> botocore",
     "Only the catalog knows SQLAlchemy": "tasks.planted -> sqlalchemy",
     "Only WorldForge and the runtime know MuJoCo": "tasks.planted -> mujoco",
-    "Only flows, deployments and execution know Prefect": "tasks.planted -> prefect",
+    "Only flows, deployments, execution and the backend of work pools know Prefect": "tasks.planted -> prefect",
     "Only notifications know apprise": "tasks.planted -> apprise",
     "Only their backends know Dask and Ray": "tasks.planted -> distributed",
     "Command line: commands over the work they share over output over inputs": (

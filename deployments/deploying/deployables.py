@@ -1,4 +1,4 @@
-"""What there is to deploy: every operation's flow, and specifications of one's own.
+"""What there is to deploy: every operation's flow, specifications of one's own, and the job worker of a work pool.
 
 A deployment of an operation is called as the AWS CLI calls the operation: `create-world-template`. One of a
 specification has the specification's name, and keeps its text as a parameter, so that a worker needs no copy of the
@@ -14,6 +14,7 @@ from typing import Any
 from ...schemas.operations.registry import OPERATIONS
 from ...schemas.specs.model import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError
+from ...tasks.backends.backend import JOB_WORKER_FLOW
 from ...tasks.operations.registry import Operation, registry
 from .needs import needs_of
 
@@ -57,6 +58,20 @@ def operation_deployables() -> list[Deployable]:
             text = f"Carries the job of an ARN, made by {entry.name}, to its end."
             made.append(_of_operation(entry, entry.perform_name, text, "perform"))
     return sorted(made, key=lambda each: each.entrypoint)
+
+
+def job_worker_deployable(pool: str) -> Deployable:
+    """The flow that takes jobs of batches, in a work pool: `ROBOMAKER_BACKEND=workers:POOL` finds it by its name."""
+    return Deployable(
+        flow=JOB_WORKER_FLOW,
+        entrypoint=f"{_FLOWS}.simulation_job_batches.{JOB_WORKER_FLOW}",
+        name=pool,
+        description=(
+            "A job worker: takes jobs of a batch from the catalog and runs them on the machine of its Prefect worker, "
+            "until none is left."
+        ),
+        tags=(TAG, "job-worker"),
+    )
 
 
 def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, tags: Sequence[str] = ()) -> Deployable:

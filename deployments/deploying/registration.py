@@ -23,6 +23,7 @@ from prefect.utilities.callables import parameter_schema
 
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.request_problems import nearest
+from ...tasks.execution.dead_runs import ensure_automation
 from ...tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 from .deployables import Deployable
 from .job_variables import environment_of_blocks
@@ -77,6 +78,16 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
         variables = _job_variables(pool, target, client)
         there = {(str(each.flow_id), each.name): each for each in _deployments(client)}
         return [_register(each, target, variables, there, client) for each in deployables]
+
+
+def close_dead_runs() -> None:
+    """Has the server close runs whose machine has died; our own server does so by itself, others have to be told.
+
+    Raises:
+        ConfigurationError: the server does not answer or refuses.
+    """
+    with _told(), get_client(sync_client=True) as client:
+        ensure_automation(client)
 
 
 def read_block(client: SyncPrefectClient, slug: str, name: str) -> Mapping[str, Any] | None:

@@ -12,7 +12,7 @@ A job worker is the command `robomaker work BATCH`. It is started once on each m
 a flow run takes seconds, to claim a job milliseconds. A backend knows nothing of jobs, and carries no secrets: each
 machine has its own settings, which lead to the same catalog and object store.
 
-May import: `schemas`.
+May import: `schemas`. Only `pool_runs` imports Prefect, when a batch runs in a work pool.
 """
 
 # pyright: reportUnsupportedDunderAll=false

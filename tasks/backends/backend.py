@@ -5,6 +5,12 @@ from typing import Protocol
 
 from ...schemas.wire.errors import RobomakerError
 
+JOB_WORKER_FLOW = "RunJobWorker"
+"""The flow of a job worker in a work pool; its deployment is named after the pool."""
+
+MISCONFIGURED = "Misconfigured"
+"""Name of the state in which that flow ends where the machine's settings lead to another catalog than the batch's."""
+
 
 class BackendError(RobomakerError):
     """The job workers of a batch cannot be started, and waiting does not help; the message says why."""

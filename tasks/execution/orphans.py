@@ -1,7 +1,8 @@
-"""A flow process whose Prefect worker was killed: it lives on, cannot be cancelled any more, and has to end.
+"""Flow processes that have to end while jobs run in their threads.
 
-The death of its worker frees no job: leases in the catalog say whose a job is. So the orphan releases its leases, and
-ends as if it had been killed; simulations and world builders die with it.
+One whose Prefect worker was killed lives on, and cannot be cancelled any more. The death of its worker frees no job:
+leases in the catalog say whose a job is. So the orphan releases its leases, and ends as if it had been killed;
+simulations and world builders die with it. So does a job worker's process that is cancelled or told to end.
 """
 
 import logging
@@ -14,7 +15,7 @@ from uuid import UUID
 import httpx
 from prefect.client.orchestration import get_client
 from prefect.exceptions import PrefectException
-from prefect.states import Crashed
+from prefect.states import Cancelled, Crashed
 
 from ..catalog import Catalog
 from .held_leases import HELD
@@ -48,18 +49,41 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
         catalog: where the jobs are.
         flow_run: the flow run that this process was started for.
     """
-    try:
+    with _ended(1):
         arns = HELD.give_back_all(catalog)
         words = "its Prefect worker has died, so that it ended itself"
         if arns:
             words += f"; `robomaker perform {arns[-1]}` goes on with what it ran"
-        telling = threading.Thread(target=on_same_server(lambda: _say_crashed(flow_run, words)), daemon=True)
-        telling.start()
-        telling.join(_TELL_PREFECT_S)
+        _tell_prefect(lambda: _say_crashed(flow_run, words))
+
+
+def end_job_worker(catalog: Catalog, flow_run: UUID) -> None:
+    """Ends the process of a job worker that its Prefect worker tells to end: cancelled in Prefect, or with its machine.
+
+    Args:
+        catalog: where the jobs are; their leases are released, so that other job workers take them at once.
+        flow_run: the flow run that this process was started for.
+    """
+    with _ended(0):  # another exit code would make a cancelled run a crashed one
+        HELD.give_back_all(catalog)
+        _tell_prefect(lambda: _say_interrupted(flow_run))
+
+
+@contextmanager
+def _ended(exit_code: int) -> Generator[None]:
+    """Ends this process after the block, whatever breaks in it: threads that still run would be waited for."""
+    try:
+        yield
     except Exception:
-        _logger.exception("the end of an orphan is not told; its leases run out by themselves")
+        _logger.exception("the end of a process is not told; its leases run out by themselves")
     finally:
-        os._exit(1)
+        os._exit(exit_code)
+
+
+def _tell_prefect(tell: Callable[[], None]) -> None:
+    telling = threading.Thread(target=on_same_server(tell), daemon=True)
+    telling.start()
+    telling.join(_TELL_PREFECT_S)
 
 
 def _watch(parent: int, ended: threading.Event, orphaned: Callable[[], None]) -> None:
@@ -73,5 +97,22 @@ def _say_crashed(flow_run: UUID, words: str) -> None:
     try:
         with get_client(sync_client=True) as client:
             client.set_flow_run_state(flow_run, Crashed(message=words), force=True)
+    except (httpx.HTTPError, PrefectException) as error:
+        _logger.warning("Prefect is not told that the flow run has ended: %s", error)
+
+
+def _say_interrupted(flow_run: UUID) -> None:
+    """Says `Cancelled` of a run that is being cancelled, and `Crashed` of one whose Prefect worker was stopped."""
+    others = "other job workers go on with its jobs"
+    try:
+        with get_client(sync_client=True) as client:
+            state = client.read_flow_run(flow_run).state
+            is_cancelled = state is not None and (state.is_cancelling() or state.is_cancelled())
+            end = (
+                Cancelled(message=f"cancelled in Prefect; {others}")
+                if is_cancelled
+                else Crashed(message=f"its Prefect worker was stopped; {others}")
+            )
+            client.set_flow_run_state(flow_run, end, force=True)
     except (httpx.HTTPError, PrefectException) as error:
         _logger.warning("Prefect is not told that the flow run has ended: %s", error)

@@ -1,4 +1,4 @@
-"""Keep specifications in Prefect, to be run by workers: by hand, or on a schedule.
+"""Keep specifications in Prefect, to be run by workers: by hand, or on a schedule; or let workers take jobs of batches.
 
 A deployment keeps the text of its specification, so that workers need this package and no copy of the file. Deploying
 again changes a deployment in place; its schedule stays until --schedule or --no-schedule says otherwise.
@@ -28,6 +28,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
     parser.add_argument("specs", metavar="SPEC", nargs="*", help="specification, a YAML file")
     parser.add_argument("--operations", action="store_true", help="deploy the flows of all operations, too")
+    parser.add_argument(
+        "--job-worker", action="store_true", help="let the pool's workers take jobs of batches (ROBOMAKER_BACKEND)"
+    )
     parser.add_argument("--pool", required=True, metavar="POOL", help="work pool whose workers run it")
     when = parser.add_mutually_exclusive_group()
     when.add_argument("--schedule", metavar="CRON", help="when it runs by itself, such as '0 2 * * *'")
@@ -52,7 +55,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Deploys everything that is named, or nothing."""
     from .....schemas.settings import Settings
-    from ....deploying.deployables import operation_deployables
+    from ....deploying.deployables import job_worker_deployable, operation_deployables
     from ....deploying.job_variables import block_of_word, environment_of_words
     from ...prefect_server import SHELL_SETUP, use_server, uses_local_server
 
@@ -71,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     from prefect.context import refresh_global_settings_context
 
-    from ....deploying.registration import NoSuchPoolError, Target, register
+    from ....deploying.registration import NoSuchPoolError, Target, close_dead_runs, register
 
     refresh_global_settings_context()  # reading the schedule took Prefect, which does not know the server yet
     target = Target(
@@ -87,6 +90,9 @@ def execute(arguments: argparse.Namespace) -> int:
         if arguments.operations:
             # They have no schedule: each wants a request.
             registered += register(operation_deployables(), replace(target, schedule=None))
+        if arguments.job_worker:
+            registered += register([job_worker_deployable(arguments.pool)], replace(target, schedule=None))
+            close_dead_runs()
     except NoSuchPoolError as error:
         if is_local:
             raise ConfigurationError(f"{error}; before it, so that it finds this server: {SHELL_SETUP}") from error
@@ -97,13 +103,17 @@ def execute(arguments: argparse.Namespace) -> int:
     else:
         sys.stdout.write("\n".join(_lines(registered)) + "\n")
         first = [f"In each terminal:  {SHELL_SETUP}"] if is_local else []
-        sys.stderr.write("\n".join([*first, *_next_steps(registered, api_url)]) + "\n")
+        steps = _next_steps(registered, api_url) if specs or arguments.operations else []
+        steps += _job_worker_steps(arguments.pool) if arguments.job_worker else []
+        sys.stderr.write("\n".join([*first, *steps]) + "\n")
     return 0
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
-    if not arguments.specs and not arguments.operations:
-        raise ConfigurationError("there is nothing to deploy; name a SPEC, or --operations for all operations")
+    if not arguments.specs and not arguments.operations and not arguments.job_worker:
+        raise ConfigurationError(
+            "there is nothing to deploy; name a SPEC, or --operations for all operations, or --job-worker for batches"
+        )
     if arguments.name is not None:
         from .....schemas.specs.model import is_spec_name
 
@@ -189,4 +199,11 @@ def _next_steps(registered: "Sequence[Registered]", api_url: str) -> list[str]:
         f"Start a worker:    prefect worker start --pool {first.pool}",
         f"Run it now:        prefect deployment run {first.name} --watch",
         f"See its page:      {api_url.removesuffix('/api')}/deployments/deployment/{first.id}",
+    ]
+
+
+def _job_worker_steps(pool: str) -> list[str]:
+    return [
+        f"On each machine:   prefect worker start --pool {pool} --limit 1",
+        f"Batches use them:  ROBOMAKER_BACKEND=workers:{pool} robomaker run SPEC",
     ]

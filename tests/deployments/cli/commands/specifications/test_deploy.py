@@ -110,6 +110,27 @@ def test_deploying_again_changes_it_in_place_and_keeps_its_schedule(
     assert deployed(client, named).schedules == []
 
 
+def test_the_job_worker_of_a_pool_is_deployed_under_the_name_of_the_pool(
+    robomaker: Robomaker, client: Any, pool: str
+) -> None:
+    from prefect_robomaker.tasks.execution.dead_runs import AUTOMATION
+
+    for each in client.read_automations_by_name(AUTOMATION):
+        client.delete_automation(each.id)
+
+    ended = robomaker("deploy", "--job-worker", "--pool", pool, "--env", "ROBOMAKER_MAX_JOBS=3")
+
+    made = client.read_deployment_by_name(f"RunJobWorker/{pool}")
+    assert (ended.code, ended.out) == (0, f"RunJobWorker/{pool}  created\n")
+    assert (made.work_pool_name, made.tags) == (pool, ["robomaker", "job-worker"])
+    assert made.entrypoint == "prefect_robomaker.flows.simulation_job_batches.RunJobWorker"
+    assert made.job_variables == {"env": {"ROBOMAKER_MAX_JOBS": "3"}}
+    assert made.parameter_openapi_schema["required"] == ["batch"]
+    assert f"prefect worker start --pool {pool} --limit 1" in ended.err
+    assert f"ROBOMAKER_BACKEND=workers:{pool}" in ended.err
+    assert client.read_automations_by_name(AUTOMATION), "what runs on a machine that dies is closed"
+
+
 def test_a_schedule_that_was_paused_stays_paused(robomaker: Robomaker, client: Any, pool: str, named: Path) -> None:
     robomaker("deploy", named, "--pool", pool, "--schedule", "0 2 * * *")
     made = deployed(client, named)

@@ -1,0 +1,137 @@
+"""Job workers as flow runs of a Prefect work pool: one on each machine that runs `prefect worker start`.
+
+A process pool has one machine for each worker that is online, so that many flow runs are kept: a machine that comes
+gets one, the run of one that goes is taken back. A pool of another type starts a container for each: `workers:POOL*4`
+says how many, or the pool's concurrency limit. Never more than the batch can use.
+
+The server is asked every few seconds, in a thread of its own; a server that does not answer delays what is to be
+started, and disturbs no job. A job worker that ends before its batch is replaced, after pauses that grow.
+"""
+
+import logging
+import re
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .backend import BackendError
+
+if TYPE_CHECKING:
+    from .pool_runs import PoolRuns
+
+_LOOK_S = 3.0
+_END_S = 20.0
+"""How long the end of a block waits for a request to the server that goes on."""
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class WorkPool:
+    """A backend: the work pool of a name.
+
+    Args:
+        name: of the pool.
+        most: how many job workers it is to have at most; absent: as many as it has machines.
+        look_s: seconds between two looks at the server.
+    """
+
+    name: str
+    most: int | None = None
+    look_s: float = _LOOK_S
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Generator["PoolWorkers"]:
+        """Has job workers for a batch inside the block; see `Backend`.
+
+        Those of a process that has died are taken over.
+
+        Raises:
+            BackendError: there is no such pool, no deployment of the job worker in it, or it does not say how many.
+        """
+        from .pool_runs import opened_pool
+
+        with opened_pool(self.name, self.most, batch, wanted) as runs:
+            workers = PoolWorkers(runs, self.look_s)
+            try:
+                workers.begin()
+                yield workers
+            except BaseException:
+                workers.end(also_running=True)
+                raise
+            workers.end(also_running=False)
+
+
+def backend_at(place: str) -> WorkPool:
+    """The backend `workers:PLACE`; nothing is connected yet.
+
+    Args:
+        place: name of a work pool, with `*4` after it for four job workers at most.
+    """
+    name, star, number = place.rpartition("*")
+    if star and name and re.fullmatch(r"[1-9][0-9]{0,3}", number):
+        return WorkPool(name, int(number))
+    return WorkPool(place)
+
+
+class PoolWorkers:
+    """The job workers of one batch in a work pool, looked after in a thread.
+
+    Args:
+        runs: their flow runs.
+        look_s: seconds between two looks at the server.
+    """
+
+    def __init__(self, runs: "PoolRuns", look_s: float) -> None:
+        self._runs = runs
+        self._look_s = look_s
+        self._over = threading.Event()
+        self._standing = f"job workers in the work pool {runs.pool} are being started"
+        self._broken: Exception | None = None
+        self._keeper = threading.Thread(target=self._keep, name=f"work pool {runs.pool}", daemon=True)
+
+    def look(self) -> str:
+        """What there is, as it was seen last.
+
+        Raises:
+            BackendError: none can be started.
+        """
+        if self._broken is not None:
+            raise self._broken
+        return self._standing
+
+    def begin(self) -> None:
+        """Starts to look after them."""
+        self._keeper.start()
+
+    def end(self, *, also_running: bool) -> None:
+        """Takes back what has not begun; what runs ends by itself, because the batch is over.
+
+        Args:
+            also_running: whether the batch is not over, so that running ones have to be cancelled.
+        """
+        self._over.set()
+        self._keeper.join(_END_S)
+        if self._keeper.is_alive() or not self._runs.take_back(also_running=also_running):
+            _logger.warning(
+                "the Prefect server does not answer; flow runs of job workers with the tag %s may be left there, and "
+                "end as soon as they begin",
+                self._runs.tag,
+            )
+
+    def _keep(self) -> None:
+        while not self._over.is_set():
+            try:
+                self._standing = self._runs.staffed()
+            except Exception as error:  # it is raised where the batch is carried out
+                self._broken = error if isinstance(error, BackendError) else _unknown(error)
+                return
+            self._over.wait(self._look_s)
+
+
+def _unknown(error: Exception) -> BackendError:
+    made = BackendError(f"job workers cannot be looked after: {type(error).__name__}: {error}")
+    made.__cause__ = error
+    return made

@@ -1,0 +1,142 @@
+"""Machines of a Prefect work pool: Prefect workers as processes with homes of their own."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+from helpers.processes import alive, descendants, started, wait_for
+from prefect_robomaker.schemas.settings import Settings
+
+ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
+ENDED_S = 20
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A Prefect worker that runs one flow run at a time."""
+
+    process: subprocess.Popen[str]
+    home: Path
+    log: Path
+
+    def kill(self) -> None:
+        """Kills it with its flow process and all that this has started, as a power cut would."""
+        for pid in {self.process.pid, *descendants(self.process.pid)}:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+
+    def flow_process(self) -> int | None:
+        """The process of the flow run that goes on."""
+        for pid in sorted(descendants(self.process.pid)):
+            try:
+                words = Path(f"/proc/{pid}/cmdline").read_bytes()
+            except OSError:
+                continue
+            if b"prefect.engine" in words or b"prefect\x00flow-run" in words:
+                return pid
+        return None
+
+
+@dataclass(frozen=True)
+class Pool:
+    """A process work pool that has a deployment of the job worker."""
+
+    name: str
+    variables: Mapping[str, str]
+    folder: Path
+
+    @contextmanager
+    def machine(self, name: str, **more: str) -> Iterator[Machine]:
+        """Starts a machine; at the end it is told to stop, and all that it has started is gone."""
+        home = self.folder / name
+        home.mkdir()
+        environ = {
+            **self.variables,
+            "ROBOMAKER_HOME": str(home / "robomaker"),
+            "PREFECT_HOME": str(home / "prefect"),
+            "PREFECT_WORKER_QUERY_SECONDS": "1",
+            "PREFECT_WORKER_HEARTBEAT_SECONDS": "2",
+            "ROBOMAKER_MAX_JOBS": "1",
+            **more,
+        }
+        command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", self.name, "--limit", "1"]
+        command += ["--name", name]
+        log = home / "worker.log"
+        with log.open("w") as output, started(command, environ, stdout=output, stderr=subprocess.STDOUT) as process:
+            machine = Machine(process, home / "robomaker", log)
+            try:
+                yield machine
+            finally:
+                began = {process.pid, *descendants(process.pid)}
+                process.send_signal(signal.SIGINT)
+                try:
+                    process.wait(ENDED_S)
+                except subprocess.TimeoutExpired:
+                    machine.kill()
+                for pid in alive(began):
+                    os.kill(pid, signal.SIGKILL)
+
+    def runs(self, batch: str) -> list[Any]:
+        """The flow runs of a batch's job workers, as Prefect knows them."""
+        from prefect.client.orchestration import get_client
+        from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterTags
+
+        tags = FlowRunFilterTags(all_=[batch.rpartition("/")[2]])
+        with get_client(sync_client=True) as client:
+            return client.read_flow_runs(flow_run_filter=FlowRunFilter(tags=tags))
+
+    def running(self, batch: str, count: int, timeout_s: float = 180.0) -> list[Any]:
+        """Waits until so many job workers run; returns their flow runs."""
+
+        def look() -> list[Any]:
+            found = [run for run in self.runs(batch) if run.state_type.value == "RUNNING"]
+            return found if len(found) >= count else []
+
+        return wait_for(look, f"{count} job workers that run", timeout_s)
+
+    def ended(self, batch: str, timeout_s: float = 120.0) -> list[Any]:
+        """Waits until none is scheduled or runs; returns those that were."""
+
+        def look() -> bool:
+            return all(run.state is not None and run.state.is_final() for run in self.runs(batch))
+
+        wait_for(look, "the ends of all job workers", timeout_s)
+        return self.runs(batch)
+
+
+def deployed_pool(settings: Settings, prefect_url: str, folder: Path) -> Pool:
+    """Makes a pool with Prefect's client, and the job worker's deployment with our command."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.actions import WorkPoolCreate
+    from prefect.workers.process import ProcessWorker
+
+    name = f"pool-{folder.name}-{os.getpid()}"
+    template = ProcessWorker.get_default_base_job_template()
+    with get_client(sync_client=True) as client:
+        client.create_work_pool(WorkPoolCreate(name=name, type="process", base_job_template=template))
+    variables = {
+        "PREFECT_API_URL": prefect_url,
+        "ROBOMAKER_CATALOG_URL": settings.catalog_url,
+        "ROBOMAKER_OBJECT_STORE": settings.object_store,
+    }
+    command = [*ROBOMAKER, "deploy", "--job-worker", "--pool", name]
+    environ = {**os.environ, **variables, "ROBOMAKER_HOME": str(folder / "deploying")}
+    done = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return Pool(name, variables, folder)
+
+
+def cancel_in_prefect(run: UUID, variables: Mapping[str, str]) -> None:
+    """Cancels a flow run with Prefect's own command."""
+    command = [sys.executable, "-m", "prefect", "flow-run", "cancel", str(run)]
+    told = subprocess.run(command, env={**os.environ, **variables}, capture_output=True, text=True, timeout=120)
+    assert told.returncode == 0, told.stdout + told.stderr

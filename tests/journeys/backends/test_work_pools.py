@@ -1,0 +1,197 @@
+"""Batches on a Prefect work pool: real Prefect workers with homes of their own, killed, added and cancelled."""
+
+import contextvars
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.pool_machines import Pool, cancel_in_prefect, deployed_pool
+from helpers.processes import alive, wait_for, working_below
+
+from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.operations.registry import call, registry
+from prefect_robomaker.tasks.service.service import Service
+
+Order = Callable[..., dict[str, Any]]
+pytestmark = pytest.mark.timeout(600)
+
+
+@pytest.fixture
+def pool(service: Service, prefect_server: str, tmp_path: Path) -> Pool:
+    """A pool without machines; those that a test starts have one slot each."""
+    return deployed_pool(service.settings, prefect_server, tmp_path)
+
+
+class Batch:
+    """A batch that is carried out in a thread of the test, with a pool's job workers."""
+
+    def __init__(self, service: Service, pool: Pool, requests: list[dict[str, Any]], concurrency: int = 2) -> None:
+        request = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": concurrency}}
+        self.service = service
+        self.arn: str = call("StartSimulationJobBatch", request, service)["arn"]
+        self._answer: dict[str, Any] = {}
+        self._error: BaseException | None = None
+        there = replace(service, backend=open_backend(f"workers:{pool.name}"))
+        work = contextvars.copy_context()
+        self._thread = threading.Thread(target=work.run, args=(self._carry_out, there))
+        self._thread.start()
+
+    def _carry_out(self, service: Service) -> None:
+        try:
+            self._answer = registry()["StartSimulationJobBatch"].perform(self.arn, service)
+        except BaseException as error:
+            self._error = error
+
+    def result(self, timeout_s: float = 400.0) -> dict[str, Any]:
+        """Waits for its end; returns its description."""
+        self._thread.join(timeout_s)
+        assert not self._thread.is_alive(), "the batch has not ended"
+        if self._error is not None:
+            raise self._error
+        return self._answer
+
+
+def ran(runs: list[Any]) -> list[int]:
+    """How many jobs each job worker that came to its end says it ran."""
+    return [int(re.match(r"ran (\d+) jobs?", run.state.message)[1]) for run in runs if run.state.is_completed()]  # type: ignore[index]
+
+
+@pytest.mark.slow
+def test_jobs_of_a_batch_run_on_both_machines_and_nothing_stays_behind(
+    service: Service, order: Order, pool: Pool
+) -> None:
+    with pool.machine("first"), pool.machine("second"):
+        batch = Batch(service, pool, [order({"DURATION_S": "2"}) for _ in range(12)])
+        answer = batch.result()
+        runs = pool.ended(batch.arn)
+
+    assert answer["status"] == "Completed"
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 12
+    assert [run.state.type.value for run in runs] == ["COMPLETED"] * 2
+    assert sum(ran(runs)) == 12
+    assert all(ran(runs))
+
+
+@pytest.mark.deep
+def test_a_job_of_a_machine_that_loses_power_runs_elsewhere(service: Service, order: Order, pool: Pool) -> None:
+    with pool.machine("first") as first, pool.machine("second"):
+        batch = Batch(service, pool, [order({"DURATION_S": "4"}) for _ in range(12)])
+        pool.running(batch.arn, 2)
+        wait_for(lambda: working_below(first.home), "a simulation on the first machine", 120)
+        first.kill()
+        answer = batch.result()
+        runs = pool.ended(batch.arn)
+
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 12
+    assert sorted(run.state.type.value for run in runs if not run.state.is_completed()) == ["CRASHED"]
+
+
+@pytest.mark.deep
+def test_a_machine_that_comes_later_takes_jobs(service: Service, order: Order, pool: Pool) -> None:
+    with pool.machine("first"):
+        batch = Batch(service, pool, [order({"DURATION_S": "4"}) for _ in range(24)])
+        pool.running(batch.arn, 1)
+        with pool.machine("second"):
+            pool.running(batch.arn, 2)
+            batch.result()
+            runs = pool.ended(batch.arn)
+
+    assert len(runs) == 2
+    assert sum(ran(runs)) == 24
+    assert all(ran(runs))
+
+
+@pytest.mark.deep
+def test_a_job_worker_that_is_cancelled_in_prefect_hands_its_job_on(service: Service, order: Order, pool: Pool) -> None:
+    with pool.machine("first") as first, pool.machine("second") as second:
+        batch = Batch(service, pool, [order({"DURATION_S": "5"}) for _ in range(8)])
+        runs = pool.running(batch.arn, 2)
+        wait_for(lambda: working_below(first.home) and working_below(second.home), "two simulations")
+        processes = {machine.flow_process() for machine in (first, second)}
+        cancel_in_prefect(runs[0].id, pool.variables)
+        wait_for(lambda: len(alive(processes)) == 1, "the end of the cancelled one")  # type: ignore[arg-type]
+        answer = batch.result()
+        ended = {run.id: run for run in pool.ended(batch.arn)}
+
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 8
+    cancelled = ended[runs[0].id].state
+    assert (cancelled.type.value, cancelled.name) == ("CANCELLED", "Cancelled")
+    assert ended[runs[1].id].state.is_completed()
+
+
+@pytest.mark.deep
+def test_a_prefect_worker_that_dies_alone_takes_its_job_worker_with_it(
+    service: Service, order: Order, pool: Pool
+) -> None:
+    with pool.machine("first") as first, pool.machine("second"):
+        batch = Batch(service, pool, [order({"DURATION_S": "4"}) for _ in range(6)])
+        pool.running(batch.arn, 2)
+        wait_for(lambda: working_below(first.home), "a simulation on the first machine")
+        orphan = first.flow_process()
+        first.process.kill()
+        wait_for(lambda: not alive({orphan} if orphan else set()), "the end of the orphan", 30)
+        wait_for(lambda: not working_below(first.home), "the end of its simulation", 30)
+        answer = batch.result()
+        runs = pool.ended(batch.arn)
+
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 6
+    (crashed,) = [run.state for run in runs if run.state.is_crashed()]
+    assert crashed.message.startswith("its Prefect worker has died")
+
+
+@pytest.mark.deep
+def test_a_batch_that_is_cancelled_ends_all(service: Service, order: Order, pool: Pool) -> None:
+    with pool.machine("first") as first, pool.machine("second") as second:
+        batch = Batch(service, pool, [order({"DURATION_S": "300"}, maxJobDurationInSeconds=600) for _ in range(6)])
+        pool.running(batch.arn, 2)
+        wait_for(lambda: working_below(first.home) and working_below(second.home), "two simulations")
+        call("CancelSimulationJobBatch", {"batch": batch.arn}, service)
+        answer = batch.result()
+        runs = pool.ended(batch.arn)
+
+        assert answer["status"] == "Canceled"
+        assert {job["status"] for job in answer["createdRequests"]} == {"Canceled"}
+        assert [run.state.type.value for run in runs] == ["COMPLETED"] * 2
+        assert not working_below(first.home) | working_below(second.home)
+
+
+@pytest.mark.deep
+def test_a_machine_with_another_catalog_is_told_from_the_batch(service: Service, order: Order, pool: Pool) -> None:
+    from prefect_robomaker.tasks.backends.backend import BackendError
+
+    other = f"sqlite:///{pool.folder}/other.db"
+    with pool.machine("first", ROBOMAKER_CATALOG_URL=other):
+        batch = Batch(service, pool, [order()])
+        with pytest.raises(BackendError, match=f"the catalog of this machine, {other}, does not have"):
+            batch.result()
+        runs = pool.ended(batch.arn)
+
+    assert {run.state.name for run in runs} == {"Misconfigured"}
+
+
+@pytest.mark.deep
+def test_a_specification_runs_on_the_pool_by_its_setting(
+    service: Service, order: Order, pool: Pool, tmp_path: Path
+) -> None:
+    import json
+    import os
+
+    spec = tmp_path / "spec.yaml"
+    step = {"operation": "StartSimulationJobBatch", "input": {"createSimulationJobRequests": [order()] * 2}}
+    spec.write_text(json.dumps({"version": 1, "name": "there", "steps": {"drives": step}}))
+    environ = {**os.environ, **pool.variables, "ROBOMAKER_HOME": str(service.settings.home)}
+    environ |= {"ROBOMAKER_BACKEND": f"workers:{pool.name}", "CI": "true"}
+    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(spec)]
+    with pool.machine("first"):
+        done = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=300)
+        (batch,) = service.catalog.list("simulation-job-batch").resources
+        runs = pool.ended(batch.arn)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert ran(runs) == [2]
