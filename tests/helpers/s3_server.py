@@ -129,7 +129,7 @@ def _first(data: Path) -> tuple[Path, dict[str, int], S3Server, subprocess.Popen
     folder = data
     for attempt in range(_STARTS):
         folder = data / str(attempt)
-        ports = _free_ports()
+        ports = free_ports()
         server = S3Server(f"http://127.0.0.1:{ports['s3.port']}")
         process = _launch(folder, ports, server)
         if _ready(server, process):
@@ -175,7 +175,7 @@ def _stop(process: subprocess.Popen[bytes], ports: dict[str, int]) -> None:
             left.unlink(missing_ok=True)
 
 
-def _free_ports() -> dict[str, int]:
+def free_ports() -> dict[str, int]:
     """Free ports, all different: all are held until all are known."""
     with ExitStack() as held:
         sockets = [held.enter_context(socket.socket()) for _ in _PORTS]
