@@ -211,7 +211,7 @@ _GROUPS = (
     (
         "deployments.performer",
         "deployments.worker",
-        "channel child=worker_process dispatcher flow_runs jobs lanes=pools prefect_watch warm=warm_worker",
+        "channel child=worker_process flow_runs jobs lanes=pools prefect_watch warm=warm_worker",
     ),
     ("deployments.sdk", "deployments.service_model", "installation service_model=model shapes waiters"),
 )

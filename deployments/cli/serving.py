@@ -19,8 +19,6 @@ from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
 from .prefect_server import pages, use_server
 
-_READY_S = 120.0
-
 
 def serve(arguments: argparse.Namespace) -> int:
     """Serves until it is told to stop."""
@@ -34,8 +32,13 @@ def serve(arguments: argparse.Namespace) -> int:
             "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first (docs/serving.md)"
         )
     _check_port(arguments.host, arguments.port)
-    prefect_url = None if arguments.backend == "none" else use_server(settings).removesuffix("/api")
-    about = {"execute": arguments.backend, "max_jobs": max_jobs, "prefect_url": prefect_url}
+    prefect_url = None if arguments.execute_jobs == "none" else use_server(settings).removesuffix("/api")
+    about = {
+        "execute": arguments.execute_jobs,
+        "max_jobs": max_jobs,
+        "backend": settings.backend,
+        "prefect_url": prefect_url,
+    }
     _end_on_hang_up()
     _serve(arguments, settings, access_keys, about)
     return 0
@@ -44,17 +47,15 @@ def serve(arguments: argparse.Namespace) -> int:
 def _serve(
     arguments: argparse.Namespace, settings: Settings, access_keys: Mapping[str, str] | None, about: dict[str, Any]
 ) -> None:
-    if arguments.backend == "none":
+    if arguments.execute_jobs == "none":
         status = {"state": "elsewhere"}
         _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
         return
     prepare_home(settings)
     variables = {**_variables_of_jobs(arguments), "ROBOMAKER_MAX_JOBS": str(about["max_jobs"])}
-    worker = WorkerProcess(settings, arguments.backend, about["max_jobs"], variables)
+    worker = WorkerProcess(settings, about["max_jobs"], variables)
     worker.start()
     try:
-        if arguments.backend == "deployments":
-            worker.wait_until_ready(_READY_S)
         _run_server(arguments, settings, access_keys, about, worker.wake, worker.status)
     except KeyboardInterrupt:
         worker.kill()
@@ -135,9 +136,8 @@ def _lines(facts: Mapping[str, Any], variables: Mapping[str, str], *, signed: bo
         lines += ["", "Clients have to sign with one of the access keys in ROBOMAKER_ACCESS_KEYS_FILE."]
     if facts["execute"] == "here":
         shown_at = pages(f"{facts['prefect_url']}/api", os.environ.get("PREFECT_API_AUTH_STRING"))
-        last = f"Jobs are performed here, {facts['max_jobs']} at a time; {shown_at} shows them."
-    elif facts["execute"] == "deployments":
-        last = f"Jobs are handed to the workers of {facts['prefect_url']}."
+        batches = "" if facts["backend"] == "local" else f", those of batches on {facts['backend']}"
+        last = f"Jobs are performed here, {facts['max_jobs']} at a time{batches}; {shown_at} shows them."
     else:
         last = "Jobs wait for a job worker: `robomaker perform ARN`, or a `robomaker serve` elsewhere."
     return [*lines, "", last, ""]

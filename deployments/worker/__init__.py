@@ -3,7 +3,7 @@
 ```
 robomaker serve                     this package
   endpoint ── WorkerProcess ═════ process: WarmWorker      runs each job as a flow run in a thread
-              starts, wakes,      pipe     or Dispatcher   hands each job to a Prefect deployment
+              starts, wakes,      pipe
               watches, stops it
 ```
 

@@ -1,4 +1,4 @@
-"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD here|deployments MAX_JOBS`.
+"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD MAX_JOBS`.
 
 It sends its status through the pipe FD. It ends when it is told to, when it gets SIGTERM or SIGINT, and when the
 pipe's other end closes, so that it never outlives the process that started it.
@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
@@ -19,6 +19,9 @@ from ..dead_run_sweeper import close_dead_runs
 from .channel import STOP, Channel
 from .pools import job_pools
 from .prefect_watch import PrefectWatch
+
+if TYPE_CHECKING:
+    from .warm_worker import WarmWorker
 
 POLL_S = 0.25
 """How often the worker looks into the catalog without being woken."""
@@ -32,29 +35,9 @@ NICENESS = 5
 _STATUS_S = 1.0
 
 
-class JobWorker(Protocol):
-    """The interface of a job worker."""
-
-    def prepare(self) -> None:
-        """Prepares for the first job."""
-        ...
-
-    def look(self) -> None:
-        """Looks for stored jobs and begins them."""
-        ...
-
-    def status(self) -> dict[str, Any]:
-        """Returns the status for the health page."""
-        ...
-
-    def end(self) -> dict[str, int]:
-        """Releases all jobs; returns how many of each kind were running."""
-        ...
-
-
 def main() -> None:
     """Runs stored jobs until told to stop."""
-    descriptor, execute, max_jobs = sys.argv[1:4]
+    descriptor, max_jobs = sys.argv[1:3]
     channel = Channel.inherited(int(descriptor))
     os.nice(NICENESS)
     _log_to_stderr()
@@ -63,7 +46,7 @@ def main() -> None:
         signal.signal(number, lambda *_: _request_stop(look, stop))
     threading.Thread(target=_listen, args=(channel, look, stop), daemon=True).start()
     try:
-        worker = _make(execute, int(max_jobs), look)
+        worker = _make(int(max_jobs), look)
         worker.prepare()
         close_dead_runs()
     except RobomakerError as error:
@@ -74,20 +57,17 @@ def main() -> None:
     os._exit(0)  # closes every pipe, which is what simulations and world builders end with
 
 
-def _make(execute: str, max_jobs: int, look: threading.Event) -> JobWorker:
+def _make(max_jobs: int, look: threading.Event) -> "WarmWorker":
     settings = Settings.from_environment(os.environ)
     service, prefect = Service.open(settings), PrefectWatch(settings)
     prefect.start()
-    if execute == "deployments":
-        from .dispatcher import Dispatcher
-
-        return Dispatcher(service, job_pools(max_jobs), prefect)
+    # Imported late: it imports Prefect's engine, while the watch already looks for the server.
     from .warm_worker import WarmWorker
 
     return WarmWorker(service, job_pools(max_jobs), prefect, look)
 
 
-def _serve(worker: JobWorker, channel: Channel, look: threading.Event, stop: threading.Event) -> None:
+def _serve(worker: "WarmWorker", channel: Channel, look: threading.Event, stop: threading.Event) -> None:
     told: dict[str, Any] = {}
     told_at = 0.0
     while not stop.is_set():

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...schemas.settings import Settings
-from ...schemas.wire.errors import ConfigurationError, RobomakerError
+from ...schemas.wire.errors import RobomakerError
 from .channel import STOP, WAKE, Channel
 
 _PROGRAM = "prefect_robomaker.deployments.worker"
@@ -28,20 +28,16 @@ class WorkerProcess:
 
     Args:
         settings: where the jobs are.
-        execute: `here` or `deployments`.
         max_jobs: simulation jobs at once, besides those in batches.
         variables: environment variables in addition to those of this process.
     """
 
-    def __init__(
-        self, settings: Settings, execute: str, max_jobs: int, variables: Mapping[str, str] | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, max_jobs: int, variables: Mapping[str, str] | None = None) -> None:
         self._settings = settings
         self._environment = {**os.environ, **(variables or {})}
-        self._arguments = [execute, str(max_jobs)]
+        self._arguments = [str(max_jobs)]
         self._lock = threading.Lock()
         self._status: dict[str, Any] = {"state": "starting"}
-        self._known = threading.Event()
         self._stopping = threading.Event()
         self._restarts = 0
         self._process: subprocess.Popen[bytes] | None = None
@@ -51,17 +47,6 @@ class WorkerProcess:
     def start(self) -> None:
         """Starts the worker, and restarts it whenever it dies."""
         self._watcher.start()
-
-    def wait_until_ready(self, timeout_s: float) -> None:
-        """Waits until the worker is ready.
-
-        Raises:
-            ConfigurationError: it cannot get ready, with the reason.
-        """
-        self._known.wait(timeout_s)
-        status = self.status()
-        if "error" in status or status["state"] == "starting":
-            raise ConfigurationError(str(status.get("error", f"the job worker was not ready after {timeout_s:g} s")))
 
     def wake(self, arn: str = "") -> None:
         """Tells the worker that there is a new job; quick, and safe to call from any thread."""
@@ -128,7 +113,6 @@ class WorkerProcess:
         while (message := ours.receive()) is not None:
             with self._lock:
                 self._status = message
-            self._known.set()
         self._channel = None
         ours.close()
         return process.wait()

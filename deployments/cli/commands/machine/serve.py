@@ -14,10 +14,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=int, default=8057, help="port to listen at; 0: any (default: 8057)")
     parser.add_argument(
         "--execute",
-        dest="backend",
-        choices=("here", "deployments", "none"),
+        dest="execute_jobs",
+        choices=("here", "none"),
         default="here",
-        help="who carries jobs out: this program, Prefect's workers, or another program (default: here)",
+        help="who carries jobs out: this program, or another one (default: here); batches also use ROBOMAKER_BACKEND",
     )
     parser.add_argument(
         "--max-jobs",
