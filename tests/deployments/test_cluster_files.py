@@ -194,6 +194,24 @@ def test_what_setup_calls_are_commands_of_ours() -> None:
 
 
 @pytest.mark.slow
+def test_setup_makes_pool_and_deployment_and_may_run_again(prefect_server: str, tmp_path: Path) -> None:
+    from prefect.client.orchestration import get_client
+
+    pool = f"machines-{os.getpid()}"
+    shell, option, script = SERVICES["setup"]["command"]
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environ = {**os.environ, "PATH": path, "PREFECT_API_URL": prefect_server, "ROBOMAKER_HOME": str(tmp_path)}
+    for change in ("created", "updated"):
+        done = subprocess.run(
+            [shell, option, script.replace("machines", pool)], env=environ, capture_output=True, text=True, timeout=240
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.splitlines()[-1] == f"RunJobWorker/{pool}  {change}"
+    with get_client(sync_client=True) as client:
+        assert client.read_work_pool(pool).type == "process"
+
+
+@pytest.mark.slow
 def test_the_object_store_starts_with_these_words(tmp_path: Path) -> None:
     ports = free_ports()
     words = [

@@ -11,15 +11,27 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.endpoint_process import Serve
 from helpers.pool_machines import Pool, cancel_in_prefect, deployed_pool
+from helpers.postgres_server import PROGRAMS
 from helpers.processes import alive, wait_for, working_below
 
+from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
 pytestmark = pytest.mark.timeout(600)
+
+
+@pytest.fixture
+def settings(tmp_path: Path, request: pytest.FixtureRequest) -> Settings:
+    """Of a service whose catalog is on PostgreSQL, as that of several machines has to be."""
+    variables = {"ROBOMAKER_HOME": str(tmp_path / "home"), "ROBOMAKER_MAX_JOBS": "2"}
+    if PROGRAMS is not None:
+        variables["ROBOMAKER_CATALOG_URL"] = request.getfixturevalue("postgres_database")
+    return Settings.from_environment(variables)
 
 
 @pytest.fixture
@@ -195,3 +207,22 @@ def test_a_specification_runs_on_the_pool_by_its_setting(
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert ran(runs) == [2]
+
+
+@pytest.mark.deep
+def test_a_batch_that_an_sdk_asks_for_runs_on_the_pool(
+    service: Service, order: Order, pool: Pool, serve: Serve
+) -> None:
+    there = {**pool.variables, "ROBOMAKER_BACKEND": f"workers:{pool.name}"}
+    with pool.machine("first"), serve(**there) as served:
+        asked = {"createSimulationJobRequests": [order(), order()]}
+        batch = served.call("StartSimulationJobBatch", asked)["arn"]
+        wait_for(
+            lambda: served.call("DescribeSimulationJobBatch", {"batch": batch})["status"] == "Completed",
+            "the end of the batch",
+            180,
+        )
+        runs = pool.ended(batch)
+
+    assert ran(runs) == [2]
+    assert f"workers:{pool.name}" == served.facts["backend"]
