@@ -152,6 +152,13 @@ def test_those_of_a_process_that_has_died_are_taken_over(client: Any, batch: str
     client.set_flow_run_state(begun, Completed(), force=True)
 
 
+def test_each_of_two_batches_has_job_workers_of_its_own(client: Any, batch: str) -> None:
+    lab, other = Lab(client, "kubernetes"), f"{batch}-other"
+    with quick(lab.name, 2).job_workers(batch, 2), quick(lab.name, 2).job_workers(other, 1) as others:
+        wait_for(lambda: "1 starting" in others.look(), "the look")
+        wait_for(lambda: (len(lab.runs(batch)), len(lab.runs(other))) == (2, 1), "two and one")
+
+
 def test_one_that_ends_early_is_replaced_after_a_while(client: Any, batch: str) -> None:
     from prefect.states import Crashed
 
