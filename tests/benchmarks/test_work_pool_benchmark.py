@@ -52,6 +52,7 @@ def test_jobs_that_wait(
         starts = sorted(run.start_time for run in pool.ended(batch))
 
     began = service.catalog.get(batch).created_at
+    service.catalog.close()
     after = ", ".join(f"{(start - began).total_seconds():.1f} s" for start in starts)
     load = os.getloadavg()[0]
     print(

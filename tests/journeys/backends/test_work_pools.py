@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,9 +35,10 @@ def settings(tmp_path: Path, request: pytest.FixtureRequest) -> Settings:
 
 
 @pytest.fixture
-def pool(service: Service, prefect_server: str, tmp_path: Path) -> Pool:
+def pool(service: Service, prefect_server: str, tmp_path: Path) -> Iterator[Pool]:
     """A pool without machines; those that a test starts have one slot each."""
-    return deployed_pool(service.settings, prefect_server, tmp_path)
+    yield deployed_pool(service.settings, prefect_server, tmp_path)
+    service.catalog.close()
 
 
 class Batch:
