@@ -200,6 +200,8 @@ class PoolRuns:
 
     def _note_end(self, run: FlowRun) -> None:
         self._places.note_end(_ran_s(run), time.monotonic())
+        if run.state is not None and run.state.is_completed():
+            return  # it has seen that no job is left
         name = run.state.name if run.state else "deleted"
         words = (run.state.message if run.state else None) or "without a reason"
         self._last_end = f"{name}: {words}"
