@@ -5,6 +5,7 @@ from typing import Any
 from ..schemas.operations.simulation_jobs import FailureBehavior, SimulationJobMaxResults
 from ..schemas.runs.plan import VideoPolicy
 from ..schemas.runs.requirements import JobRequirements
+from ..schemas.runs.trials import Trials
 from ..schemas.wire.common import (
     Arn,
     Arns,
@@ -43,6 +44,7 @@ def CreateSimulationJob(
     vpcConfig: VPCConfig | None = None,
     compute: Compute | None = None,
     seed: Seed | None = None,
+    trials: Trials | None = None,
     video: VideoPolicy | None = None,
     requirements: JobRequirements | None = None,
     clientRequestToken: ClientRequestToken | None = None,
