@@ -15,7 +15,7 @@ from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
-from ..backends.backend import Backend
+from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
 from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
 
 _WAIT_S = 0.5
+_INTERNAL = "InternalServiceError"
 _MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
     "Completed": "complete",
@@ -84,10 +85,24 @@ class BatchRun:
         if self._service.reuses:
             self._reuse_results()
         if unfinished := self._unfinished():
-            self._run_requests(unfinished)
+            try:
+                self._run_requests(unfinished)
+            except BackendError as error:
+                self._abandon(str(error))
+                return
         while self._why_stop() and not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)  # somebody else performs one of its jobs, and has been told to end it
         self._settle()
+
+    def _abandon(self, reason: str) -> None:
+        """Fails a batch whose backend has no machine that can run jobs, once those that run have been cancelled."""
+        while not self._lease.lost and not self._stop_remaining_jobs():
+            time.sleep(_WAIT_S)
+        for index in self._waiting():
+            self._fail_request(index, _INTERNAL, "the batch ended before a job was made of this request")
+        self._save_failures()
+        self._lease.transition("fail", BatchProgress(failure_code=_INTERNAL, failure_reason=shorten(reason)))
+        self._report()
 
     def end(self) -> None:
         """Ends a batch that has to stop, with its jobs that no job worker holds.
@@ -309,6 +324,6 @@ class BatchRun:
         failure: dict[str, Any] = {}
         if end == "Failed":
             reason = "at least one request could not become a job because of an internal fault"
-            failure = {"failure_code": "InternalServiceError", "failure_reason": reason}
+            failure = {"failure_code": _INTERNAL, "failure_reason": reason}
         self._lease.transition(_END_EVENTS[end], BatchProgress(verdicts=verdicts, **failure))
         self._report()

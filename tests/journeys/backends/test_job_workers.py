@@ -1,7 +1,8 @@
 """Batches whose jobs run in job workers with homes of their own; only catalog and object store are common."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from helpers.job_worker_backend import HomesBackend
 
+from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
@@ -24,6 +26,26 @@ def homes(service: Service, tmp_path: Path) -> HomesBackend:
         "ROBOMAKER_MAX_JOBS": "1",
     }
     return HomesBackend([tmp_path / "first", tmp_path / "second"], variables)
+
+
+class NoMachine:
+    """A backend none of whose machines can run jobs, as it turns out after a while."""
+
+    def __init__(self) -> None:
+        self._looks = 0
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Iterator["NoMachine"]:
+        """Has none."""
+        del batch, wanted
+        yield self
+
+    def look(self) -> str:
+        """Gives up at the fourth look."""
+        self._looks += 1
+        if self._looks > 3:
+            raise BackendError("no machine of the cluster can run jobs: hal: its catalog does not have the batch")
+        return "no job worker yet"
 
 
 @pytest.fixture
@@ -57,3 +79,18 @@ def test_jobs_of_a_batch_run_on_both_machines_and_nothing_of_it_here(
     assert sum(counts(homes)) == 6
     assert all(counts(homes))
     assert any("2 job workers on this machine" in note for note in notes)
+
+
+def test_a_batch_that_no_machine_can_run_fails_and_says_why(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    request = {"createSimulationJobRequests": [order() for _ in range(9)], "batchPolicy": {"maxConcurrency": 2}}
+    batch = call("StartSimulationJobBatch", request, service)
+
+    ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], replace(service, backend=NoMachine()))
+
+    assert (ended["status"], ended["failureCode"]) == ("Failed", "InternalServiceError")
+    assert "hal: its catalog does not have the batch" in ended["failureReason"]
+    assert {job["status"] for job in ended["createdRequests"]} <= {"Canceled"}
+    assert len(ended["createdRequests"]) + len(ended["failedRequests"]) == 9
+    assert ended["pendingRequests"] == []
