@@ -141,7 +141,7 @@ class RoomSpace:
         self._zones[owner].append(box)
 
     def add(self, owner: str, box: Box, zones: Sequence[Box]) -> None:
-        """Puts a piece where `fits` and `stays_open` have been asked."""
+        """Puts a piece where `admits` and `stays_open` have been asked."""
         self._solids.append(box)
         self._zones[owner] = list(zones)
         self._ways.block(box)
