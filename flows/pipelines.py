@@ -32,7 +32,7 @@ from ..schemas.reports.run_states import (
     verdicts_of,
 )
 from ..schemas.settings import Settings
-from ..schemas.specs.campaigns import EarlierParts, Part, parts_of
+from ..schemas.specs.campaigns import EarlierParts, Part, parts_of, step_of
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.resolving import resolve_input
@@ -182,8 +182,6 @@ class PipelineRun:
         self._outputs: dict[str, dict[str, Any]] = {}
         self._record: RunRecord | None = None
         self._is_canceled = False
-        self._is_whole = False
-        """Whether all steps were seen to."""
 
     @classmethod
     def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
@@ -222,7 +220,6 @@ class PipelineRun:
                     self._steps.append(self._skipped(name))
                 else:
                     failed = not self._run_step(name)
-            self._is_whole = True
         finally:
             self._record = self._finish()
         return self._record
@@ -438,7 +435,10 @@ class PipelineRun:
         """How the run ended as a whole."""
         statuses = [step.status for step in self._steps]
         was_cut = self._is_canceled and "Skipped" in statuses
-        return run_state(statuses, jobs, is_whole=self._is_whole and not was_cut)
+        recorded = {step.name for step in self._steps}
+        seen_to = recorded | {step_of(name) for name in recorded}
+        is_whole = seen_to.issuperset(self._checked.order) and not was_cut
+        return run_state(statuses, jobs, is_whole=is_whole)
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)

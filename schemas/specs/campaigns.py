@@ -4,6 +4,7 @@ A batch on the wire has at most 1,000 requests, as with the service; a `forEach`
 """
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -42,6 +43,11 @@ class Part(NamedTuple):
         if len(inside) > 1 and inside[0] == _REQUESTS and isinstance(place := inside[1], int):
             return (_REQUESTS, place + (self.number - 1) * MOST_REQUESTS, *inside[2:])
         return inside
+
+
+def step_of(part: str) -> str:
+    """The step that a part of this name belongs to; a step that is no campaign is its own part."""
+    return re.sub(r"_\d+_of_\d+$", "", part)
 
 
 def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:

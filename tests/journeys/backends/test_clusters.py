@@ -105,9 +105,10 @@ def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
 ) -> None:
     cluster.add("astray", ROBOMAKER_CATALOG_URL=f"sqlite:///{tmp_path}/other.db")
     batch = begin([order(LONG)], maxConcurrency=2)
-    with pytest.raises(BackendError, match=r"the catalog of this machine, sqlite:.*other\.db, does not have") as raised:
-        batch.ending.result(120)
-    assert "set ROBOMAKER_CATALOG_URL" in str(raised.value)
+    ended = batch.ending.result(120)
+    assert ended["status"] == "Failed"
+    assert re.search(r"the catalog of this machine, sqlite:.*other\.db, does not have", ended["failureReason"])
+    assert "set ROBOMAKER_CATALOG_URL" in ended["failureReason"]
 
     cluster.add("right")
     arn = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]}, service)["arn"]

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.specs.campaigns import MOST_REQUESTS, EarlierParts, Part, parts_of
+from prefect_robomaker.schemas.specs.campaigns import MOST_REQUESTS, EarlierParts, Part, parts_of, step_of
 
 BATCH = "StartSimulationJobBatch"
 
@@ -34,6 +34,7 @@ def test_the_batches_of_a_campaign_have_names_and_tokens_of_their_own() -> None:
     parts = parts_of(BATCH, request)
 
     assert [part.name("drive") for part in parts] == ["drive_1_of_3", "drive_2_of_3", "drive_3_of_3"]
+    assert {step_of(part.name("drive")) for part in parts} == {step_of("drive")} == {"drive"}
     tokens = [part.request["clientRequestToken"] for part in parts]
     assert tokens[0] == "night-7"
     assert len(set(tokens)) == 3

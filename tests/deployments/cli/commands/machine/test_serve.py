@@ -26,16 +26,16 @@ BATCH = "simulation-job-batch"
 def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:
-    with serve("--max-jobs", "1", PREFECT_API_URL=prefect_server) as served:
+    with serve("--max-jobs", "2", PREFECT_API_URL=prefect_server) as served:
         served.wait_until_ready()
         short = served.call("CreateSimulationJob", order())["arn"]
         wait_for(lambda: status(service, short) == "Completed", "the short job")
         long = served.call("CreateSimulationJob", order(LONG))["arn"]
         wait_for(lambda: status(service, long) == "Running", "the long job")
-        waiting = served.call("CreateSimulationJob", order())["arn"]
         batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
         wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
-        wait_for(lambda: served.worker()["simulation-job"] == "1 of at most 1 running", "the health page")
+        waiting = served.call("CreateSimulationJob", order())["arn"]  # two jobs run on the machine already
+        wait_for(lambda: served.worker()["simulation-job"] == "2 of at most 2 running", "the health page")
         wait_for(lambda: status(service, batch) == "Completing", "the batch's last request")
         # The job worker, its warm parent of simulations, two supervisors and simulations.
         wait_for(lambda: len(descendants(served.process.pid)) >= 6, "the processes of both jobs")
@@ -44,7 +44,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         assert served.process.wait(20) == 0, served.log.read_text()
 
     assert status(service, waiting) == "Pending"
-    assert "Interrupted: 2 simulation jobs, 1 simulation job batch; the next" in served.log.read_text()
+    assert "Interrupted: 3 simulation jobs, 1 simulation job batch; the next" in served.log.read_text()
     assert "Traceback" not in served.log.read_text()
     wait_for(lambda: not alive(processes), "the end of every process", 10)
     assert [status(service, arn) for arn in (long, batch)] == ["Running", "Completing"]
@@ -52,7 +52,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     assert {"CRASHED"} == {state for arn in (long, batch) for state in flow_run_states(arn)}
     first_run = service.catalog.get(long).document["runId"]
 
-    with serve("--max-jobs", "2", PREFECT_API_URL=prefect_server) as served:
+    with serve("--max-jobs", "3", PREFECT_API_URL=prefect_server) as served:
         served.wait_until_ready()
         wait_for(lambda: status(service, waiting) == "Completed", "the job that waited")
         wait_for(lambda: service.catalog.get(long).document["runId"] != first_run, "another run of the long job")
