@@ -5,6 +5,7 @@ take the cluster's worker with it. It ends when this process does.
 """
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -13,9 +14,12 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
+from ...schemas.exit_codes import BAD_USAGE
+
 _COMMAND = ("-P", "-m", "prefect_robomaker", "work")
 _LAST_WORDS = 2_000  # characters of its messages: enough for the reason, little to send
 _LOOK_S = 0.5
+_MISSING = re.compile(r"No module named '?prefect_robomaker\b")
 _END_S = 30.0  # for a job worker that is told to end by an exception here; then it is killed
 
 
@@ -68,7 +72,9 @@ def run_job_worker(
             _see_out(process)
         messages.seek(max(0, messages.seek(0, os.SEEK_END) - _LAST_WORDS))
         last_words = messages.read().decode("utf-8", "replace")
-    return Ended(socket.gethostname(), process.returncode, last_words)
+    # Python itself ends with 1 where a module is missing, which waiting does not mend.
+    is_missing = process.returncode == 1 and _MISSING.search(last_words) is not None
+    return Ended(socket.gethostname(), BAD_USAGE if is_missing else process.returncode, last_words)
 
 
 def _see_out(process: "subprocess.Popen[bytes]") -> None:

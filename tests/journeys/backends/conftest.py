@@ -17,7 +17,7 @@ from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
-CLUSTERS = [pytest.param("dask"), pytest.param("ray", marks=pytest.mark.slow)]
+CLUSTERS = [pytest.param("dask"), pytest.param("ray", marks=pytest.mark.deep)]
 
 
 @dataclass

@@ -44,7 +44,7 @@ def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
     assert cluster.remains() == []
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_machines_come_and_die_while_a_batch_runs(order: Order, cluster: Cluster, begin: Begin) -> None:
     batch = begin([order(LONG, maxJobDurationInSeconds=600) for _ in range(2)], maxConcurrency=2)
@@ -77,7 +77,7 @@ def test_jobs_of_a_machine_whose_power_fails_run_elsewhere(order: Order, cluster
     assert batch.machines() == ["second"]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: Cluster, begin: Begin) -> None:
     from prefect.client.orchestration import get_client
@@ -98,7 +98,7 @@ def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: C
     assert batch.ending.result()["status"] == "Completed"
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
     order: Order, cluster: Cluster, begin: Begin, service: Service, tmp_path: Path
@@ -121,7 +121,7 @@ def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
     assert not of_home(cluster.home("right"))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_a_cluster_that_goes_away_is_waited_for(order: Order, cluster: Cluster, begin: Begin) -> None:
     cluster.add("first")
@@ -151,7 +151,7 @@ def test_a_cluster_that_does_not_answer_is_an_error_that_says_what_to_check(kind
             pytest.fail("no cluster is there")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_job_workers_end_with_the_process_that_runs_the_batch(
     order: Order, cluster: Cluster, service: Service, prefect_server: str, tmp_path: Path
@@ -175,7 +175,7 @@ def test_job_workers_end_with_the_process_that_runs_the_batch(
     assert call("DescribeSimulationJobBatch", {"batch": arn}, service)["status"] in ("InProgress", "Completing")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
 def test_a_machine_without_the_package_says_so(cluster: Cluster) -> None:
     cluster.add("bare", **cluster.without_package())
