@@ -176,15 +176,14 @@ def test_a_batch_that_is_cancelled_ends_all(service: Service, order: Order, pool
 
 @pytest.mark.deep
 def test_a_machine_with_another_catalog_is_told_from_the_batch(service: Service, order: Order, pool: Pool) -> None:
-    from prefect_robomaker.tasks.backends.backend import BackendError
-
     other = f"sqlite:///{pool.folder}/other.db"
     with pool.machine("first", ROBOMAKER_CATALOG_URL=other):
         batch = Batch(service, pool, [order()])
-        with pytest.raises(BackendError, match=f"the catalog of this machine, {other}, does not have"):
-            batch.result()
+        answer = batch.result()
         runs = pool.ended(batch.arn)
 
+    assert answer["status"] == "Failed"
+    assert f"the catalog of this machine, {other}, does not have" in answer["failureReason"]
     assert {run.state.name for run in runs} == {"Misconfigured"}
 
 
