@@ -10,7 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, LiteralString
 from uuid import uuid4
 
 import psycopg
@@ -77,7 +77,7 @@ def batch(service: Service, swing: Any, request: pytest.FixtureRequest) -> str:
     return call("StartSimulationJobBatch", ordered, service)["arn"]
 
 
-def rows(url: str, query: str, *values: str) -> list[Any]:
+def rows(url: str, query: LiteralString, *values: str) -> list[Any]:
     """Rows of the catalog's database, read without our code; it may be starting again."""
     with psycopg.connect(url.replace("postgresql+psycopg", "postgresql"), connect_timeout=5) as connection:
         return connection.execute(query, values).fetchall()

@@ -365,7 +365,7 @@ def through(proxy: FaultProxy, notes: list[str], work: Callable[[], dict[str, An
     return ended
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_people_who_watch_a_run_are_told_what_it_waits_for(
     mortal_s3: MortalS3Server, proxy: FaultProxy, prefect_server: str, tmp_path: Path
 ) -> None:

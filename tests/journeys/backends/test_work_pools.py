@@ -75,7 +75,7 @@ def ran(runs: list[Any]) -> list[int]:
     return [int(re.match(r"ran (\d+) jobs?", run.state.message)[1]) for run in runs if run.state.is_completed()]  # type: ignore[index]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_jobs_of_a_batch_run_on_both_machines_and_nothing_stays_behind(
     service: Service, order: Order, pool: Pool
 ) -> None:

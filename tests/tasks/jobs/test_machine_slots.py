@@ -56,4 +56,5 @@ def test_other_processes_count_and_those_that_die_do_not(settings: Settings) -> 
         assert slots.take() is None
         process.kill()
         slot = wait_for(slots.take, "the slot of a dead process")
+    assert slot is not None
     slots.give_back(slot)
