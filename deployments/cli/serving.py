@@ -53,7 +53,7 @@ def _serve(
         return
     prepare_home(settings)
     variables = {**_variables_of_jobs(arguments), "ROBOMAKER_MAX_JOBS": str(about["max_jobs"])}
-    worker = WorkerProcess(settings, about["max_jobs"], variables)
+    worker = WorkerProcess(settings, variables)
     worker.start()
     try:
         _run_server(arguments, settings, access_keys, about, worker.wake, worker.status)

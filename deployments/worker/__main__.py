@@ -1,4 +1,4 @@
-"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD MAX_JOBS`.
+"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD`.
 
 It sends its status through the pipe FD. It ends when it is told to, when it gets SIGTERM or SIGINT, and when the
 pipe's other end closes, so that it never outlives the process that started it.
@@ -37,8 +37,7 @@ _STATUS_S = 1.0
 
 def main() -> None:
     """Runs stored jobs until told to stop."""
-    descriptor, max_jobs = sys.argv[1:3]
-    channel = Channel.inherited(int(descriptor))
+    channel = Channel.inherited(int(sys.argv[1]))
     os.nice(NICENESS)
     _log_to_stderr()
     look, stop = threading.Event(), threading.Event()
@@ -46,7 +45,7 @@ def main() -> None:
         signal.signal(number, lambda *_: _request_stop(look, stop))
     threading.Thread(target=_listen, args=(channel, look, stop), daemon=True).start()
     try:
-        worker = _make(int(max_jobs), look)
+        worker = _make(look)
         worker.prepare()
         close_dead_runs()
     except RobomakerError as error:
@@ -57,14 +56,14 @@ def main() -> None:
     os._exit(0)  # closes every pipe, which is what simulations and world builders end with
 
 
-def _make(max_jobs: int, look: threading.Event) -> "WarmWorker":
+def _make(look: threading.Event) -> "WarmWorker":
     settings = Settings.from_environment(os.environ)
     service, prefect = Service.open(settings), PrefectWatch(settings)
     prefect.start()
     # Imported late: it imports Prefect's engine, while the watch already looks for the server.
     from .warm_worker import WarmWorker
 
-    return WarmWorker(service, job_pools(max_jobs), prefect, look)
+    return WarmWorker(service, job_pools(settings.max_jobs), prefect, look)
 
 
 def _serve(worker: "WarmWorker", channel: Channel, look: threading.Event, stop: threading.Event) -> None:

@@ -28,14 +28,12 @@ class WorkerProcess:
 
     Args:
         settings: where the jobs are.
-        max_jobs: simulation jobs at once, besides those in batches.
         variables: environment variables in addition to those of this process.
     """
 
-    def __init__(self, settings: Settings, max_jobs: int, variables: Mapping[str, str] | None = None) -> None:
+    def __init__(self, settings: Settings, variables: Mapping[str, str] | None = None) -> None:
         self._settings = settings
         self._environment = {**os.environ, **(variables or {})}
-        self._arguments = [str(max_jobs)]
         self._lock = threading.Lock()
         self._status: dict[str, Any] = {"state": "starting"}
         self._stopping = threading.Event()
@@ -99,7 +97,7 @@ class WorkerProcess:
         with self._lock:
             self._status = {**self._status, "state": "starting"}
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", _PROGRAM, str(theirs.fileno()), *self._arguments],
+            [sys.executable, "-P", "-m", _PROGRAM, str(theirs.fileno())],
             pass_fds=[theirs.fileno()],
             env=self._environment,
             stdin=subprocess.DEVNULL,

@@ -4,15 +4,13 @@ Dask's own retries and stealing are off: which jobs run again is for the catalog
 once the cluster does not want it any more, for whatever reason: it was cancelled, or the client that asked is gone.
 """
 
-import importlib.util
 import time
 from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.exit_codes import BAD_USAGE, BROKE
-from ...schemas.wire.errors import ConfigurationError
-from .addresses import check_answer, is_address
+from .addresses import check_answer, check_place
 from .backend import Backend, BackendError
 from .cluster_workers import ClusterWorkers, cluster_workers
 from .node import Ended
@@ -35,15 +33,8 @@ def backend_at(place: str) -> Backend:
     Raises:
         ConfigurationError: that is no address, or Dask is not installed.
     """
-    if not is_address(place):
-        raise ConfigurationError(
-            f"ROBOMAKER_BACKEND is 'dask:{place}'; after dask: there has to be the address of a scheduler, such as "
-            "tcp://10.0.0.7:8786"
-        )
-    if importlib.util.find_spec("distributed") is None:
-        raise ConfigurationError(
-            f"ROBOMAKER_BACKEND is 'dask:{place}', and Dask is not installed: pip install 'prefect-robomaker[dask]'"
-        )
+    wanted = "the address of a scheduler, such as tcp://10.0.0.7:8786"
+    check_place("dask", place, library="distributed", wanted=wanted)
     return _DaskBackend(place)
 
 

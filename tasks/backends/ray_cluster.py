@@ -5,7 +5,6 @@ where it finds none, and writes to standard error. None of this may happen to a 
 also be connected to another cluster.
 """
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -16,8 +15,7 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from typing import IO
 
-from ...schemas.wire.errors import ConfigurationError
-from .addresses import check_answer, is_address
+from .addresses import check_answer, check_place
 from .backend import Backend, BackendError, JobWorkers
 
 _DRIVER = ("-P", "-m", "prefect_robomaker.tasks.backends.ray_driver")
@@ -34,15 +32,8 @@ def backend_at(place: str) -> Backend:
     Raises:
         ConfigurationError: that is no address, or Ray is not installed.
     """
-    if not is_address(place):
-        raise ConfigurationError(
-            f"ROBOMAKER_BACKEND is 'ray:{place}'; after ray: there has to be the address of a cluster, such as "
-            "10.0.0.7:6379 or ray://10.0.0.7:10001"
-        )
-    if importlib.util.find_spec("ray") is None:
-        raise ConfigurationError(
-            f"ROBOMAKER_BACKEND is 'ray:{place}', and Ray is not installed: pip install 'prefect-robomaker[ray]'"
-        )
+    wanted = "the address of a cluster, such as 10.0.0.7:6379 or ray://10.0.0.7:10001"
+    check_place("ray", place, library="ray", wanted=wanted)
     return _RayBackend(place)
 
 

@@ -145,6 +145,8 @@ class BatchRun:
         from ..execution.batch_slots import Slots
 
         most = min(self._policy.max_concurrency, len(indices))
+        if self._service.backend is None:
+            most = min(most, self._service.settings.max_jobs)  # no more run on this machine
         with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
             try:
                 if self._service.backend is None:

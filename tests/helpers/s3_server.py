@@ -9,7 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,12 +69,8 @@ class S3Server:
 @pytest.fixture(scope="session")
 def s3_server() -> Iterator[S3Server]:
     """A server for this test process; every xdist worker has its own. Tests make buckets of their own."""
-    data = Path(tempfile.mkdtemp(prefix="robomaker-s3-"))
-    try:
-        with ExitStack() as running:
-            yield _start(data, running)
-    finally:
-        shutil.rmtree(data, ignore_errors=True)
+    with _own_folder() as (data, running):
+        yield _start(data, running)
 
 
 class MortalS3Server:
@@ -111,10 +107,17 @@ class MortalS3Server:
 @pytest.fixture
 def mortal_s3() -> Iterator[MortalS3Server]:
     """A server that a test may kill."""
+    with _own_folder() as (data, running):
+        yield MortalS3Server(data, running)
+
+
+@contextmanager
+def _own_folder() -> Iterator[tuple[Path, ExitStack]]:
+    """A folder for a server, and what ends the server before the folder goes."""
     data = Path(tempfile.mkdtemp(prefix="robomaker-s3-"))
     try:
         with ExitStack() as running:
-            yield MortalS3Server(data, running)
+            yield data, running
     finally:
         shutil.rmtree(data, ignore_errors=True)
 
