@@ -36,6 +36,14 @@ class JobWorkers(Protocol):
 class Backend(Protocol):
     """Starts job workers on machines."""
 
+    def check(self) -> None:
+        """Finds out, before a run begins, whether there is such a cluster or pool.
+
+        Raises:
+            BackendError: there is none.
+        """
+        ...
+
     def job_workers(self, batch: str, wanted: int) -> AbstractContextManager[JobWorkers]:
         """Has job workers for a batch inside the block; at its end those that are left are told to end.
 

@@ -7,6 +7,9 @@ from contextlib import contextmanager
 class ByHandBackend:
     """Starts none, and says how one is started."""
 
+    def check(self) -> None:
+        """Finds nothing: machines may come at any time."""
+
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Iterator["ByHandWorkers"]:
         """Starts none."""

@@ -41,20 +41,24 @@ def backend_at(place: str) -> Backend:
 class _DaskBackend:
     def __init__(self, address: str) -> None:
         self._address = address
+        self._place = f"the Dask cluster {address}"
+
+    def check(self) -> None:
+        """Finds out whether a scheduler answers."""
+        check_answer(self._place, self._address, "dask scheduler")
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[ClusterWorkers]:
         """Has job workers for a batch inside the block."""
         from distributed import Client
 
-        place = f"the Dask cluster {self._address}"
-        check_answer(place, self._address, "dask scheduler")
+        self.check()
         try:
             client = Client(self._address, timeout=_CONNECT_S, set_as_default=False, name="robomaker")
         except (OSError, ValueError) as error:
-            raise BackendError(f"{place} cannot be used: {error}") from error
+            raise BackendError(f"{self._place} cannot be used: {error}") from error
         try:
-            with cluster_workers(DaskCluster(client, place), batch, wanted) as workers:
+            with cluster_workers(DaskCluster(client, self._place), batch, wanted) as workers:
                 yield workers
         finally:
             client.close(timeout=_CLOSE_S)

@@ -41,10 +41,14 @@ class _RayBackend:
     def __init__(self, address: str) -> None:
         self._address = address
 
+    def check(self) -> None:
+        """Finds out whether a head answers."""
+        check_answer(f"the Ray cluster {self._address}", self._address, "ray start --head")
+
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[JobWorkers]:
         """Has job workers for a batch inside the block."""
-        check_answer(f"the Ray cluster {self._address}", self._address, "ray start --head")
+        self.check()
         driver = RayDriver(self._address, batch, wanted)
         try:
             yield driver

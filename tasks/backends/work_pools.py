@@ -42,6 +42,13 @@ class WorkPool:
     most: int | None = None
     look_s: float = _LOOK_S
 
+    def check(self) -> None:
+        """Finds out whether there is such a pool, with a deployment of the job worker in it."""
+        from .pool_runs import opened_pool
+
+        with opened_pool(self.name, self.most, batch="", wanted=1):
+            pass  # it is checked when it is opened
+
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator["PoolWorkers"]:
         """Has job workers for a batch inside the block; see `Backend`.

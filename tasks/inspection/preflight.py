@@ -20,7 +20,7 @@ _KINDS = {"robotApplications": "robot-application", "simulationApplications": "s
 
 
 def check_preconditions(checked: CheckedSpec, service: Service) -> None:
-    """Checks that the object store answers, that the applications named by jobs exist, and the rooms of their goals.
+    """Checks that object store and backend answer, and that applications named by jobs and rooms of their goals exist.
 
     Applications that a step of the same specification makes count as existing.
 
@@ -28,7 +28,10 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
         SpecError: an application is named that does not exist, or a room that its world has not; says where and what is
             near.
         StorageError: the object store cannot be used.
+        BackendError: the machines that are to run the jobs cannot be reached.
     """
+    if service.backend is not None:
+        service.backend.check()
     prepare_bucket(service, service.settings.bucket)
     made = {
         (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)

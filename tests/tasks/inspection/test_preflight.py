@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,8 @@ import pytest
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ResourceAlreadyExistsException, SpecError, StorageError
+from prefect_robomaker.tasks.backends.backend import BackendError
+from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.inspection.preflight import check_preconditions
 from prefect_robomaker.tasks.operations.applications.records import update_application
 from prefect_robomaker.tasks.operations.registry import call
@@ -73,3 +76,14 @@ def test_a_built_in_application_is_not_updated(service: Service) -> None:
 
     with pytest.raises(ResourceAlreadyExistsException, match="built in"):
         update_application("robot", request, service)
+
+
+@pytest.mark.parametrize("kind", ["dask", "ray"])
+def test_a_cluster_that_is_not_there_is_found_before_anything_runs(service: Service, kind: str) -> None:
+    with pytest.raises(BackendError, match=r"127\.0\.0\.1:1 does not answer .*check the address"):
+        check_preconditions(spec("scout"), replace(service, backend=open_backend(f"{kind}:127.0.0.1:1")))
+
+
+def test_a_work_pool_that_is_not_there_is_found_before_anything_runs(service: Service, prefect_server: str) -> None:
+    with pytest.raises(BackendError, match="has no work pool 'nowhere'"):
+        check_preconditions(spec("scout"), replace(service, backend=open_backend("workers:nowhere")))
