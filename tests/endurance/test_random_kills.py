@@ -6,6 +6,7 @@
 import json
 import os
 import random
+import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,8 +25,9 @@ from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = NEEDS_POSTGRESQL
+KILLED = r"3 job workers died, one after the other|each of 3 attempts was killed"
 ROLE = "arn:aws:iam::000000000000:role/test"
-SWING = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "4", "ROBOMAKER_CHECKPOINT_EVERY_S": "0.25"}
+SWING = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "8", "ROBOMAKER_CHECKPOINT_EVERY_S": "0.25"}
 
 
 @pytest.fixture
@@ -90,17 +92,25 @@ def has_ended(url: str, batch: str) -> bool:
     return status in ("Completed", "Failed", "Canceled", "TimedOut")
 
 
-def check_invariants(url: str, batch: str, jobs: int, s3: Any, bucket: str) -> None:
-    """Looks from outside at what is left of a batch that was killed at all ends."""
+def check_invariants(url: str, batch: str, jobs: int, s3: Any, bucket: str, most_failed: int) -> None:
+    """Looks from outside at what is left of a batch that was killed at all ends.
+
+    Chance may kill one job three times in a row before it comes further, and such a job fails with these words: at most
+    `most_failed` may.
+    """
     [[status, held]] = rows(url, "SELECT status, lease_owner FROM resources WHERE arn = %s", batch)
     assert (status, held) == ("Completed", None)
     query = "SELECT id, status, lease_owner, document FROM resources WHERE parent = %s AND kind = 'simulation-job'"
     made = rows(url, query, batch)
     assert sorted(document["requestIndex"] for _, _, _, document in made) == list(range(jobs)), "each request, once"
-    ends = {(status, held, document.get("verdict")) for _, status, held, document in made}
-    assert ends == {("Completed", None, "PASS")}, [document.get("failureReason") for *_, document in made]
+    failed = [document["failureReason"] for _, status, _, document in made if status == "Failed"]
+    assert all(re.match(KILLED, reason) for reason in failed), failed
+    assert len(failed) <= most_failed, "each of these was killed three times"
+    whole = [(job, document) for job, status, _, document in made if status != "Failed"]
+    ends = {(status, held, document.get("verdict")) for _, status, held, document in made if status != "Failed"}
+    assert ends == {("Completed", None, "PASS")}
     digests = set()
-    for job, _, _, document in made:
+    for job, document in whole:
         prefix = document["outputs"]["prefix"]
         manifest = json.load(s3.get_object(Bucket=bucket, Key=f"{prefix}/manifest.json")["Body"])
         for file in manifest["files"]:
@@ -156,7 +166,9 @@ def test_nothing_is_lost_doubled_or_half_written(
     wait_for(ended, "the batch to end", 1200)
     wait_for(lambda: all(actor.has_ended() for actor in actors.values()), "all processes to end by themselves", 120)
     print(f"seed {seed}: {sum(killed.values())} kills, {dict(killed)}")
-    check_invariants(url, batch, jobs, mortal_s3.server.client("s3"), variables["ROBOMAKER_BUCKET"])
+    of_jobs = sum(times for name, times in killed.items() if "job worker" in name)
+    s3 = mortal_s3.server.client("s3")
+    check_invariants(url, batch, jobs, s3, variables["ROBOMAKER_BUCKET"], of_jobs // 3)
     wait_for(lambda: not working_below(tmp_path), "simulations to die with their job workers")
 
     assert sum(killed.values()) >= min(kills, jobs) // 2, "else the batch has shown little"

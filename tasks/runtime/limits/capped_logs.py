@@ -42,43 +42,37 @@ class CappedLog:
 
     def look(self) -> None:
         """Cuts the log back if it has become too long."""
-        size = os.fstat(self.descriptor).st_size
-        if self._kept_bytes is None:
-            if size > self._max_bytes:
-                self._cut(self._max_bytes)
-        elif size > self._kept_bytes + _SLACK_BYTES:
-            self._keep_end(size)
+        self._cut_beyond(_SLACK_BYTES)
 
     def close(self) -> None:
         """Cuts the log for the last time; no process may write to it any more."""
-        size = os.fstat(self.descriptor).st_size
-        if self._kept_bytes is None and size > self._max_bytes:
-            end = self._end(size)
-            self._cut(self._max_bytes)
-            self._append(end)
-        elif self._kept_bytes is not None and size > self._kept_bytes + MAX_END_BYTES:
-            self._keep_end(size)
+        self._cut_beyond(MAX_END_BYTES)
         os.close(self.descriptor)
 
-    def _cut(self, length: int) -> None:
+    def _cut_beyond(self, slack_bytes: int) -> None:
+        """Cuts it, the first time as soon as it is too long, later when its end has become longer than that."""
+        size = os.fstat(self.descriptor).st_size
+        if self._kept_bytes is None:
+            if size > self._max_bytes:
+                self._cut(size, self._max_bytes, self._remark())
+        elif size > self._kept_bytes + slack_bytes:
+            self._cut(size, self._kept_bytes)
+
+    def _cut(self, size: int, length: int, remark: bytes = b"") -> None:
+        """Keeps the beginning and the end: a program that is fast may have written its last line by now."""
+        end = self._end(max(length, size - MAX_END_BYTES), size)
         with suppress(OSError):
             os.ftruncate(self.descriptor, length)
-            remark = (
-                f"\nrobomaker: this log became longer than {self._max_bytes:,} bytes; from here only its end is kept\n"
-            )
-            self._append(remark.encode())
             self._kept_bytes = length + len(remark)
+            self._append(remark + end)
 
-    def _keep_end(self, size: int) -> None:
-        assert self._kept_bytes is not None
-        end = self._end(size)
-        with suppress(OSError):
-            os.ftruncate(self.descriptor, self._kept_bytes)
-            self._append(end)
+    def _remark(self) -> bytes:
+        words = f"this log became longer than {self._max_bytes:,} bytes; from here only its end is kept"
+        return f"\nrobomaker: {words}\n".encode()
 
-    def _end(self, size: int) -> bytes:
+    def _end(self, start: int, size: int) -> bytes:
         with suppress(OSError):
-            return os.pread(self.descriptor, MAX_END_BYTES, size - MAX_END_BYTES)
+            return os.pread(self.descriptor, size - start, start)
         return b""
 
     def _append(self, data: bytes) -> None:

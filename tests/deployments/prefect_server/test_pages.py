@@ -221,6 +221,9 @@ def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(
         page.wait_for_text("none", "on-failure", "always")
         page.picture(tmp_path / "form.png", 400)
         click(page, "on-failure", "option")
+        # What is sent is what is shown; while the choices are open, the page takes no other click.
+        chosen = f"!document.querySelector('[role=listbox]') && {SELECT_VIDEO}.innerText.includes('on-failure')"
+        page.wait(lambda page: page.evaluate(chosen), "the choice")
         click(page, "Submit", "button")
 
         def ordered(_: Page) -> Any:

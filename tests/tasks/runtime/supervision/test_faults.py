@@ -219,7 +219,7 @@ class TestOutput:
             assert (tmp_path / "log").stat().st_size == 1000
             program.write(b"b" * 10_000_000)
             log.look()
-            assert (tmp_path / "log").read_text() == "a" * 1000 + remark
+            assert (tmp_path / "log").read_text() == "a" * 1000 + remark + "b" * MAX_END_BYTES
             program.write(b"c" * 10_000_000)
             log.look()
             program.write(b"the end\n")
@@ -236,6 +236,13 @@ class TestOutput:
         content = (tmp_path / "log").read_text()
         assert content.endswith("the end\n")
         assert "became longer than 1,000 bytes" in content
+
+    def test_a_program_that_ends_before_its_log_is_cut_keeps_its_last_line(self, tmp_path: Path) -> None:
+        log = CappedLog(tmp_path / "log", max_bytes=1000)
+        os.write(log.descriptor, b"a" * 200_000 + b"the end\n")
+        log.look()
+        log.close()
+        assert (tmp_path / "log").read_text().endswith("the end\n")
 
     def test_links_are_not_followed(self, tmp_path: Path) -> None:
         (tmp_path / "log").symlink_to(tmp_path / "elsewhere")
