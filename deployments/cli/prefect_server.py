@@ -23,7 +23,7 @@ def use_server(settings: Settings) -> str:
         ConfigurationError: the configured server does not answer.
     """
     status = server_status(settings)
-    starting = not status.running and not status.configured_elsewhere
+    starting = not (status.running or status.busy or status.configured_elsewhere)
     began = time.monotonic()
     if starting:
         sys.stderr.write("Starting the local Prefect server; the first time takes about 20 s …\n")
@@ -59,6 +59,8 @@ def pages(api_url: str, secret: str | None) -> str:
 def described(status: ServerStatus) -> str:
     """A server's state in a line."""
     where = "the one PREFECT_API_URL or the Prefect profile names" if status.configured_elsewhere else "local"
+    if status.busy:
+        return f"busy: it has not answered within some seconds, at {str(status.api_url).removesuffix('/api')} ({where})"
     if not status.running:
         known = f" at {status.api_url}" if status.configured_elsewhere else ""
         return f"not running ({where}{known})" + (

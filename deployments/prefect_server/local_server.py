@@ -16,8 +16,6 @@ import subprocess
 import sys
 import time
 import tomllib
-import urllib.error
-import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -27,6 +25,7 @@ from urllib.parse import urlsplit
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from .secret import auth_string, server_folder
+from .server_health import BUSY_PATIENCE_S, Health, health_of, wait_while_busy
 
 START_TIMEOUT_S = 180.0
 _PROGRAM = "prefect_robomaker.deployments.prefect_server"
@@ -44,25 +43,35 @@ class ServerStatus:
     """A local server, running or not."""
 
     running: bool
+    """Whether it answers."""
+
     api_url: str | None = None
     pid: int | None = None
     log: str | None = None
     configured_elsewhere: bool = False
     """Whether `PREFECT_API_URL` or a Prefect profile names the server, so that none is started here."""
 
+    busy: bool = False
+    """Whether it is there, and has not answered in time."""
+
 
 def ensure_server(settings: Settings, environ: Mapping[str, str] | None = None) -> str:
     """Returns the API URL of the Prefect server to use, starting a local one if none is configured.
+
+    One that is busy is waited for, and a local one that stays so is started again.
 
     Raises:
         LocalServerError: the server did not answer in time.
         ConfigurationError: a configured server does not answer.
     """
-    status = server_status(settings, environ)
+    status = _status_once_idle(settings, environ)
     if status.configured_elsewhere:
         if not status.running:
+            silent = (
+                f"it has not answered for {BUSY_PATIENCE_S:g} s" if status.busy else "nothing healthy answers there"
+            )
             raise ConfigurationError(
-                f"PREFECT_API_URL is {status.api_url!r}, and nothing healthy answers there; "
+                f"PREFECT_API_URL is {status.api_url!r}, and {silent}; "
                 "start that server, or unset the variable to use a local one"
             )
         return str(status.api_url)
@@ -96,10 +105,13 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
     """Says which server would be used and whether it answers."""
     if url := configured_api_url(os.environ if environ is None else environ):
-        return ServerStatus(running=_healthy(url), api_url=url, configured_elsewhere=True)
-    status = _known_server(settings)
-    alive = _is_alive(status) and _healthy(str(status.api_url))
-    return dataclasses.replace(status, running=alive)
+        status = ServerStatus(running=False, api_url=url, configured_elsewhere=True)
+    else:
+        status = _known_server(settings)
+        if not _is_alive(status):
+            return dataclasses.replace(status, running=False)
+    health = health_of(str(status.api_url))
+    return dataclasses.replace(status, running=health is Health.HEALTHY, busy=health is Health.BUSY)
 
 
 def stop_server(settings: Settings) -> bool:
@@ -121,6 +133,16 @@ def configured_api_url(environ: Mapping[str, str]) -> str | None:
     active = environ.get("PREFECT_PROFILE") or profiles.get("active")
     url = profiles.get("profiles", {}).get(active, {}).get("PREFECT_API_URL")
     return str(url) if url else None
+
+
+def _status_once_idle(settings: Settings, environ: Mapping[str, str] | None) -> ServerStatus:
+    """The server's status, after waiting for one that is busy."""
+    status = server_status(settings, environ)
+    if status.busy:
+        api_url = str(status.api_url)
+        health = wait_while_busy(lambda: health_of(api_url), f"the Prefect server at {api_url}")
+        status = dataclasses.replace(status, running=health is Health.HEALTHY, busy=health is Health.BUSY)
+    return status
 
 
 def _start(settings: Settings) -> str:
@@ -146,7 +168,7 @@ def _start(settings: Settings) -> str:
         _wait_until_healthy(process, api_url, log)
         status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))
         temporary = folder / "server.json.part"
-        temporary.write_text(json.dumps(asdict(status)))
+        temporary.write_text(json.dumps({name: value for name, value in asdict(status).items() if value}))
         temporary.replace(_state_file(settings))
     except BaseException:  # also Ctrl-C: without its state file the server would not be found again
         with suppress(ProcessLookupError):
@@ -183,23 +205,13 @@ def _stop(settings: Settings) -> bool:
 def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Path) -> None:
     deadline = time.monotonic() + START_TIMEOUT_S
     while time.monotonic() < deadline:
-        if _healthy(api_url):
+        if health_of(api_url) is Health.HEALTHY:
             return
         if process.poll() is not None:
             break
         time.sleep(0.1)
     lines = log.read_text(errors="replace").strip().splitlines()[-8:]
     raise LocalServerError("the local Prefect server did not start:\n  " + "\n  ".join(lines))
-
-
-def _healthy(api_url: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{api_url}/health", timeout=5) as answer:  # noqa: S310 - an http(s) URL
-            return answer.status == 200
-    except urllib.error.HTTPError as error:
-        return error.code in (401, 403)  # it answers those who log in, as Prefect's client does
-    except (urllib.error.URLError, OSError, ValueError):
-        return False
 
 
 def _is_alive(status: ServerStatus, *, or_old: bool = False) -> bool:

@@ -12,6 +12,7 @@ from ..dead_run_sweeper import close_dead_runs_beside
 from ..web_guard.guard import Guard
 from .beside import beside
 from .login_page import LoginPage
+from .stuck_loop import tell_when_stuck
 
 _HOST = "127.0.0.1"
 
@@ -61,7 +62,7 @@ class _Server(uvicorn.Server):
         """Starts to answer, then starts the jobs."""
         await super().startup(sockets)
         if self.started:
-            jobs = (close_dead_runs_beside,)
+            jobs = (close_dead_runs_beside, tell_when_stuck)
             await self._beside.enter_async_context(beside(jobs, self._api_url, self._auth_string))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

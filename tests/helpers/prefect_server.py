@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from helpers.server_log import tracebacks
+from helpers.server_log import tracebacks, where_it_was_stuck
 from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, stop_server
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
 from prefect_robomaker.schemas.settings import Settings
@@ -32,6 +32,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Stops the server when the last worker is done."""
     if not hasattr(config, "workerinput"):
         stop_server(server_settings())
+        log = server_settings().home / "prefect" / "server.log"
+        if log.exists() and (stuck := where_it_was_stuck(log.read_text(errors="replace"))):
+            print(f"The tests' Prefect server was stuck for a while:\n{stuck}")
         shutil.rmtree(Path(os.environ.pop(_HOME)), ignore_errors=True)
 
 

@@ -14,3 +14,9 @@ def tracebacks(log: str) -> list[str]:
     """The last line of each traceback in a log, but for what a loaded SQLite is known to do."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
     return [match["error"] for match in _TRACEBACK.finditer(plain) if _KNOWN not in match["error"]]
+
+
+def where_it_was_stuck(log: str) -> str:
+    """The stacks that a server wrote when it answered nothing for a while; none: an empty text."""
+    found = re.search(r"^Timeout \(\d+:\d\d:\d\d\)!\n(?:Thread .*\n|  .*\n|\n)+", log, re.MULTILINE)
+    return found[0].strip() if found else ""

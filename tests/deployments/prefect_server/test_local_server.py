@@ -1,5 +1,7 @@
 import http.server
 import json
+import os
+import signal
 import socket
 import subprocess
 import sys
@@ -7,6 +9,8 @@ import threading
 import time
 import urllib.request
 import uuid
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -23,6 +27,8 @@ from prefect_robomaker.deployments.prefect_server.local_server import (
 )
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
+
+NOTHING = {"PREFECT_PROFILES_PATH": "/nowhere"}
 
 
 def test_the_server_is_started_once_and_reused(prefect_server: str) -> None:
@@ -102,6 +108,39 @@ def test_a_damaged_state_file_counts_as_no_server(settings: Settings) -> None:
 def test_a_configured_server_that_does_not_answer_is_named(settings: Settings) -> None:
     with pytest.raises(ConfigurationError, match=r"http://127\.0\.0\.1:1/api"):
         ensure_server(settings, {"PREFECT_API_URL": "http://127.0.0.1:1/api"})
+
+
+@pytest.fixture
+def own_server(settings: Settings) -> Iterator[Settings]:
+    """A server that the test may stop for a while."""
+    ensure_server(settings, NOTHING)
+    yield settings
+    with suppress(ProcessLookupError):
+        os.kill(server_pid(settings), signal.SIGCONT)
+    stop_server(settings)
+
+
+def server_pid(settings: Settings) -> int:
+    pid = server_status(settings, NOTHING).pid
+    assert pid is not None
+    return pid
+
+
+@pytest.mark.deep
+def test_a_server_that_is_busy_is_waited_for_and_not_started_anew(
+    own_server: Settings, caplog: pytest.LogCaptureFixture
+) -> None:
+    before = server_status(own_server, NOTHING)
+    pid = server_pid(own_server)
+    for environ in (NOTHING, {"PREFECT_API_URL": str(before.api_url)}):
+        caplog.clear()
+        os.kill(pid, signal.SIGSTOP)
+        threading.Timer(7, os.kill, (pid, signal.SIGCONT)).start()
+
+        assert ensure_server(own_server, environ) == before.api_url
+
+        assert server_status(own_server, NOTHING) == before, "the same process"
+        assert f"the Prefect server at {before.api_url} is busy and does not answer; waiting for it" in caplog.text
 
 
 def test_the_active_prefect_profile_is_respected(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """The server's log has no traceback; the fixture `prefect_server` looks at it again when all tests are done."""
 
 from helpers.prefect_server import server_settings
-from helpers.server_log import tracebacks
+from helpers.server_log import tracebacks, where_it_was_stuck
 
 LOCKED = """\
 Traceback (most recent call last):
@@ -38,3 +38,18 @@ def test_tracebacks_are_found_but_for_those_of_a_locked_database() -> None:
 def test_the_server_has_logged_none(prefect_server: str) -> None:
     del prefect_server
     assert not tracebacks((server_settings().home / "prefect" / "server.log").read_text(errors="replace"))
+
+
+STUCK = """\
+Timeout (0:00:15)!
+Thread 0x00007f (most recent call first):
+  File "a.py", line 1 in loop
+
+Thread 0x00008f (most recent call first):
+  File "b.py", line 2 in wait
+"""
+
+
+def test_stacks_of_a_server_that_was_stuck_are_found() -> None:
+    assert where_it_was_stuck(f"12:00:00 | INFO | fine\n{STUCK}12:00:20 | INFO | fine\n") == STUCK.strip()
+    assert where_it_was_stuck(DEFECT) == ""
