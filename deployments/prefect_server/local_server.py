@@ -10,6 +10,7 @@ import dataclasses
 import fcntl
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -30,6 +31,9 @@ from .server_health import BUSY_PATIENCE_S, Health, health_of, wait_while_busy
 START_TIMEOUT_S = 180.0
 _PROGRAM = "prefect_robomaker.deployments.prefect_server"
 _CLIENT_VARIABLES = ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_API_KEY", "PREFECT_PROFILE")
+_PORTS = range(20_000, 32_768)
+"""Below those that Linux gives to clients: while the server is away, one that asks for it could be given its port."""
+
 _OLD_PROGRAM = ("prefect", "server", "start")
 """What earlier versions started: a server without a guard."""
 
@@ -237,16 +241,19 @@ def _listener(memory: Path) -> socket.socket:
 
     Who connects waits until the server answers.
     """
+    others = [*random.SystemRandom().sample(_PORTS, 10), 0]
     try:
-        wanted = int(memory.read_text())
+        tries = [int(memory.read_text())] * 10 + others
     except (OSError, ValueError):
-        wanted = 0
-    try:
-        listener = socket.create_server(("127.0.0.1", wanted))
-    except (OSError, OverflowError):
-        listener = socket.create_server(("127.0.0.1", 0))
-    memory.write_text(str(listener.getsockname()[1]))
-    return listener
+        tries = others
+    for port in tries:
+        with suppress(OSError, OverflowError):
+            listener = socket.create_server(("127.0.0.1", port))
+            memory.write_text(str(listener.getsockname()[1]))
+            return listener
+        if port == tries[0]:
+            time.sleep(0.1)  # a server that has just been killed closes it within moments
+    raise LocalServerError("127.0.0.1 has no free port for the local Prefect server")
 
 
 def _known_server(settings: Settings) -> ServerStatus:

@@ -7,8 +7,10 @@ import json
 import os
 import random
 import re
+import signal
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, LiteralString
 from uuid import uuid4
@@ -20,14 +22,17 @@ from helpers.postgres_server import NEEDS_POSTGRESQL, PostgresServer
 from helpers.processes import wait_for, working_below
 from helpers.s3_server import MortalS3Server
 
+from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, server_status, stop_server
+from prefect_robomaker.deployments.prefect_server.secret import auth_string
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = NEEDS_POSTGRESQL
 KILLED = r"3 job workers died, one after the other|each of 3 attempts was killed"
+NO_PROFILE = {"PREFECT_PROFILES_PATH": "/nowhere"}
 ROLE = "arn:aws:iam::000000000000:role/test"
-SWING = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "8", "ROBOMAKER_CHECKPOINT_EVERY_S": "0.25"}
+SWING = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "20", "ROBOMAKER_CHECKPOINT_EVERY_S": "0.25"}
 
 
 @pytest.fixture
@@ -46,14 +51,48 @@ def service(variables: dict[str, str], tmp_path: Path) -> Iterator[Service]:
     service.catalog.close()
 
 
+class MortalPrefectServer:
+    """A Prefect server of its own, that comes back at the address it had.
+
+    Args:
+        home: where it keeps its database.
+    """
+
+    def __init__(self, home: Path) -> None:
+        self._settings = Settings.from_environment({"ROBOMAKER_HOME": str(home)})
+        url = ensure_server(self._settings, NO_PROFILE)
+        self.variables = {"PREFECT_API_URL": url, "PREFECT_API_AUTH_STRING": auth_string(self._settings)}
+
+    def kill(self) -> None:
+        """Kills it and starts it again."""
+        pid = server_status(self._settings, NO_PROFILE).pid
+        assert pid is not None
+        with suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)
+        assert ensure_server(self._settings, NO_PROFILE) == self.variables["PREFECT_API_URL"]
+
+    def stop(self) -> None:
+        """Ends it for good."""
+        stop_server(self._settings)
+
+
 @pytest.fixture
-def actors(variables: dict[str, str], tmp_path: Path, prefect_server: str, batch: str) -> Iterator[dict[str, Actor]]:
+def mortal_prefect(tmp_path: Path) -> Iterator[MortalPrefectServer]:
+    server = MortalPrefectServer(tmp_path / "prefect")
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def actors(
+    variables: dict[str, str], tmp_path: Path, mortal_prefect: MortalPrefectServer, batch: str
+) -> Iterator[dict[str, Actor]]:
     """The process that runs the batch, and two job workers with homes of their own."""
     made = {}
     for name, words in {"laptop": "perform", "first": "work", "second": "work"}.items():
         own = {"ROBOMAKER_HOME": str(tmp_path / name), "ROBOMAKER_MAX_JOBS": "1", "ROBOMAKER_BACKEND": "by-hand"}
         command = [sys.executable, "-m", "prefect_robomaker", words, batch]
-        environ = {**variables, **own, "PREFECT_API_URL": prefect_server}
+        environ = {**variables, **own, **mortal_prefect.variables}
         made[name] = Actor(name, command, environ, tmp_path / f"{name}.log")
     yield made
     for actor in made.values():
@@ -135,6 +174,7 @@ def test_nothing_is_lost_doubled_or_half_written(
     variables: dict[str, str],
     postgres_server: PostgresServer,
     mortal_s3: MortalS3Server,
+    mortal_prefect: MortalPrefectServer,
     tmp_path: Path,
     request: pytest.FixtureRequest,
 ) -> None:
@@ -150,6 +190,7 @@ def test_nothing_is_lost_doubled_or_half_written(
         "a process below job worker 1": lambda: actors["first"].kill_one_below(chance),
         "a process below job worker 2": lambda: actors["second"].kill_one_below(chance),
         "PostgreSQL": lambda: (postgres_server.kill(), postgres_server.start()),
+        "Prefect server": mortal_prefect.kill,
         "S3": lambda: (mortal_s3.kill(), mortal_s3.come_back()),
     }
 
@@ -169,6 +210,7 @@ def test_nothing_is_lost_doubled_or_half_written(
     of_jobs = sum(times for name, times in killed.items() if "job worker" in name)
     s3 = mortal_s3.server.client("s3")
     check_invariants(url, batch, jobs, s3, variables["ROBOMAKER_BUCKET"], of_jobs // 3)
-    wait_for(lambda: not working_below(tmp_path), "simulations to die with their job workers")
+    homes = [tmp_path / name for name in actors]
+    wait_for(lambda: not any(map(working_below, homes)), "simulations to die with their job workers")
 
     assert sum(killed.values()) >= min(kills, jobs) // 2, "else the batch has shown little"

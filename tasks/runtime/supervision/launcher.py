@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -117,8 +118,7 @@ class Launcher:
             request = make_request(plan, cores)
             # Closing this end of the connection, for any reason, kills the run.
             with self._connect() as channel:
-                channel.send_bytes(request.model_dump_json().encode())
-                _expect_start(channel)
+                _begin(channel, request)
                 started_at = datetime.now(UTC)
                 ended, stopped_for = Watch(channel, left_s, stop, crash.on_crash, on_trials, clock).until_end()
         ended_at = datetime.now(UTC)
@@ -193,7 +193,8 @@ class _Server:
         if answer != b"ready":
             self.close()
             why = answer.decode(errors="replace") or f"it ended with exit code {process.returncode}"
-            raise LaunchError(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
+            kind = LaunchInterruptedError if process.returncode == -signal.SIGKILL else LaunchError
+            raise kind(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
 
     def alive(self) -> bool:
         return self._process.poll() is None
@@ -265,8 +266,10 @@ def _clean_up(request: RunRequest) -> None:
                 )
 
 
-def _expect_start(channel: Connection) -> None:
+def _begin(channel: Connection, request: RunRequest) -> None:
+    """Sends a run's request to its supervisor, and waits until it has begun."""
     try:
+        channel.send_bytes(request.model_dump_json().encode())
         if channel.poll(_START_TIMEOUT_S):
             message = json.loads(channel.recv_bytes())
             if message["event"] == "refused":

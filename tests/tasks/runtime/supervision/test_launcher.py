@@ -3,10 +3,12 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,7 @@ from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.stops import RunStop
-from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.schemas.wire.errors import LaunchError, LaunchInterruptedError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]
@@ -335,3 +337,33 @@ class TestParentProcess:
         monkeypatch.setenv("PYTHONPATH", str(tmp_path))
         with Launcher() as launcher, pytest.raises(LaunchError, match="this mujoco is broken"):
             launcher.run(make_plan(), never)
+
+
+class TestDeathsBeforeTheStart:
+    """What is killed before a run has begun interrupts it; it has not failed."""
+
+    def test_a_supervisor_that_is_dead_before_it_gets_its_run(
+        self, launcher: Launcher, make_plan: Plan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def connect() -> Connection:
+            ours, theirs = socket.socketpair()
+            theirs.close()
+            return Connection(ours.detach())
+
+        monkeypatch.setattr(launcher, "_connect", connect)
+        with pytest.raises(LaunchInterruptedError, match="ended before the run began"):
+            launcher.run(make_plan("Judging"), never)
+
+    def test_a_warm_process_that_is_killed_while_it_starts(
+        self, make_plan: Plan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        start = subprocess.Popen
+
+        def start_and_kill(*words: object, **options: object) -> "subprocess.Popen[bytes]":
+            process = start(*words, **options)  # type: ignore[call-overload]
+            process.kill()
+            return process
+
+        monkeypatch.setattr(subprocess, "Popen", start_and_kill)
+        with Launcher() as launcher, pytest.raises(LaunchInterruptedError, match="exit code -9"):
+            launcher.run(make_plan("Judging"), never)
