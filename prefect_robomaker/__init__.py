@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .schemas.wire.errors import ServiceError as ServiceError
     from .schemas.wire.errors import SpecError as SpecError
     from .schemas.wire.errors import StorageError as StorageError
+    from .tasks.execution.mapping.runner import MapTaskRunner as MapTaskRunner
     from .tasks.operations.registry import call as call
     from .tasks.service.service import Service as Service
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ConfigurationError",
     "InvalidParameterException",
+    "MapTaskRunner",
     "ResourceNotFoundException",
     "RobomakerError",
     "RunInterrupted",
@@ -53,6 +55,7 @@ __all__ += operation_flows.__all__
 
 _ERRORS = "ConfigurationError InvalidParameterException ResourceNotFoundException RobomakerError ServiceError SpecError"
 _MODULES = {
+    "MapTaskRunner": "tasks.execution.mapping.runner",
     "RunInterrupted": "flows.pipelines",
     "RunPipeline": "flows.pipelines",
     "Service": "tasks.service.service",

@@ -16,6 +16,7 @@ DOOR = ROOT / "prefect_robomaker"
 NAMES = {
     "ConfigurationError",
     "InvalidParameterException",
+    "MapTaskRunner",
     "ResourceNotFoundException",
     "RobomakerError",
     "RunInterrupted",

@@ -13,6 +13,7 @@ __all__ = [
     "flow_ends",
     "held_leases",
     "job_leases",
+    "mapping",
     "orphans",
     "prefect_settings",
     "retry_limit",
