@@ -350,7 +350,8 @@ class PipelineRun:
         """Calls a step's operation for a part of its request; jobs are performed to their end."""
         step = self._checked.steps[name]
         entry = registry()[step.operation]
-        output = self._reused(step.operation, step.if_exists, part.request) or entry.answer(part.request, self._service)
+        service = self._service.ordered_by(self.run_id, reuse=self._service.reuses, in_campaign=part.of > 1)
+        output = self._reused(step.operation, step.if_exists, part.request) or entry.answer(part.request, service)
         if entry.run_job is None:
             return output
         self._outputs[name] = output

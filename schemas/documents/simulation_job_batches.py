@@ -54,6 +54,10 @@ class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
     batch_policy: StoredBatchPolicy = Field(description="How it is run.")
     spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
     reuse: bool = Field(default=False, description="Whether its jobs take over results of earlier ones.")
+    in_campaign: bool = Field(
+        default=False,
+        description="Whether it is one of several batches of a step; Prefect then has one task run of its jobs.",
+    )
 
     @property
     def requests(self) -> list[Json]:

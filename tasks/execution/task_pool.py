@@ -8,9 +8,12 @@ they have ended.
 import concurrent.futures
 import contextvars
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..service.service import Service
+
+if TYPE_CHECKING:
+    from .mapping.runner import MapTaskRunner
 
 _LOOK_S = 0.25
 
@@ -25,8 +28,9 @@ def run_tasks(
     job_arn: str,
     service: Service,
     look: Callable[[], bool | None] = lambda: None,
+    summary: Callable[[], str] | None = None,
 ) -> None:
-    """Runs a part of a job once for each call, as task runs, and waits for all of them.
+    """Runs a part of a job once for each call, as a task run each or as one for all, and waits for all of them.
 
     Args:
         name: what Prefect shows as the name of the task.
@@ -38,20 +42,22 @@ def run_tasks(
         service: where the job is stored.
         look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
             says true, calls that have not begun are left out.
+        summary: makes it one task run, and says at its end how the calls went; `None`: a task run for each call.
 
     Raises:
         BaseException: what the first task raised, once all have ended, or the interruption.
     """
     from prefect import task
     from prefect.cache_policies import NO_CACHE
-    from prefect.task_runners import ThreadPoolTaskRunner
 
-    parts = task(name=name, task_run_name=run_name, cache_policy=NO_CACHE)(part)
+    from .mapping.runner import MapTaskRunner
 
-    with service.activated(), ThreadPoolTaskRunner[None](max_workers=workers) as runner:
+    parts: Any = task(name=name, task_run_name=run_name, cache_policy=NO_CACHE, persist_result=False)(part)
+
+    with service.activated(), MapTaskRunner[None](workers, lambda _: summary() if summary else "") as runner:
         try:
-            futures = [runner.submit(parts, dict(call)) for call in calls]
-            waiting = {future.wrapped_future for future in futures}
+            futures = _begin(runner, parts, calls, as_one=summary is not None)
+            waiting: set[concurrent.futures.Future[Any]] = {future.wrapped_future for future in futures}
             while waiting:
                 if look():
                     for future in waiting:
@@ -67,6 +73,12 @@ def run_tasks(
     for future in futures:
         if not future.wrapped_future.cancelled():
             future.result()
+
+
+def _begin(runner: "MapTaskRunner[None]", part: Any, calls: Sequence[Mapping[str, Any]], *, as_one: bool) -> list[Any]:
+    if as_one:
+        return runner.map(part, {name: [call[name] for call in calls] for name in calls[0]})
+    return [runner.submit(part, dict(call)) for call in calls]
 
 
 def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> None:

@@ -8,6 +8,7 @@ May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.execution`, `ta
 
 # pyright: reportUnsupportedDunderAll=false
 __all__ = [
+    "batch_outcomes",
     "batch_runs",
     "batch_workers",
     "export_runs",

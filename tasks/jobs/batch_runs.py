@@ -23,6 +23,7 @@ from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import reuse_job, store_job
 from .awaited_jobs import AwaitedJobs
+from .batch_outcomes import outcomes_in_words
 from .batch_stops import STOP_EVENTS, STOPPING
 from .job_runs import perform_job, stop_idle_job
 from .machine_slots import MachineSlots
@@ -68,6 +69,7 @@ class BatchRun:
         document = SimulationJobBatchDocument.of(batch)
         self._service = service.ordered_by(document.spec_run, reuse=document.reuse)
         self._policy, self._requests = document.batch_policy, document.requests
+        self._in_campaign = document.in_campaign
         self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
@@ -169,7 +171,12 @@ class BatchRun:
             job_arn=self._arn,
             service=self._service,
             look=look,
+            summary=self._in_words if self._in_campaign else None,
         )
+
+    def _in_words(self) -> str:
+        """How all requests of the batch went so far."""
+        return outcomes_in_words(jobs_by_request(self._batch, self._service).values(), len(self._failed))
 
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
         """Has job workers of a backend run the jobs; here they are only made and awaited.

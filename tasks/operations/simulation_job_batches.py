@@ -49,6 +49,7 @@ def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service:
             failed_count=0,
             spec_run=service.spec_run.run_id if service.spec_run else None,
             reuse=service.reuses,
+            in_campaign=service.spec_run is not None and service.spec_run.in_campaign,
         ),
         tags=request.tags,
         token=ClientToken.of("StartSimulationJobBatch", request),

@@ -60,6 +60,9 @@ class SpecRun:
     reuse: bool = False
     """Whether worlds and results that are there already are taken over, if they have the same inputs."""
 
+    in_campaign: bool = False
+    """Whether what is ordered is one of several batches of the same step."""
+
 
 @dataclass(frozen=True)
 class Service:
@@ -151,9 +154,9 @@ class Service:
         """Whether results and worlds that are there already are taken over by what is ordered now."""
         return self.spec_run is not None and self.spec_run.reuse
 
-    def ordered_by(self, run_id: str | None, *, reuse: bool) -> "Service":
+    def ordered_by(self, run_id: str | None, *, reuse: bool, in_campaign: bool = False) -> "Service":
         """The same service, used for a run of a specification; `None`: for none."""
-        return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse))
+        return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse, in_campaign))
 
     def folder(self, *parts: str) -> Path:
         """A folder below the data home, created."""

@@ -8,7 +8,7 @@ import inspect
 import time
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from prefect import State, Task
 from prefect.context import TaskRunContext
@@ -113,7 +113,7 @@ def _state_of(returned: Any) -> State[Any]:
     """The state that a task's return value stands for: a state itself, or `Completed` with it."""
     if not isinstance(returned, State):
         return Completed(data=get_result_store().create_result_record(returned))
-    state: State[Any] = returned
+    state = cast("State[Any]", returned)
     if state.data is None:  # else there would be no result, not the result `None`
         state.data = get_result_store().create_result_record(None)
     return state

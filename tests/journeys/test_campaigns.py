@@ -1,0 +1,85 @@
+"""Campaigns: steps of several batches, of each of which Prefect has one task run for all jobs."""
+
+import copy
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+from helpers.processes import wait_for
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
+from prefect.client.schemas.objects import TaskRun
+
+from prefect_robomaker.flows.pipelines import run_spec
+from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
+from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.specs import campaigns
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.service.service import Service
+
+NOBODY = "arn:aws:robomaker:us-east-1:000000000000:robot-application/no-such-robot/1542931200000"
+
+
+def task_runs(record: RunRecord) -> list[list[TaskRun]]:
+    """The task runs on the server of each batch of a run, once each has one that has ended."""
+    runs: list[list[TaskRun]] = []
+    for arn in (step.arn or "" for step in record.steps):
+        named = FlowRunFilter(name=FlowRunFilterName(any_=[arn.rsplit("/", 1)[-1]]))
+
+        def known(named: FlowRunFilter = named) -> Sequence[TaskRun]:
+            with get_client(sync_client=True) as client:
+                return client.read_task_runs(flow_run_filter=named)
+
+        def ended(known: Callable[[], Sequence[TaskRun]] = known) -> bool:
+            return bool(known()) and all(run.state is not None and run.state.is_final() for run in known())
+
+        wait_for(ended, "the server to know of the task runs", 60)
+        runs.append(list(known()))
+    return runs
+
+
+def run(requests: list[dict[str, Any]], settings: Settings) -> RunRecord:
+    """Runs a step with these job requests."""
+    asked = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": 2}}
+    steps = {"drive": {"operation": "StartSimulationJobBatch", "input": asked}}
+    checked = load_spec(json.dumps({"version": 1, "name": "many", "steps": steps}), "many.yaml")
+    return run_spec(checked, settings, lambda _: None, spec_path="many.yaml")
+
+
+def test_a_batch_of_a_campaign_has_one_task_run_that_says_how_its_jobs_went(
+    settings: Settings,
+    service: Service,
+    order: Callable[..., dict[str, Any]],
+    prefect_server: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(campaigns, "MOST_REQUESTS", 3)
+    quick = order({"DURATION_S": "0.1"}, requirements=[{"name": "quick", "kind": "time_limit", "limit_s": 10}])
+    del quick["iamRole"]
+    slow, broken = copy.deepcopy(quick), copy.deepcopy(quick)
+    slow["requirements"][0]["limit_s"] = 0.01
+    broken["robotApplications"][0]["application"] = NOBODY
+
+    record = run([quick, slow, broken, quick], settings)
+
+    assert [step.name for step in record.steps] == ["drive_1_of_2", "drive_2_of_2"]
+    shown = [[(each.name, each.state and each.state.message) for each in batch] for batch in task_runs(record)]
+    assert shown == [
+        [("simulate-request x 3", "3 jobs: 1 passed, 1 failed, 1 broken")],
+        [("simulate-request x 1", "1 jobs: 1 passed")],
+    ]
+    batches = [SimulationJobBatchDocument.of(service.catalog.get(step.arn or "")) for step in record.steps]
+    assert [batch.in_campaign for batch in batches] == [True, True], "for whichever process carries it on"
+
+
+def test_a_batch_that_is_a_whole_step_has_a_task_run_for_each_job(
+    settings: Settings, order: Callable[..., dict[str, Any]], prefect_server: str
+) -> None:
+    request = order({"DURATION_S": "0.1"})
+    del request["iamRole"]
+
+    (shown,) = task_runs(run([request, request], settings))
+
+    assert sorted(each.name for each in shown) == ["request-0", "request-1"]
