@@ -8,7 +8,6 @@ May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.execution`, `ta
 
 # pyright: reportUnsupportedDunderAll=false
 __all__ = [
-    "batch_outcomes",
     "batch_runs",
     "batch_workers",
     "export_runs",

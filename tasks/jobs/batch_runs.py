@@ -12,6 +12,7 @@ from ...schemas.documents.simulation_job_batches import BatchProgress, FailedReq
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
+from ...schemas.reports.run_states import case_outcome, outcomes_in_words
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
@@ -23,7 +24,6 @@ from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import reuse_job, store_job
 from .awaited_jobs import AwaitedJobs
-from .batch_outcomes import outcomes_in_words
 from .batch_stops import STOP_EVENTS, STOPPING
 from .job_runs import perform_job, stop_idle_job
 from .machine_slots import MachineSlots
@@ -176,7 +176,10 @@ class BatchRun:
 
     def _in_words(self) -> str:
         """How all requests of the batch went so far."""
-        return outcomes_in_words(jobs_by_request(self._batch, self._service).values(), len(self._failed))
+        jobs = jobs_by_request(self._batch, self._service).values()
+        documents = [(job.status, SimulationJobDocument.of(job)) for job in jobs]
+        outcomes = [case_outcome(status, job.verdict, job.failure_code) for status, job in documents]
+        return outcomes_in_words([*outcomes, *(case_outcome("NotCreated", None) for _ in self._failed)])
 
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
         """Has job workers of a backend run the jobs; here they are only made and awaited.

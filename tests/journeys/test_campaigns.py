@@ -56,19 +56,18 @@ def test_a_batch_of_a_campaign_has_one_task_run_that_says_how_its_jobs_went(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(campaigns, "MOST_REQUESTS", 3)
-    quick = order({"DURATION_S": "0.1"}, requirements=[{"name": "quick", "kind": "time_limit", "limit_s": 10}])
-    del quick["iamRole"]
-    slow, broken = copy.deepcopy(quick), copy.deepcopy(quick)
-    slow["requirements"][0]["limit_s"] = 0.01
-    broken["robotApplications"][0]["application"] = NOBODY
+    quick, crashes = order({"DURATION_S": "0.1"}), order({"FAIL_AT_STEP": "2"})
+    del quick["iamRole"], crashes["iamRole"]
+    refused = copy.deepcopy(quick)
+    refused["robotApplications"][0]["application"] = NOBODY
 
-    record = run([quick, slow, broken, quick], settings)
+    record = run([quick, crashes, refused, quick], settings)
 
     assert [step.name for step in record.steps] == ["drive_1_of_2", "drive_2_of_2"]
     shown = [[(each.name, each.state and each.state.message) for each in batch] for batch in task_runs(record)]
     assert shown == [
-        [("simulate-request x 3", "3 jobs: 1 passed, 1 failed, 1 broken")],
-        [("simulate-request x 1", "1 jobs: 1 passed")],
+        [("simulate-request x 3", "3 jobs: 2 broken, 1 no verdict")],
+        [("simulate-request x 1", "1 job: 1 no verdict")],
     ]
     batches = [SimulationJobBatchDocument.of(service.catalog.get(step.arn or "")) for step in record.steps]
     assert [batch.in_campaign for batch in batches] == [True, True], "for whichever process carries it on"
