@@ -2,14 +2,11 @@
 
 import copy
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from helpers.processes import wait_for
-from prefect.client.orchestration import get_client
-from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
-from prefect.client.schemas.objects import TaskRun
+from helpers.batch_task_runs import task_runs
 
 from prefect_robomaker.flows.pipelines import run_spec
 from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
@@ -20,24 +17,6 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
 NOBODY = "arn:aws:robomaker:us-east-1:000000000000:robot-application/no-such-robot/1542931200000"
-
-
-def task_runs(record: RunRecord) -> list[list[TaskRun]]:
-    """The task runs on the server of each batch of a run, once each has one that has ended."""
-    runs: list[list[TaskRun]] = []
-    for arn in (step.arn or "" for step in record.steps):
-        named = FlowRunFilter(name=FlowRunFilterName(any_=[arn.rsplit("/", 1)[-1]]))
-
-        def known(named: FlowRunFilter = named) -> Sequence[TaskRun]:
-            with get_client(sync_client=True) as client:
-                return client.read_task_runs(flow_run_filter=named)
-
-        def ended(known: Callable[[], Sequence[TaskRun]] = known) -> bool:
-            return bool(known()) and all(run.state is not None and run.state.is_final() for run in known())
-
-        wait_for(ended, "the server to know of the task runs", 60)
-        runs.append(list(known()))
-    return runs
 
 
 def run(requests: list[dict[str, Any]], settings: Settings) -> RunRecord:
@@ -64,13 +43,14 @@ def test_a_batch_of_a_campaign_has_one_task_run_that_says_how_its_jobs_went(
     record = run([quick, crashes, refused, quick], settings)
 
     assert [step.name for step in record.steps] == ["drive_1_of_2", "drive_2_of_2"]
-    shown = [[(each.name, each.state and each.state.message) for each in batch] for batch in task_runs(record)]
+    batches = [step.arn or "" for step in record.steps]
+    shown = [[(each.name, each.state and each.state.message) for each in task_runs(batch)] for batch in batches]
     assert shown == [
         [("simulate-request x 3", "3 jobs: 2 broken, 1 no verdict")],
         [("simulate-request x 1", "1 job: 1 no verdict")],
     ]
-    batches = [SimulationJobBatchDocument.of(service.catalog.get(step.arn or "")) for step in record.steps]
-    assert [batch.in_campaign for batch in batches] == [True, True], "for whichever process carries it on"
+    documents = [SimulationJobBatchDocument.of(service.catalog.get(batch)) for batch in batches]
+    assert [document.in_campaign for document in documents] == [True, True], "also where another process carries it on"
 
 
 def test_a_batch_that_is_a_whole_step_has_a_task_run_for_each_job(
@@ -79,6 +59,6 @@ def test_a_batch_that_is_a_whole_step_has_a_task_run_for_each_job(
     request = order({"DURATION_S": "0.1"})
     del request["iamRole"]
 
-    (shown,) = task_runs(run([request, request], settings))
+    (step,) = run([request, request], settings).steps
 
-    assert sorted(each.name for each in shown) == ["request-0", "request-1"]
+    assert sorted(each.name for each in task_runs(step.arn or "")) == ["request-0", "request-1"]

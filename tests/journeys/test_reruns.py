@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from helpers.batch_task_runs import task_runs
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord
@@ -143,7 +144,7 @@ def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
 @pytest.mark.deep
 @pytest.mark.timeout(900)
 def test_more_requests_than_a_batch_may_have_are_one_step_of_several_batches(
-    robomaker: Robomaker, tmp_path: Path
+    robomaker: Robomaker, tmp_path: Path, prefect_server: str
 ) -> None:
     spec = tmp_path / "poles.yaml"
     spec.write_text(jobs("1"))
@@ -163,3 +164,15 @@ def test_more_requests_than_a_batch_may_have_are_one_step_of_several_batches(
     again = robomaker("rerun", record.run_id, "--job", one_of_the_second, "-o", "json")
     assert again.returncode == 0, again.stderr
     assert [step.name for step in RunRecord.model_validate_json(again.stdout).steps] == ["balance_2_of_2"]
+
+    others = [
+        JOB.replace("SEED", seed).replace("MOST", limit) for seed, limit in (("2", "1"), ("3", "0.1"), ("4", "1"))
+    ]
+    spec.write_text(APPLICATIONS + JOB.replace("SEED", "1").replace("MOST", "1") * 998 + "".join(others))
+    mixed = robomaker("run", spec, "--reuse", "-o", "json")
+    assert mixed.returncode == 1, mixed.stderr
+    batches = [step.arn or "" for step in RunRecord.model_validate_json(mixed.stdout).steps][2:]
+    assert [[(run.name, run.state and run.state.message) for run in task_runs(batch)] for batch in batches] == [
+        [("simulate-request x 2", "1000 jobs: 999 passed, 1 failed")],
+        [("simulate-request x 1", "1 job: 1 passed")],
+    ]
