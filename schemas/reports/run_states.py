@@ -79,7 +79,7 @@ def count_outcomes(jobs: Iterable[JobRecord]) -> dict[CaseOutcome, int]:
     return dict(Counter(_outcome_of(job) for job in jobs))
 
 
-def outcomes_in_words(outcomes: Sequence[CaseOutcome]) -> str:
+def outcomes_in_words(outcomes: Sequence[str]) -> str:
     """`1000 jobs: 990 passed, 8 failed, 2 broken`: how many jobs ended how, the most frequent first."""
     jobs = f"{len(outcomes)} {'job' if len(outcomes) == 1 else 'jobs'}"
     counts = ", ".join(f"{count} {outcome}" for outcome, count in Counter(outcomes).most_common())

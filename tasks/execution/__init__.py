@@ -1,6 +1,6 @@
 """Running stored jobs, each by one worker at a time, and telling Prefect of flow runs: ends, signs of life, deaths.
 
-May import: `schemas`, `tasks.catalog`, `tasks.service`.
+May import: `schemas`, `tasks.catalog`, `tasks.execution.mapping`, `tasks.service`.
 """
 
 # pyright: reportUnsupportedDunderAll=false

@@ -1,9 +1,8 @@
 from prefect_robomaker.schemas.reports.run_states import outcomes_in_words
-from prefect_robomaker.schemas.reports.states import CaseOutcome
 
 
 def test_outcomes_are_counted_the_most_frequent_first() -> None:
-    many: list[CaseOutcome] = ["failed", *["passed"] * 3, "broken", "failed"]
+    many = ["failed", *["passed"] * 3, "broken", "failed"]
 
     assert outcomes_in_words(many) == "6 jobs: 3 passed, 2 failed, 1 broken"
     assert outcomes_in_words(["passed"]) == "1 job: 1 passed"
