@@ -9,6 +9,9 @@
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_BACKEND` | where jobs of batches run: `by-hand`, `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once on this machine, whatever batches ask for | number of CPUs |
+| `ROBOMAKER_JOB_MEMORY_MB` | memory that has to be available for a job to begin beside others, in MB; `0`: any | 500 |
+| `ROBOMAKER_MIN_FREE_DISK_MB` | what has to be free on the disk of the home for a job to begin, in MB; `0`: any | 200 |
+| `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_STORE_PATIENCE_MIN` | how long a job waits for an object store that does not answer, in minutes | 30 |
@@ -40,10 +43,17 @@ from .wire.request_problems import problems_of
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
+_MOST_MB = 9_999_999
+
 NotifyWhen = Literal["failure", "recovery", "change", "always"]
 """Of which runs somebody is told: that did not succeed; the first good one after bad ones; that ended otherwise than
 the one before; all."""
 
+DEFAULT_JOB_MEMORY_MB = 500
+"""What a job of one robot in a furnished flat takes at most, with some to spare."""
+DEFAULT_MIN_FREE_DISK_MB = 200
+"""A disk with less is all but full: even a short job may fail there, and so may everything else on the machine."""
+MOST_NICE = 19
 DEFAULT_MAX_JOB_DISK_GB = DISK_BYTES // 10**9
 DEFAULT_MAX_WORLDS_PER_JOB = 50
 """What the service allowed."""
@@ -72,6 +82,22 @@ class Settings(Model):
         description="Where the jobs of batches run: local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once on this machine, whatever batches ask for.")
+    job_memory_mb: int = Field(
+        default=DEFAULT_JOB_MEMORY_MB,
+        ge=0,
+        description="Memory that has to be available for a simulation job to begin beside others, in MB; 0: any.",
+    )
+    min_free_disk_mb: int = Field(
+        default=DEFAULT_MIN_FREE_DISK_MB,
+        ge=0,
+        description="What has to be free on the disk of the home for a simulation job to begin, in MB; 0: any.",
+    )
+    nice: int = Field(
+        default=0,
+        ge=0,
+        le=MOST_NICE,
+        description="Niceness of simulations; with 19 all else on the machine comes first.",
+    )
     max_job_disk_gb: int = Field(
         default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
     )
@@ -121,6 +147,9 @@ class Settings(Model):
             or f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db",
             "object_store": environ.get("ROBOMAKER_OBJECT_STORE") or str(home / "objects"),
             "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
+            "job_memory_mb": _number(environ, "ROBOMAKER_JOB_MEMORY_MB", DEFAULT_JOB_MEMORY_MB, 0, _MOST_MB),
+            "min_free_disk_mb": _number(environ, "ROBOMAKER_MIN_FREE_DISK_MB", DEFAULT_MIN_FREE_DISK_MB, 0, _MOST_MB),
+            "nice": _number(environ, "ROBOMAKER_NICE", 0, 0, MOST_NICE),
             "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
             "max_worlds_per_job": max_worlds_per_job(environ),
             "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),
@@ -173,8 +202,8 @@ def _switch(environ: Mapping[str, str], name: str, default: str = "0") -> bool:
     return given == "1"
 
 
-def _number(environ: Mapping[str, str], name: str, default: int) -> int:
+def _number(environ: Mapping[str, str], name: str, default: int, least: int = 1, most: int = 9999) -> int:
     given = environ.get(name) or str(default)
-    if not re.fullmatch(r"[1-9][0-9]{0,3}", given):
-        raise ConfigurationError(f"{name} is {given!r}; it has to be a number from 1 to 9999")
+    if not re.fullmatch(r"0|[1-9][0-9]{0,6}", given) or not least <= int(given) <= most:
+        raise ConfigurationError(f"{name} is {given!r}; it has to be a number from {least} to {most}")
     return int(given)

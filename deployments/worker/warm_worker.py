@@ -2,6 +2,7 @@
 
 import importlib
 import logging
+import os
 import threading
 import time
 from collections import Counter
@@ -16,6 +17,8 @@ from prefect.exceptions import PrefectException
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ServiceError, ServiceUnavailableException
 from ...tasks.execution.held_leases import HELD
+from ...tasks.machine.machine_slots import jobs_that_wait
+from ...tasks.machine.waiter_files import WaiterRecord
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .jobs import Jobs
@@ -88,13 +91,19 @@ class WarmWorker:
 
     def status(self) -> dict[str, Any]:
         """Returns the status for the health page."""
-        counts = self._jobs.counts()
+        counts, waits = self._jobs.counts(), self._waits()
+        waiting = sum(record.batch is None for record in waits)
         state = "ready" if self._catalog_answers else "waiting for the catalog"
         return {
             "state": state if self._prefect.answers else "waiting for Prefect",
             "prefect": self._prefect.url,
-            **{pool.kind: f"{counts[pool.kind]} of at most {pool.at_once} running" for pool in self._pools},
+            **{pool.kind: _in_words(pool, counts[pool.kind], waiting) for pool in self._pools},
+            **({"waiting": [f"{record.name}: {record.why}" for record in waits]} if waits else {}),
         }
+
+    def _waits(self) -> list[WaiterRecord]:
+        """What of this process waits for a slot, memory or disk of this machine."""
+        return jobs_that_wait(self._service.settings, os.getpid())
 
     def end(self) -> dict[str, int]:
         """Releases every job; the process has to end right after.
@@ -117,6 +126,19 @@ class WarmWorker:
         elif error is None and not self._catalog_answers:
             _logger.info("the catalog answers again")
         self._catalog_answers = error is None
+
+
+def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
+    """How many jobs of a pool run.
+
+    Args:
+        pool: the pool.
+        begun: how many of its jobs were begun and have not ended.
+        waiting: how many simulation jobs of those wait for room on this machine.
+    """
+    if pool.kind != "simulation-job" or not waiting:
+        return f"{begun} of at most {pool.at_once} running"
+    return f"{max(0, begun - waiting)} of at most {pool.at_once} running, {waiting} waiting"
 
 
 @contextmanager

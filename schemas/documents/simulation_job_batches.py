@@ -12,6 +12,9 @@ class StoredBatchPolicy(Part):
 
     timeout_in_seconds: int = Field(description="Seconds after which it stops.")
     max_concurrency: int = Field(description="How many of its jobs run at once.")
+    priority: int | None = Field(
+        default=None, description="On each machine jobs of batches with a higher one begin first; absent: 0."
+    )
 
 
 class FailedRequest(Part):

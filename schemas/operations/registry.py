@@ -16,6 +16,7 @@ from ..wire.errors import InvalidParameterException
 from ..wire.operation_shape import ErrorClass, OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
 from .resources import OPERATION_GROUPS
+from .simulation_job_batches import MOST_PRIORITY, StartSimulationJobBatchRequest
 from .simulation_jobs import SimulationJobRequestMembers
 from .world_generation_jobs import CreateWorldGenerationJobRequest
 
@@ -26,12 +27,14 @@ __all__ = [
     "check_request",
     "operation_shape",
     "parse_request",
+    "priority_of",
     "seed_of",
     "video_of",
 ]
 
 SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"
+PRIORITY_TAG = "robomaker:priority"
 
 _Value = TypeVar("_Value")
 
@@ -120,6 +123,23 @@ def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
             return _agreed("video", VIDEO_TAG, request.video, policy)
     *others, last = map(repr, choices(VideoPolicy))
     raise InvalidParameterException(f"tags.{VIDEO_TAG} is {tag!r}; it has to be {', '.join(others)} or {last}")
+
+
+def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
+    """The priority a batch asks for, by its policy or by its tag.
+
+    Raises:
+        InvalidParameterException: the tag is no priority, or says something else than the policy.
+    """
+    by_member = request.batchPolicy.priority if request.batchPolicy else None
+    tag = (request.tags or {}).get(PRIORITY_TAG)
+    if tag is None:
+        return by_member
+    if not re.fullmatch("-?[0-9]{1,3}", tag) or abs(int(tag)) > MOST_PRIORITY:
+        raise InvalidParameterException(
+            f"tags.{PRIORITY_TAG} is {tag!r}; it has to be a whole number from {-MOST_PRIORITY} to {MOST_PRIORITY}"
+        )
+    return _agreed("batchPolicy.priority", PRIORITY_TAG, by_member, int(tag))
 
 
 def _agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:

@@ -39,6 +39,8 @@ SimulationJobBatchErrorCode = Annotated[Literal["InternalServiceError"], ShapeNa
 BatchTimeoutInSeconds = Annotated[
     int, ShapeName("BatchTimeoutInSeconds", wire_type="long"), Field(ge=1, le=MAX_DURATION_S)
 ]
+MOST_PRIORITY = 100
+BatchPriority = Annotated[int, ShapeName("BatchPriority"), Field(ge=-MOST_PRIORITY, le=MOST_PRIORITY)]
 MaxConcurrency = Annotated[int, ShapeName("MaxConcurrency"), Field(ge=1)]
 
 
@@ -49,6 +51,10 @@ class BatchPolicy(Shape):
         default=None, description="Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
     )
     maxConcurrency: MaxConcurrency | None = Field(default=None, description="Jobs at a time, at least 1.")
+    priority: BatchPriority | None = Field(
+        default=None,
+        description="Extension: on each machine jobs of batches with a higher one begin first; -100 to 100, absent: 0.",
+    )
 
 
 class StartSimulationJobBatchRequest(Shape):

@@ -68,6 +68,7 @@ class ComputeLimits(Model):
     disk_bytes: int | None = Field(
         default=DISK_BYTES, gt=0, description="What it may write into its folders; absent: no limit."
     )
+    nice: int = Field(default=0, ge=0, le=19, description="Its niceness at least: how far all else comes first.")
     gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")
 
 

@@ -1,6 +1,6 @@
 """Runs of stored jobs, side by side: simulation job, batch, world generation job, world export job.
 
-May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.execution`, `tasks.runtime.limits`,
+May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.execution`, `tasks.machine`, `tasks.runtime.limits`,
 `tasks.runtime.supervision`, `tasks.service`, `tasks.simulations`, `tasks.simulations.containers`,
 `tasks.simulations.environment`, `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.simulations.ros`,
 `tasks.worlds`.
@@ -15,6 +15,5 @@ __all__ = [
     "job_folders",
     "job_runs",
     "kept_outputs",
-    "machine_slots",
     "world_jobs",
 ]

@@ -20,13 +20,13 @@ from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
 from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
+from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import reuse_job, store_job
 from .awaited_jobs import AwaitedJobs
 from .batch_stops import STOP_EVENTS, STOPPING
 from .job_runs import perform_job, stop_idle_job
-from .machine_slots import MachineSlots
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
@@ -75,7 +75,7 @@ class BatchRun:
         self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
         self._stop: StopReason | None = STOPPING.get(batch.status)
-        self._machine = MachineSlots(service.settings)
+        self._machine = MachineSlots(service.settings, self._arn, self._policy.priority or 0, tell=service.report_note)
         self._concurrency: int | None = None
         self._workers = ""
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
@@ -148,7 +148,8 @@ class BatchRun:
 
         most = min(self._policy.max_concurrency, len(indices))
         if self._service.backend is None:
-            most = min(most, self._service.settings.max_jobs)  # no more run on this machine
+            # No more run on this machine; one waits, so that no other batch takes the turn of this one.
+            most = min(most, self._service.settings.max_jobs + 1)
         with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
             try:
                 if self._service.backend is None:

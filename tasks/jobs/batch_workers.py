@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
+from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
@@ -18,11 +19,11 @@ from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavail
 from ..execution.claims import run_under_lease
 from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
 from ..execution.retry_limit import fail_job
+from ..machine.machine_slots import MachineSlots
 from ..service.service import Service
 from .batch_stops import STOPPING
 from .job_folders import KIND
 from .job_runs import launcher, perform_job
-from .machine_slots import MachineSlots
 
 _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25
@@ -58,7 +59,6 @@ class BatchWorker:
         self._status = ""
         self._alone_since: float | None = None
         self._ended = threading.Event()
-        self._machine = MachineSlots(service.settings)
 
     def run(self) -> int:
         """Runs jobs until the batch has ended, or no process carries it out any more.
@@ -70,37 +70,42 @@ class BatchWorker:
             ConfigurationError: the catalog of this machine does not have the batch.
             BaseException: the interruption that ended it; its jobs have been released, and the process has to end.
         """
-        self._check()
+        machine = self._machine()
         launcher().start()
         pool = ThreadPoolExecutor(self._service.settings.max_jobs, thread_name_prefix="job")
         try:
-            return self._run(pool)
+            return self._run(pool, machine)
         except BaseException:
             self._held.give_back_all(self._service.catalog)
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+        finally:
+            machine.leave()
 
     def stop(self) -> None:
         """Takes no more jobs; `run` returns once those that run have ended."""
         self._ended.set()
 
-    def _check(self) -> None:
+    def _machine(self) -> MachineSlots:
+        """The slots of this machine, as this batch may use them."""
         try:
-            self._service.catalog.get(self._batch, kind=_BATCH)
+            batch = SimulationJobBatchDocument.of(self._service.catalog.get(self._batch, kind=_BATCH))
         except ResourceNotFoundException as error:
             url = self._service.catalog.address
             raise ConfigurationError(
                 f"the catalog of this machine, {url}, does not have {self._batch}: set ROBOMAKER_CATALOG_URL and "
                 "ROBOMAKER_OBJECT_STORE to what the machine uses that runs the batch"
             ) from error
+        priority = batch.batch_policy.priority or 0
+        return MachineSlots(self._service.settings, self._batch, priority, tell=self._service.report_note)
 
-    def _run(self, pool: ThreadPoolExecutor) -> int:
+    def _run(self, pool: ThreadPoolExecutor, machine: MachineSlots) -> int:
         running: set[Future[None]] = set()
         count, pause_s = 0, _LOOK_S
         while True:
             try:
                 over = self._ended.is_set() or self._is_over()
-                while not over and (begun := self._begin(pool)) is not None:
+                while not over and (begun := self._begin(pool, machine)) is not None:
                     running.add(begun)
                     count += 1
                 pause_s = _LOOK_S
@@ -136,9 +141,9 @@ class BatchWorker:
         standing = self._service.catalog.count_children(self._batch, KIND)
         return any(not is_terminal(KIND, status) for status in standing)
 
-    def _begin(self, pool: ThreadPoolExecutor) -> Future[None] | None:
+    def _begin(self, pool: ThreadPoolExecutor, machine: MachineSlots) -> Future[None] | None:
         """Begins a job, if there is one and this machine has room."""
-        slot = self._machine.take()
+        slot = machine.take(self._batch.rpartition("/")[2])
         if slot is None:
             return None
         arn = None
@@ -146,8 +151,9 @@ class BatchWorker:
             arn = self._claim()
         finally:
             if arn is None:
-                self._machine.give_back(slot)
-        return None if arn is None else pool.submit(self._run_job, arn, slot)
+                machine.give_back(slot)
+                machine.leave()  # others have more use for it
+        return None if arn is None else pool.submit(self._run_job, arn, machine, slot)
 
     def _claim(self) -> str | None:
         """Takes a job of the batch, if there is one and it may run now."""
@@ -159,7 +165,7 @@ class BatchWorker:
 
         return self._held.reserve_any(take, catalog)
 
-    def _run_job(self, arn: str, slot: int) -> None:
+    def _run_job(self, arn: str, machine: MachineSlots, slot: int) -> None:
         """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""
         try:
             self._perform(arn, self._service, self._why_stop)
@@ -169,7 +175,7 @@ class BatchWorker:
             _logger.exception("%s broke its job worker", arn)
             self._fail(arn, f"running it failed: {type(error).__name__}: {error}")
         finally:
-            self._machine.give_back(slot)
+            machine.give_back(slot)
             try:
                 self._held.cancel_reservation(arn, self._service.catalog)
             except CatalogUnavailable as error:

@@ -1,8 +1,8 @@
 """Handlers of the 57 operations, one module per resource: check, store, answer; without Prefect.
 
-May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.fleet`, `tasks.jobs`, `tasks.operations.applications`,
-`tasks.service`, `tasks.simulations`, `tasks.simulations.environment`, `tasks.simulations.inputs`,
-`tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.worlds`.
+May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.fleet`, `tasks.jobs`, `tasks.machine`,
+`tasks.operations.applications`, `tasks.service`, `tasks.simulations`, `tasks.simulations.environment`,
+`tasks.simulations.inputs`, `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.worlds`.
 """
 
 __all__ = ["pages", "registry"]

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ...schemas.documents.simulation_job_batches import BatchCounts, SimulationJobBatchDocument, StoredBatchPolicy
+from ...schemas.operations.registry import priority_of
 from ...schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
     CancelSimulationJobBatchResponse,
@@ -43,6 +44,7 @@ def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service:
             batch_policy=StoredBatchPolicy(
                 timeout_in_seconds=policy.get("timeoutInSeconds", MAX_TIMEOUT_S),
                 max_concurrency=policy.get("maxConcurrency", service.settings.max_jobs),
+                priority=priority_of(request),
             ),
             failed={},
             request_count=len(request.createSimulationJobRequests),

@@ -22,7 +22,7 @@ from ..catalog import ClientToken, Resource
 from ..execution.task_pool import run_alone
 from ..execution.task_runs import step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
-from ..jobs.machine_slots import MachineSlots
+from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE
 from ..simulations.stored_jobs import reuse_job, store_job
@@ -50,7 +50,7 @@ def perform_simulation_job(arn: str, service: Service) -> None:
         service.report_progress(Progress({"completed": finished, "running": planned - finished}, planned))
 
     def perform() -> None:
-        with MachineSlots(service.settings).hold(has_to_end, arn):
+        with MachineSlots(service.settings, tell=service.report_note).hold(has_to_end, arn.rpartition("/")[2]):
             # Ends one that has no slot because it has to end.
             perform_job(arn, service, run_step=run_step, on_trials=tell_trials)
 

@@ -41,6 +41,10 @@ TRIALS = (
     "Extension: many episodes in one job, each with a seed of its own; the launch variable `ROBOMAKER_TRIALS` says the "
     "same as JSON. See [Trials](trials.md)."
 )
+PRIORITY = (
+    "Extension: which of several batches goes first on a machine; the batch's tag `robomaker:priority` says the same. "
+    "See [A machine that is shared](machines.md#a-machine-that-is-shared)."
+)
 BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
@@ -121,6 +125,8 @@ DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(shape, kind, None, REQUIREMENTS) for shape, kind in _REQUIREMENT_SHAPES.items()),
     *(Difference(f"{shape}.trials", "Trials", None, TRIALS) for shape in _VIDEO_SHAPES),
     *(Difference(shape, kind, None, TRIALS) for shape, kind in _TRIAL_SHAPES.items()),
+    Difference("BatchPolicy.priority", "BatchPriority", None, PRIORITY),
+    Difference("BatchPriority", "integer", None, PRIORITY),
     *(Difference(f"{shape}.application", "ApplicationReference", "Arn", BARE_NAME) for shape in _NAMED_SHAPES),
     Difference("ApplicationReference", "string", None, BARE_NAME),
     *(

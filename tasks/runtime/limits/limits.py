@@ -47,6 +47,8 @@ def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
     if cores is not None:
         with suppress(OSError):  # a core may have been taken away in the meantime
             os.sched_setaffinity(0, cores)
+    if limits.nice > os.getpriority(os.PRIO_PROCESS, 0):
+        os.setpriority(os.PRIO_PROCESS, 0, limits.nice)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(_OOM_SCORE))

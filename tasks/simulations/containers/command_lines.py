@@ -72,6 +72,12 @@ NO_PROGRAM = "/robomaker-no-such-program"
 """What no image has."""
 
 
+_SHARES = 1024
+_SHARE_BY_NICE = 1.25
+"""By so much the kernel lowers the weight of a process with each step of niceness."""
+_LEAST_SHARES = 2
+
+
 @dataclass(frozen=True)
 class Mount:
     """A folder of this machine that a container sees."""
@@ -115,6 +121,11 @@ def _fits_line(value: str) -> bool:
     return not any(character in value for character in "\n\r\0") and len(value) < _LONGEST_IN_FILE
 
 
+def cpu_shares(nice: int) -> int:
+    """What a container gets of busy processors, of the 1024 that others get, as a process of that niceness would."""
+    return max(_LEAST_SHARES, round(_SHARES / _SHARE_BY_NICE**nice))
+
+
 def create_arguments(container: Container, variables: Path) -> list[str]:
     """Makes a container on the machine's network, which does not run yet.
 
@@ -132,6 +143,7 @@ def create_arguments(container: Container, variables: Path) -> list[str]:
         "--log-driver": "none",
         "--security-opt": "label=disable",
         "--cpus": limits.cpus,
+        **({"--cpu-shares": cpu_shares(limits.nice)} if limits.nice else {}),
         "--memory": limits.memory_bytes,
         "--memory-swap": limits.memory_bytes,  # memory and swap together; engines add as much again by default
         "--pids-limit": limits.processes,

@@ -30,13 +30,16 @@ def gpu_of(environ: Mapping[str, str]) -> str:
     return environ.get("CUDA_VISIBLE_DEVICES", "").split(",")[0].strip() or "0"
 
 
-def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None) -> ComputeLimits:
+def compute_limits(
+    request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None, nice: int = 0
+) -> ComputeLimits:
     """The limits of a job, but for the disk: a simulation unit is one processor and 2 GiB of memory.
 
     Args:
         request: the job's request.
         gpu: the device of the first GPU, which is looked for when the job asks for one.
         cpus: processors of this machine; absent: as many as this process may use.
+        nice: niceness of all that it starts.
 
     Raises:
         LaunchError: it asks for a GPU, and there is none.
@@ -51,7 +54,7 @@ def compute_limits(request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | 
         )
     units = compute["simulationUnitLimit"]
     there = cpus or len(os.sched_getaffinity(0))
-    return ComputeLimits(cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, gpu=wants_gpu)
+    return ComputeLimits(cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, nice=nice, gpu=wants_gpu)
 
 
 def disk_limit(folder: Path, most_bytes: int) -> int:

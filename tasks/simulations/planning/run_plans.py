@@ -52,7 +52,7 @@ def run_plan(
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
-    limits = compute_limits(request)
+    limits = compute_limits(request, nice=service.settings.nice)
     sandbox = run_sandbox(folder).create()
     world_dir = _world_dir(request, service)
     sources = document.data_sources or []

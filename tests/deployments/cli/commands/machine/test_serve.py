@@ -35,7 +35,10 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(LONG)]})["arn"]
         wait_for(lambda: children(service, batch) == ["Running"], "the batch's job")
         waiting = served.call("CreateSimulationJob", order())["arn"]  # two jobs run on the machine already
-        wait_for(lambda: served.worker()["simulation-job"] == "2 of at most 2 running", "the health page")
+        told = "1 of at most 2 running, 1 waiting"
+        wait_for(lambda: served.worker()["simulation-job"] == told, "the health page")
+        [why] = served.worker()["waiting"]
+        assert why.startswith(f"{waiting.rpartition('/')[2]}: 2 jobs run on this machine")
         wait_for(lambda: status(service, batch) == "Completing", "the batch's last request")
         # The job worker, its warm parent of simulations, two supervisors and simulations.
         wait_for(lambda: len(descendants(served.process.pid)) >= 6, "the processes of both jobs")

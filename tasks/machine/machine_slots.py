@@ -1,0 +1,197 @@
+"""Slots of this machine: how many simulation jobs run here at once, in whatever batches and processes.
+
+A job begins when there is a slot, its batch's turn has come, and the machine has memory and disk for it. All processes
+with the same data home share the slots.
+"""
+
+import logging
+import os
+import secrets
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ...schemas.settings import Settings
+from .free_room import Need, Room, Wait, why_wait
+from .measuring import available_memory_bytes, free_disk_bytes
+from .notices import Notices
+from .slot_files import Holder, SlotFiles, Slots
+from .turns import may_begin
+from .waiter_files import WRITE_EVERY_S, WaiterFiles, WaiterRecord
+
+_FOLDER = "slots"
+_WAITERS = "waiting"
+_LOOK_S = 0.1
+_GROWS_S = 20.0
+"""After that long a job has taken the memory that it needs, or most of it."""
+
+_logger = logging.getLogger(__name__)
+
+
+def _tell_none(text: str) -> None:
+    """Ignores what is told, where there is no listener."""
+
+
+class MachineSlots:
+    """The slots of the machine for one batch, or for one job that is in none; safe to use from several threads.
+
+    Args:
+        settings: where they are, how many, and what has to be free before a job begins.
+        batch: ARN of the batch; None: the job is in none.
+        priority: of the batch; the higher, the earlier its jobs begin.
+        tell: told in words that jobs wait, and why.
+        memory: measures the available memory in bytes; None: not known.
+        disk: measures the free disk of a folder in bytes.
+        clock: seconds since 1970, the same for all processes.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        batch: str | None = None,
+        priority: int = 0,
+        *,
+        tell: Callable[[str], None] = _tell_none,
+        memory: Callable[[], int | None] = available_memory_bytes,
+        disk: Callable[[Path], int] = free_disk_bytes,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._home = settings.home
+        self._need = Need(settings.job_memory_mb * 10**6, settings.min_free_disk_mb * 10**6)
+        self._slots = SlotFiles(settings.home / _FOLDER, settings.max_jobs)
+        self._waiters = WaiterFiles(settings.home / _FOLDER / _WAITERS)
+        self._batch, self._priority = batch, priority
+        self._tell, self._memory, self._disk, self._clock = tell, memory, disk, clock
+        self._notices = Notices()
+        self._lock, self._front = threading.Lock(), threading.Lock()
+        self._ticket = f"{os.getpid()}-{secrets.token_hex(8)}"
+        self._since_s: float | None = None
+        self._written: tuple[float, str | None] | None = None
+        self._threads = 0
+
+    @contextmanager
+    def hold(self, should_stop: Callable[[], bool], name: str = "a job") -> Generator[bool]:
+        """Holds a slot inside the block, after waiting for one.
+
+        Args:
+            should_stop: asked while waiting; once true, waiting ends.
+            name: what waits, for people.
+
+        Yields:
+            Whether a slot is held; false only when `should_stop` ended the wait.
+        """
+        slot = self._awaited(should_stop, name)
+        try:
+            yield slot is not None
+        finally:
+            if slot is not None:
+                self.give_back(slot)
+
+    def take(self, name: str = "a job") -> int | None:
+        """Takes a slot, if a job may begin now; `give_back` has to follow.
+
+        From then on this batch waits for slots, and others with less right to them get none: ask again within seconds,
+        or `leave`.
+
+        Args:
+            name: what waits, for people.
+        """
+        with self._lock:
+            now_s = self._clock()
+            self._since_s = self._since_s or now_s
+            slots = self._slots.look()
+            wait = self._why_wait(slots, now_s)
+            slot = None if wait else self._slots.take(slots.free, Holder(batch=self._batch, began_s=now_s))
+            if wait is not None or self._written is not None:
+                self._write(name, wait and self._told(wait, slots), now_s)
+            if slot is not None:
+                self._since_s = now_s
+            return slot
+
+    def leave(self) -> None:
+        """Waits for no slots any more."""
+        with self._lock:
+            self._leave()
+
+    def _leave(self) -> None:
+        if self._written is not None:
+            self._waiters.remove(self._ticket)
+        self._since_s = self._written = None
+
+    def give_back(self, slot: int) -> None:
+        """Frees a slot, also where a child process has inherited it."""
+        self._slots.give_back(slot)
+
+    def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
+        """Waits for a slot; of the threads that do, one looks, and the batch waits until the last has one."""
+        with self._lock:
+            self._threads += 1
+        try:
+            while not self._front.acquire(timeout=_LOOK_S):
+                if should_stop():
+                    return None
+            try:
+                while (slot := self.take(name)) is None and not should_stop():
+                    time.sleep(_LOOK_S)
+                return slot
+            finally:
+                self._front.release()
+        finally:
+            with self._lock:
+                self._threads -= 1
+                if self._threads == 0:
+                    self._leave()
+
+    def _why_wait(self, slots: Slots, now_s: float) -> Wait | None:
+        if not slots.free:
+            count = len(slots.holders)
+            jobs = "1 job runs" if count == 1 else f"{count} jobs run"
+            return Wait("slots", f"{jobs} on this machine, as many as ROBOMAKER_MAX_JOBS allows")
+        waiters = [record.waiter(ticket) for ticket, record in self._waiters.read(now_s).items()]
+        own = self._record("", None).waiter(self._ticket)
+        others = [waiter for waiter in waiters if waiter.ticket != self._ticket]
+        if not may_begin(self._ticket, [own, *others], slots.by_batch(), len(slots.free)):
+            return Wait("slots", "jobs with a higher priority, or of batches with fewer jobs here, begin first")
+        growing = sum(0.0 <= now_s - holder.began_s < _GROWS_S for holder in slots.holders)
+        room = Room(self._memory(), self._disk(self._home), len(slots.holders), growing)
+        return why_wait(self._need, room)
+
+    def _told(self, wait: Wait, slots: Slots) -> Wait | None:
+        """The wait, unless it is only for other jobs of the same batch, which is how batches are."""
+        only_own = self._batch is not None and all(holder.batch == self._batch for holder in slots.holders)
+        return None if wait.scarce == "slots" and only_own else wait
+
+    def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
+        """Says that this batch waits: to the other waiters, and to people when it is time."""
+        if self._notices.is_due(wait, now_s) and wait is not None:
+            text = f"{name} waits: {wait.text}"
+            _logger.log(logging.INFO if wait.scarce == "slots" else logging.WARNING, "%s", text)
+            self._tell(text)
+        why = wait.text if wait else None
+        if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
+            self._waiters.write(self._ticket, self._record(name, why), now_s)
+            self._written = now_s, why
+
+    def _record(self, name: str, why: str | None) -> WaiterRecord:
+        return WaiterRecord(
+            pid=os.getpid(),
+            name=name,
+            batch=self._batch,
+            priority=self._priority,
+            since_s=self._since_s or 0.0,
+            why=why,
+        )
+
+
+def jobs_that_wait(settings: Settings, pid: int, clock: Callable[[], float] = time.time) -> list[WaiterRecord]:
+    """What of a process waits for room on this machine, the longest first.
+
+    Args:
+        settings: where the slots are.
+        pid: the process.
+        clock: seconds since 1970.
+    """
+    found = WaiterFiles(settings.home / _FOLDER / _WAITERS).read(clock()).values()
+    return sorted((record for record in found if record.pid == pid and record.why), key=lambda each: each.since_s)

@@ -1,0 +1,32 @@
+"""When people are told that jobs wait: not of a moment, and not of the same thing all the time."""
+
+from .free_room import Scarce, Wait
+
+_AFTER_S = 2.0
+_AGAIN_S = 600.0
+
+
+class Notices:
+    """Decides which waits of one batch, or of one job, are told."""
+
+    def __init__(self) -> None:
+        self._scarce: Scarce | None = None
+        self._began_s = 0.0
+        self._told_s: dict[Scarce, float] = {}
+
+    def is_due(self, wait: Wait | None, now_s: float) -> bool:
+        """Whether to tell of a wait now: it has lasted two seconds, and was not told in the last ten minutes.
+
+        Args:
+            wait: why there is waiting at this moment; None: there is nothing to tell.
+            now_s: seconds on any clock.
+        """
+        scarce = wait.scarce if wait else None
+        if scarce != self._scarce:
+            self._scarce, self._began_s = scarce, now_s
+        if scarce is None or now_s - self._began_s < _AFTER_S:
+            return False
+        if scarce in self._told_s and now_s - self._told_s[scarce] < _AGAIN_S:
+            return False
+        self._told_s[scarce] = now_s
+        return True

@@ -1,0 +1,287 @@
+"""A machine runs no more jobs at once than its setting says and has room for, in whatever threads and processes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from contextlib import ExitStack
+
+import pytest
+from helpers.processes import started, wait_for
+
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.machine.machine_slots import MachineSlots, jobs_that_wait
+from prefect_robomaker.tasks.machine.slot_files import SlotFiles
+from prefect_robomaker.tasks.machine.waiter_files import WaiterFiles
+
+GB = 10**9
+
+_HOLD = """
+import os, sys
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.machine.machine_slots import MachineSlots
+assert MachineSlots(Settings.from_environment(os.environ)).take() is not None
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_as_many_slots_as_the_setting_says(settings: Settings) -> None:
+    slots = MachineSlots(settings.model_copy(update={"max_jobs": 2}))
+    first, second = slots.take(), slots.take()
+    assert first is not None
+    assert second is not None
+    assert slots.take() is None
+
+    slots.give_back(first)
+    third = slots.take()
+    assert third is not None
+    slots.give_back(second)
+    slots.give_back(third)
+
+
+def test_waiting_for_a_slot_ends_when_the_job_has_to_stop(settings: Settings) -> None:
+    slots = MachineSlots(settings.model_copy(update={"max_jobs": 1}))
+    asked: list[bool] = []
+
+    def should_stop() -> bool:
+        asked.append(True)
+        return len(asked) > 2
+
+    with slots.hold(should_stop) as first, slots.hold(should_stop) as second:
+        assert (first, second) == (True, False)
+    with slots.hold(lambda: True) as third:
+        assert third
+
+
+def test_other_processes_count_and_those_that_die_do_not(settings: Settings) -> None:
+    settings = settings.model_copy(update={"max_jobs": 1})
+    slots = MachineSlots(settings)
+    variables = {"ROBOMAKER_HOME": str(settings.home), "ROBOMAKER_MAX_JOBS": "1"}
+    with started([sys.executable, "-c", _HOLD], variables, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        assert slots.take() is None
+        process.kill()
+        slot = wait_for(slots.take, "the slot of a dead process")
+    assert slot is not None
+    slots.give_back(slot)
+
+
+@pytest.fixture
+def roomy(settings: Settings) -> Settings:
+    """Settings of a machine with two slots and all the room that there can be."""
+    return settings.model_copy(update={"max_jobs": 2, "job_memory_mb": 0, "min_free_disk_mb": 0})
+
+
+def never() -> bool:
+    return False
+
+
+def taken(slots: MachineSlots, name: str = "a job") -> int:
+    slot = slots.take(name)
+    assert slot is not None
+    return slot
+
+
+def waits(settings: Settings) -> list[str]:
+    return [f"{record.name}: {record.why}" for record in jobs_that_wait(settings, os.getpid())]
+
+
+def test_a_second_job_waits_for_memory_says_so_and_begins_once_there_is_some(roomy: Settings) -> None:
+    settings = roomy.model_copy(update={"job_memory_mb": 500})
+    available, told, now_s = [2 * GB], list[str](), [1000.0]
+
+    def slots() -> MachineSlots:
+        return MachineSlots(settings, tell=told.append, memory=lambda: available[0], clock=lambda: now_s[0])
+
+    first, second = slots(), slots()
+    available[0] = 0
+    held = taken(first, "sim-1")  # one that is alone waits for no memory
+    assert second.take("sim-2") is None
+    assert told == []
+    now_s[0] += 3.0
+    assert second.take("sim-2") is None
+    assert told == [
+        "sim-2 waits: 0 MB of memory are available, of which jobs that have just begun may take 500 MB; another job "
+        "begins with at least 500 MB (ROBOMAKER_JOB_MEMORY_MB)"
+    ]
+    available[0] = 999 * 10**6
+    assert second.take("sim-2") is None, "the first has not had the time to take its memory"
+    now_s[0] += 30.0
+    other = taken(second, "sim-2")
+    first.give_back(held)
+    second.give_back(other)
+
+
+def test_a_job_waits_for_a_disk_that_is_all_but_full_also_when_it_is_alone(roomy: Settings) -> None:
+    settings = roomy.model_copy(update={"min_free_disk_mb": 200})
+    free = [100 * 10**6]
+    slots = MachineSlots(settings, disk=lambda _: free[0])
+
+    assert slots.take("sim-1") is None
+    assert waits(settings) == [
+        "sim-1: 100 MB are free on the disk of ROBOMAKER_HOME, and a job begins with at least 200 MB "
+        "(ROBOMAKER_MIN_FREE_DISK_MB)"
+    ]
+    free[0] = GB
+    slot = taken(slots, "sim-1")
+    slots.give_back(slot)
+    slots.leave()
+    assert waits(settings) == []
+
+
+def test_a_batch_that_only_waits_for_its_own_jobs_says_nothing(roomy: Settings) -> None:
+    told, now_s = list[str](), [1000.0]
+    slots = MachineSlots(roomy, "batch", tell=told.append, clock=lambda: now_s[0])
+    other = MachineSlots(roomy, "other", tell=told.append, clock=lambda: now_s[0])
+    assert slots.take() is not None
+    assert slots.take() is not None
+
+    for _ in range(5):
+        now_s[0] += 1.0
+        assert slots.take("request 2 of batch") is None
+    assert (told, jobs_that_wait(roomy, os.getpid(), lambda: now_s[0])) == ([], [])
+    for _ in range(5):
+        now_s[0] += 1.0
+        assert other.take("request 0 of other") is None
+    assert told == ["request 0 of other waits: 2 jobs run on this machine, as many as ROBOMAKER_MAX_JOBS allows"]
+
+
+def test_a_waiter_that_asks_no_more_holds_no_other_back(roomy: Settings) -> None:
+    """As one whose process has died or is stopped."""
+    settings, now_s = roomy.model_copy(update={"max_jobs": 1}), [1000.0]
+    running, urgent, patient = (
+        MachineSlots(settings, name, priority, clock=lambda: now_s[0])
+        for name, priority in (("running", 0), ("urgent", 5), ("patient", 0))
+    )
+    slot = taken(running)
+    assert urgent.take() is None
+    running.give_back(slot)
+
+    assert patient.take() is None
+    now_s[0] += 2.0
+    assert patient.take() is None
+    now_s[0] += 2.0
+    slot = taken(patient)
+    patient.give_back(slot)
+
+
+def test_one_that_leaves_holds_no_other_back(roomy: Settings) -> None:
+    settings = roomy.model_copy(update={"max_jobs": 1})
+    with MachineSlots(settings).hold(never):
+        with MachineSlots(settings, "urgent", 5).hold(lambda: True) as held:
+            assert not held
+        other = MachineSlots(settings, "other")
+        assert other.take() is None
+    slot = taken(other)
+    other.give_back(slot)
+
+
+_BATCH = """
+import os, sys, threading
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.machine.machine_slots import MachineSlots
+slots = MachineSlots(Settings.from_environment(os.environ), sys.argv[1], int(sys.argv[2]))
+ends = threading.Semaphore(0)
+
+def run():
+    with slots.hold(lambda: False):
+        ends.acquire()
+
+for line in sys.stdin:
+    if line == "end\\n":
+        ends.release()
+    else:
+        threading.Thread(target=run, daemon=True).start()
+os._exit(0)
+"""
+
+
+class Machine:
+    """A machine with four slots, and batches on it that are processes of their own."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._variables = {
+            "ROBOMAKER_HOME": str(settings.home),
+            "ROBOMAKER_MAX_JOBS": "4",
+            "ROBOMAKER_JOB_MEMORY_MB": "0",
+            "ROBOMAKER_MIN_FREE_DISK_MB": "0",
+        }
+        self._files = SlotFiles(settings.home / "slots", 4)
+        self._waiters = WaiterFiles(settings.home / "slots" / "waiting")
+        self._processes = ExitStack()
+
+    def __enter__(self) -> "Machine":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._processes.close()
+
+    def batch(self, name: str, priority: int = 0) -> "subprocess.Popen[str]":
+        """A batch that wants six slots; returns once it waits for more of them."""
+        command = [sys.executable, "-c", _BATCH, name, str(priority)]
+        process = self._processes.enter_context(started(command, self._variables, stdin=subprocess.PIPE))
+        tell(process, ["begin"] * 6)
+        wait_for(lambda: self.free() == 0 and name in self.waiting(), f"{name} to wait")
+        return process
+
+    def waiting(self) -> set[str | None]:
+        return {record.batch for record in self._waiters.read(time.time()).values()}
+
+    def free(self) -> int:
+        return len(self._files.look().free)
+
+    def running(self) -> dict[str | None, int]:
+        return dict(self._files.look().by_batch())
+
+    def check(self, expected: dict[str | None, int]) -> None:
+        wait_for(lambda: self.running() == expected, f"{expected}, not {self.running()}", 20.0)
+
+
+def tell(process: "subprocess.Popen[str]", words: Iterable[str]) -> None:
+    assert process.stdin is not None
+    process.stdin.writelines(f"{word}\n" for word in words)
+    process.stdin.flush()
+
+
+def test_two_batches_end_up_with_half_the_slots_each(settings: Settings) -> None:
+    with Machine(settings) as machine:
+        first = machine.batch("first")
+        machine.check({"first": 4})
+        second = machine.batch("second")
+        tell(first, ["end"])
+        machine.check({"first": 3, "second": 1})
+        tell(first, ["end"])
+        machine.check({"first": 2, "second": 2})
+        tell(second, ["end"])
+        machine.check({"first": 2, "second": 2})
+        tell(first, ["end"])
+        machine.check({"first": 2, "second": 2})
+
+
+def test_a_batch_of_higher_priority_gets_the_next_free_slots(settings: Settings) -> None:
+    with Machine(settings) as machine:
+        first = machine.batch("first")
+        urgent = machine.batch("urgent", 1)
+        tell(first, ["end"] * 3)
+        machine.check({"first": 1, "urgent": 3})
+        tell(urgent, ["end"])
+        machine.check({"first": 1, "urgent": 3})
+
+
+def test_a_batch_whose_process_is_stopped_or_dies_while_it_waits_blocks_no_other(settings: Settings) -> None:
+    with Machine(settings) as machine:
+        first = machine.batch("first")
+        stopped, dead = machine.batch("stopped", 2), machine.batch("dead", 1)
+        stopped.send_signal(signal.SIGSTOP)
+        dead.kill()
+        tell(first, ["end"] * 2)
+        machine.check({"first": 4})
+        stopped.send_signal(signal.SIGCONT)
+        wait_for(lambda: "stopped" in machine.waiting(), "it to wait again")
+        tell(first, ["end"])
+        machine.check({"first": 3, "stopped": 1})
