@@ -9,7 +9,7 @@
 | `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
 | `ROBOMAKER_BACKEND` | where jobs of batches run: `by-hand`, `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
 | `ROBOMAKER_MAX_JOBS` | simulation jobs at once on this machine, whatever batches ask for | number of CPUs |
-| `ROBOMAKER_JOB_MEMORY_MB` | memory that has to be available for a job to begin beside others, in MB; `0`: any | 500 |
+| `ROBOMAKER_JOB_MEMORY_MB` | memory that has to be available for a job to begin beside others, in MB; `0`: any | 300 |
 | `ROBOMAKER_MIN_FREE_DISK_MB` | what has to be free on the disk of the home for a job to begin, in MB; `0`: any | 200 |
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
@@ -49,8 +49,8 @@ NotifyWhen = Literal["failure", "recovery", "change", "always"]
 """Of which runs somebody is told: that did not succeed; the first good one after bad ones; that ended otherwise than
 the one before; all."""
 
-DEFAULT_JOB_MEMORY_MB = 500
-"""What a job of one robot in a furnished flat takes at most, with some to spare."""
+DEFAULT_JOB_MEMORY_MB = 300
+"""A job with the built-in applications takes 60 to 190 MB."""
 DEFAULT_MIN_FREE_DISK_MB = 200
 """A disk with less is all but full: even a short job may fail there, and so may everything else on the machine."""
 MOST_NICE = 19

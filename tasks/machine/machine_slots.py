@@ -24,7 +24,7 @@ from .waiter_files import WRITE_EVERY_S, WaiterFiles, WaiterRecord
 _FOLDER = "slots"
 _WAITERS = "waiting"
 _LOOK_S = 0.1
-_GROWS_S = 20.0
+_GROWS_S = 10.0
 """After that long a job has taken the memory that it needs, or most of it."""
 
 _logger = logging.getLogger(__name__)
