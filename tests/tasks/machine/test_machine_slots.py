@@ -238,6 +238,16 @@ class Machine:
     def running(self) -> dict[str | None, int]:
         return dict(self._files.look().by_batch())
 
+    def end(self, batch: "subprocess.Popen[str]", count: int = 1) -> None:
+        """Ends jobs of a batch, and waits until as many others have begun."""
+        before = self._begun()
+        tell(batch, ["end"] * count)
+        wait_for(lambda: len(self._begun() - before) == count, f"{count} to begin", 20.0)
+
+    def _begun(self) -> set[float]:
+        """When the jobs that run have begun."""
+        return {holder.began_s for holder in self._files.look().holders}
+
     def check(self, expected: dict[str | None, int]) -> None:
         wait_for(lambda: self.running() == expected, f"{expected}, not {self.running()}", 20.0)
 
@@ -253,13 +263,13 @@ def test_two_batches_end_up_with_half_the_slots_each(settings: Settings) -> None
         first = machine.batch("first")
         machine.check({"first": 4})
         second = machine.batch("second")
-        tell(first, ["end"])
+        machine.end(first)
         machine.check({"first": 3, "second": 1})
-        tell(first, ["end"])
+        machine.end(first)
         machine.check({"first": 2, "second": 2})
-        tell(second, ["end"])
+        machine.end(second)
         machine.check({"first": 2, "second": 2})
-        tell(first, ["end"])
+        machine.end(first)
         machine.check({"first": 2, "second": 2})
 
 
@@ -267,9 +277,9 @@ def test_a_batch_of_higher_priority_gets_the_next_free_slots(settings: Settings)
     with Machine(settings) as machine:
         first = machine.batch("first")
         urgent = machine.batch("urgent", 1)
-        tell(first, ["end"] * 3)
+        machine.end(first, 3)
         machine.check({"first": 1, "urgent": 3})
-        tell(urgent, ["end"])
+        machine.end(urgent)
         machine.check({"first": 1, "urgent": 3})
 
 
@@ -279,9 +289,9 @@ def test_a_batch_whose_process_is_stopped_or_dies_while_it_waits_blocks_no_other
         stopped, dead = machine.batch("stopped", 2), machine.batch("dead", 1)
         stopped.send_signal(signal.SIGSTOP)
         dead.kill()
-        tell(first, ["end"] * 2)
+        machine.end(first, 2)
         machine.check({"first": 4})
         stopped.send_signal(signal.SIGCONT)
         wait_for(lambda: "stopped" in machine.waiting(), "it to wait again")
-        tell(first, ["end"])
+        machine.end(first)
         machine.check({"first": 3, "stopped": 1})
