@@ -148,8 +148,7 @@ class BatchRun:
 
         most = min(self._policy.max_concurrency, len(indices))
         if self._service.backend is None:
-            # No more run on this machine; one waits, so that no other batch takes the turn of this one.
-            most = min(most, self._service.settings.max_jobs + 1)
+            most = min(most, self._service.settings.max_jobs)  # no more run on this machine
         with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
             try:
                 if self._service.backend is None:
@@ -224,11 +223,15 @@ class BatchRun:
         """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it."""
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
-        with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name) as has_room:
+        with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name, self._wants_more) as has_room:
             if may_run and has_room and (job := self.create_job(index)) is not None:
                 self._report()
                 perform_job(job.arn, self._service, self._why_stop)
         self._report()
+
+    def _wants_more(self) -> bool:
+        """Whether another request becomes a job once one of those that run has ended."""
+        return self._why_stop() is None and len(self._made) + len(self._failed) < len(self._requests)
 
     def _why_stop(self) -> StopReason | None:
         """Why the batch's jobs have to stop, if they have to; the first reason stays."""

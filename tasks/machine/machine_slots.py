@@ -30,6 +30,10 @@ _GROWS_S = 10.0
 _logger = logging.getLogger(__name__)
 
 
+def _no_more() -> bool:
+    return False
+
+
 def _tell_none(text: str) -> None:
     """Ignores what is told, where there is no listener."""
 
@@ -69,15 +73,20 @@ class MachineSlots:
         self._ticket = f"{os.getpid()}-{secrets.token_hex(8)}"
         self._since_s: float | None = None
         self._written: tuple[float, str | None] | None = None
-        self._threads = 0
+        self._threads = 0  # that wait, or will in a moment
+        self._kept = 0  # of these, how many will in a moment
 
     @contextmanager
-    def hold(self, should_stop: Callable[[], bool], name: str = "a job") -> Generator[bool]:
+    def hold(
+        self, should_stop: Callable[[], bool], name: str = "a job", wants_more: Callable[[], bool] = _no_more
+    ) -> Generator[bool]:
         """Holds a slot inside the block, after waiting for one.
 
         Args:
             should_stop: asked while waiting; once true, waiting ends.
             name: what waits, for people.
+            wants_more: asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
+                turn is kept for it, so that the slot goes to no batch that comes after this one.
 
         Yields:
             Whether a slot is held; false only when `should_stop` ended the wait.
@@ -87,6 +96,8 @@ class MachineSlots:
             yield slot is not None
         finally:
             if slot is not None:
+                if wants_more():
+                    self._keep_turn(name)
                 self.give_back(slot)
 
     def take(self, name: str = "a job") -> int | None:
@@ -127,7 +138,10 @@ class MachineSlots:
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
         """Waits for a slot; of the threads that do, one looks, and the batch waits until the last has one."""
         with self._lock:
-            self._threads += 1
+            if self._kept:
+                self._kept -= 1
+            else:
+                self._threads += 1
         try:
             while not self._front.acquire(timeout=_LOOK_S):
                 if should_stop():
@@ -143,6 +157,16 @@ class MachineSlots:
                 self._threads -= 1
                 if self._threads == 0:
                     self._leave()
+
+    def _keep_turn(self, name: str) -> None:
+        """Waits already, for a thread that will; if none does, others are held back for some seconds."""
+        with self._lock:
+            self._threads += 1
+            self._kept += 1
+            now_s = self._clock()
+            self._since_s = self._since_s or now_s
+            self._waiters.write(self._ticket, self._record(name, None), now_s)
+            self._written = now_s, None
 
     def _why_wait(self, slots: Slots, now_s: float) -> Wait | None:
         if not slots.free:

@@ -6,12 +6,14 @@ import sys
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 from helpers.processes import started, wait_for, working_below
 
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.machine.slot_files import SlotFiles
 from prefect_robomaker.tasks.operations.registry import call, registry
@@ -96,15 +98,23 @@ def test_an_urgent_batch_gets_the_slots_of_one_that_began_before(
     def status(arn: str) -> str:
         return service.catalog.get(arn).status
 
-    first, perform_first = start(12)
-    urgent, perform_urgent = start(3, priority=10)
+    def begun(arn: str) -> list[datetime]:
+        jobs = service.catalog.children(arn, kind="simulation-job")
+        return sorted(
+            datetime.fromisoformat(each) for job in jobs if (each := SimulationJobDocument.of(job).last_started_at)
+        )
+
+    first, perform_first = start(14)
+    urgent, perform_urgent = start(6, priority=10)
     with (tmp_path / "log").open("w") as log, started(perform_first, variables, stdout=log, stderr=log):
         wait_for(lambda: slots.look().by_batch() == {first: 2}, "both slots to be the first batch's")
         with started(perform_urgent, variables, stdout=log, stderr=log):
             wait_for(lambda: slots.look().by_batch() == {urgent: 2}, "both slots to be the urgent batch's")
             wait_for(lambda: status(urgent) == "Completed", "the urgent batch")
         assert status(first) == "InProgress"
+        between = [each for each in begun(first) if begun(urgent)[1] < each < begun(urgent)[-1]]
 
+    assert between == [], "a slot of the urgent batch went to the other while it had requests left"
     described = call("DescribeSimulationJobBatch", {"batch": urgent}, service)
     assert described["batchPolicy"] == {"timeoutInSeconds": 1_209_600, "maxConcurrency": 9, "priority": 10}
 

@@ -180,6 +180,33 @@ def test_one_that_leaves_holds_no_other_back(roomy: Settings) -> None:
     other.give_back(slot)
 
 
+def test_a_batch_that_wants_more_keeps_its_turn_between_two_jobs(roomy: Settings) -> None:
+    settings, now_s = roomy.model_copy(update={"max_jobs": 1}), [1000.0]
+    urgent, other = (
+        MachineSlots(settings, name, priority, clock=lambda: now_s[0])
+        for name, priority in (("urgent", 5), ("other", 0))
+    )
+    with urgent.hold(never, wants_more=lambda: True):
+        assert other.take() is None
+    assert other.take() is None, "the urgent batch is about to begin another job"
+    with urgent.hold(never):
+        assert other.take() is None
+    other.give_back(taken(other))
+
+
+def test_a_turn_that_is_kept_for_nothing_is_kept_for_seconds(roomy: Settings) -> None:
+    settings, now_s = roomy.model_copy(update={"max_jobs": 1}), [1000.0]
+    urgent, other = (
+        MachineSlots(settings, name, priority, clock=lambda: now_s[0])
+        for name, priority in (("urgent", 5), ("other", 0))
+    )
+    with urgent.hold(never, wants_more=lambda: True):
+        pass
+    assert other.take() is None
+    now_s[0] += 4.0
+    other.give_back(taken(other))
+
+
 _BATCH = """
 import os, sys, threading
 from prefect_robomaker.schemas.settings import Settings

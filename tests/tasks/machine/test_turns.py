@@ -83,6 +83,7 @@ def test_jobs_that_are_in_no_batch_share_as_one_batch() -> None:
     assert not may_begin("batch", [*alone, batch], {None: 1, "batch": 2}, 1)
     assert may_begin("alone-0", [*alone, batch], {None: 1, "batch": 2}, 1)
     assert not may_begin("alone-1", [*alone, batch], {None: 1, "batch": 1}, 2)
+    assert may_begin("alone-7", alone, {}, 8), "each wants one slot only"
 
 
 def test_slots_that_become_free_together_need_no_look_for_each() -> None:

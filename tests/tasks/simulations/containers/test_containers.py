@@ -60,6 +60,14 @@ def test_a_run_gives_the_container_limits_variables_and_folders(tmp_path: Path) 
     ]
 
 
+def test_the_container_of_a_nice_job_gets_the_share_of_busy_processors_that_a_nice_process_gets(tmp_path: Path) -> None:
+    container = Container(Engine("docker", {}), "one", "robot", limits=ComputeLimits(nice=10))
+
+    argv = create_arguments(container, tmp_path / "robot.env")
+
+    assert argv[argv.index("--cpu-shares") + 1] == "110"
+
+
 def test_podman_is_told_of_a_gpu_in_its_own_way(tmp_path: Path) -> None:
     container = Container(Engine("podman", {}, is_podman=True), "one", "robot", limits=ComputeLimits(gpu=True), gpu="1")
 

@@ -1,0 +1,34 @@
+"""Settings from the environment: defaults, bounds, and what a mistake is answered with."""
+
+import pytest
+
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+
+
+def test_defaults_leave_a_healthy_machine_alone() -> None:
+    settings = Settings.from_environment({})
+
+    assert (settings.job_memory_mb, settings.min_free_disk_mb, settings.nice) == (300, 200, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "bounds"),
+    [
+        ("ROBOMAKER_NICE", "20", "0 to 19"),
+        ("ROBOMAKER_NICE", "-1", "0 to 19"),
+        ("ROBOMAKER_JOB_MEMORY_MB", "half", "0 to 9999999"),
+        ("ROBOMAKER_MIN_FREE_DISK_MB", "10000000", "0 to 9999999"),
+        ("ROBOMAKER_MAX_JOBS", "0", "1 to 9999"),
+        ("ROBOMAKER_MAX_JOBS", "10000", "1 to 9999"),
+    ],
+)
+def test_a_number_out_of_bounds_is_refused_with_them(name: str, value: str, bounds: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"^{name} is '{value}'; it has to be a number from {bounds}$"):
+        Settings.from_environment({name: value})
+
+
+def test_zero_turns_memory_and_disk_off() -> None:
+    settings = Settings.from_environment({"ROBOMAKER_JOB_MEMORY_MB": "0", "ROBOMAKER_MIN_FREE_DISK_MB": "0"})
+
+    assert (settings.job_memory_mb, settings.min_free_disk_mb) == (0, 0)
