@@ -19,6 +19,7 @@ from prefect import flow
 from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
 
+from ..schemas.reports.forecast import ForecastCheck
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.report import RunState
 from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunRecord, StepRecord
@@ -67,6 +68,8 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 _NO_FILE = "specification"
+Cut = Callable[[str, dict[str, Any]], dict[str, Any]]
+"""Makes the request of an operation smaller."""
 
 
 def run_spec(
@@ -78,6 +81,7 @@ def run_spec(
     command: Sequence[str] = (),
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
+    cut: Cut | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a flow in this process.
 
@@ -89,6 +93,7 @@ def run_spec(
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
+        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
 
     Returns:
         The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -97,7 +102,7 @@ def run_spec(
         RunInterrupted: Ctrl-C was pressed.
     """
     service = Service.open(settings)
-    run = PipelineRun(checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of)
+    run = PipelineRun(checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut)
     check_preconditions(checked, run.service)
     token = _current.set(run)
     try:
@@ -154,6 +159,7 @@ class PipelineRun:
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
+        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
     """
 
     def __init__(
@@ -166,8 +172,10 @@ class PipelineRun:
         *,
         reuse: bool = False,
         rerun_of: RerunOf | None = None,
+        cut: Cut | None = None,
     ) -> None:
         self._checked = checked
+        self._cut = cut
         self._rerun_of = rerun_of
         self._command = list(command) or ["robomaker", "run", spec_path]
         self._listener = listener
@@ -275,7 +283,8 @@ class PipelineRun:
         step, began = self._checked.steps[name], self._service.clock()
         self._listener(StepStarted(name, step.operation))
         try:
-            parts = parts_of(step.operation, resolve_input(step, self._outputs))
+            request = resolve_input(step, self._outputs)
+            parts = parts_of(step.operation, self._cut(step.operation, request) if self._cut else request)
         except Exception as error:
             last = self._note_end(name, Part({}), began, "Failed", {}, _error_in_words(error))
         else:
@@ -383,7 +392,8 @@ class PipelineRun:
         from ..tasks.inspection.run_records import write_record
 
         ended_at, versions = self._service.clock(), installed_versions()
-        jobs, report_path = self._report(ended_at, versions)
+        forecast = self._forecast(ended_at)
+        jobs, report_path = self._report(ended_at, versions, forecast)
         state = self._state(jobs) if report_path else "broken"
         record = RunRecord(
             run_id=self.run_id,
@@ -400,6 +410,7 @@ class PipelineRun:
             report_path=report_path,
             rerun_of=self._rerun_of,
             reuse=self._service.reuses,
+            forecast=forecast,
             run_dir=self._folder,
             source=self._source,
         )
@@ -408,7 +419,17 @@ class PipelineRun:
         notify_of(record, self._service, self._listener)
         return record
 
-    def _report(self, ended_at: datetime, versions: dict[str, str]) -> tuple[list[JobRecord], Path | None]:
+    def _forecast(self, ended_at: datetime) -> ForecastCheck | None:
+        """How the run compares to its forecast; one that may run less than was forecast does not."""
+        from ..tasks.inspection.kept_forecasts import check_forecast
+
+        if self._cut or self._rerun_of or self._service.reuses or self._is_canceled:
+            return None
+        return check_forecast(self._checked, self._service.settings, self._steps, self._started_at, ended_at)
+
+    def _report(
+        self, ended_at: datetime, versions: dict[str, str], forecast: ForecastCheck | None
+    ) -> tuple[list[JobRecord], Path | None]:
         """Writes the report; without one there still is a record."""
         from ..tasks.inspection.reports import publish_report
 
@@ -426,6 +447,7 @@ class PipelineRun:
                 state_of=self._state,
                 source=self._source,
                 rerun_of=self._rerun_of,
+                forecast=forecast,
             )
         except Exception as error:
             _logger.exception("the report could not be written")

@@ -2,7 +2,7 @@
 
 `main.py` is the entry point, `grammar.py` the parser, `command_table.py` the table of commands, `arguments.py` the
 arguments that several commands have. `commands/` has one module per command, `inputs/` finds what people name,
-`output/` says things to people and programs. The other modules are the work behind commands:
+`output/` says things to people and programs, `probing/` forecasts runs. The other modules are the work behind commands:
 `planning.py`, `job.py`, `serving.py`, `health.py`, `prefect_server.py`, `signals.py`.
 
 May import everything below `deployments` and its neighbours `endpoint`, `worker`, `sdk`, `prefect_server`,

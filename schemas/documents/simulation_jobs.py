@@ -19,6 +19,7 @@ class Outcome(Part):
     failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
     failure_reason: str | None = Field(default=None, description="The same in words.")
     simulation_time_millis: int | None = Field(default=None, description="How long the run took; absent: none ran.")
+    cpu_time_s: float | None = Field(default=None, description="CPU time that the run took; absent: not known.")
     verdict: Verdict | None = Field(default=None, description="Verdict of its result; absent: none was written.")
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
@@ -46,7 +47,10 @@ class Outcome(Part):
         return {name: value for name in _OF_JOB if (value := getattr(self, name)) is not None}
 
 
-_OF_JOB = ("failure_code", "failure_reason", "simulation_time_millis", "verdict", "verdict_reason", "outputs")
+_OF_JOB = (
+    *("failure_code", "failure_reason", "verdict", "verdict_reason"),
+    *("simulation_time_millis", "cpu_time_s", "outputs"),
+)
 
 
 class EarlierRun(Part):
@@ -122,6 +126,9 @@ class SimulationJobProgress(FailureChanges):
     )
     attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
+    cpu_time_s: float | None = Field(
+        default=None, description="CPU time of all processes of that run; absent: not known, or it was taken over."
+    )
     verdict: Verdict | None = Field(
         default=None, description="What its last run was judged to be; absent: it has no result, or was canceled."
     )

@@ -9,6 +9,7 @@ from pydantic import Field
 from ..runs.plan import RunResult
 from ..wire.base import Model
 from .changes import SinceLastRun
+from .forecast import ForecastCheck
 from .inputs import JobInputs
 from .states import RunState as RunState
 
@@ -87,6 +88,9 @@ class Report(Model):
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
     rerun_of: str = Field(default="", description="Of which run it is a rerun, and of which jobs, in words.")
+    forecast: ForecastCheck | None = Field(
+        default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
+    )
     where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")
     since_last: SinceLastRun | None = Field(

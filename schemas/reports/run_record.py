@@ -9,6 +9,7 @@ from pydantic import Field
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..runs.plan import Requirement, Verdict
 from ..wire.base import Model
+from .forecast import ForecastCheck
 from .inputs import JobInputs, SourceCommit
 from .states import RunState
 
@@ -116,5 +117,8 @@ class RunRecord(Model):
     )
     report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
     rerun_of: RerunOf | None = Field(default=None, description="What it has run again; absent: it is no rerun.")
+    forecast: ForecastCheck | None = Field(
+        default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
+    )
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")

@@ -10,6 +10,7 @@ from ..runs.plan import Requirement
 from ..runs.programs import ToolEnds
 from ..wire.base import Model
 from .changes import SinceLastRun
+from .forecast import ForecastCheck
 from .states import CaseOutcome as CaseOutcome
 from .states import RunState
 
@@ -92,5 +93,8 @@ class ReportSummary(Model):
         default=None, description="What changed since the last run of the specification; absent: it was not looked up."
     )
     rerun_of: str = Field(default="", description="Of which run it is a rerun, and of which jobs, in words.")
+    forecast: ForecastCheck | None = Field(
+        default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
+    )
     report_path: Path | None = Field(default=None, description="The HTML report.")
     junit_path: Path | None = Field(default=None, description="The JUnit file.")

@@ -161,6 +161,10 @@ class RunOutcome(Model):
     failure_reason: str | None = Field(default=None, description="In words, ending with the last log lines.")
     started_at: datetime = Field(description="When the process began to run.")
     ended_at: datetime = Field(description="When its process group was gone.")
+    cpu_time_s: float | None = Field(
+        default=None,
+        description="CPU time of its processes, those of containers left out; absent: its supervisor was killed.",
+    )
     verdict: Verdict | None = Field(default=None, description="Verdict of a run that is Completed and wrote a result.")
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")

@@ -7,4 +7,16 @@ May import: `schemas`, `tasks.catalog`, `tasks.comparison`, `tasks.execution`, `
 `tasks.storage`, `tasks.worlds`.
 """
 
-__all__ = ["commits", "preflight", "replays", "reports", "reruns", "reuse_plans", "run_records", "standings"]
+__all__ = [
+    "commits",
+    "forecasting",
+    "kept_forecasts",
+    "preflight",
+    "probes",
+    "replays",
+    "reports",
+    "reruns",
+    "reuse_plans",
+    "run_records",
+    "standings",
+]

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
+from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord
@@ -57,6 +58,7 @@ def publish_report(
     state_of: Callable[[list[JobRecord]], RunState],
     source: SourceCommit | None = None,
     rerun_of: RerunOf | None = None,
+    forecast: ForecastCheck | None = None,
 ) -> tuple[list[JobRecord], Path]:
     """Writes the report of a run and shows its main parts in Prefect's UI.
 
@@ -78,6 +80,7 @@ def publish_report(
         jobs=reported,
         command=shlex.join(command),
         rerun_of=_rerun_in_words(rerun_of),
+        forecast=forecast,
         versions=dict(versions),
         since_last=None if rerun_of else since_last(run, folder.parent),
     )
@@ -128,6 +131,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
         jobs=reported,
         command=shlex.join(record.command or ["robomaker", "run", record.spec_path]),
         rerun_of=_rerun_in_words(record.rerun_of),
+        forecast=record.forecast,
         versions=dict(record.versions),
     )
 

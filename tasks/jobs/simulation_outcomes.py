@@ -27,7 +27,8 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     elif run.status == "Canceled":
         outcome = stopped(stopped_because or StopReason.CANCELED, "the job was stopped while it ran")
     duration = run.ended_at - run.started_at
-    return outcome.model_copy(update={"simulation_time_millis": round(duration.total_seconds() * 1000)})
+    took = {"simulation_time_millis": round(duration.total_seconds() * 1000), "cpu_time_s": run.cpu_time_s}
+    return outcome.model_copy(update=took)
 
 
 def stopped(reason: StopReason, words: str) -> Outcome:

@@ -28,6 +28,7 @@ def summarize(report: Report) -> ReportSummary:
         rooms=by_room(report.jobs),
         since_last=report.since_last,
         rerun_of=report.rerun_of,
+        forecast=report.forecast,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
     )
 

@@ -43,6 +43,8 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
     lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
     if rerun := record.rerun_of:
         lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])
+    if check := record.forecast:
+        lines.append([(f"forecast {duration(check.forecast_s)}, took {took} ({check.difference})", "")])
     if reused := [job for job in record.jobs if job.reused_from]:
         lines.append([(f"{len(reused)} of {len(record.jobs)} results taken over from earlier runs", "")])
     if failed := [step for step in record.steps if step.error]:

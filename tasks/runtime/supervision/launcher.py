@@ -147,6 +147,7 @@ class Launcher:
             failure_reason=decided.failure_reason,
             started_at=started_at,
             ended_at=ended_at,
+            cpu_time_s=ended.cpu_time_s if ended else None,
             timed_out=decided.timed_out,
             finished=finished,
         )

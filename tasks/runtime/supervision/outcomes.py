@@ -63,6 +63,9 @@ class Exit:
     trial: int | None = None
     """Number of the trial that the run's process was in; None: it has no trials, or all have finished."""
 
+    cpu_time_s: float | None = None
+    """CPU time of all processes of the run; None: not known yet."""
+
     @property
     def ended_by(self) -> str | None:
         """What ended the loop of a run that finished its outputs; None for others."""
@@ -85,6 +88,7 @@ class Exit:
             crash,
             tools,
             message["trial"],
+            message["cpu_time_s"],
         )
 
 

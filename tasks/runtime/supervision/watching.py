@@ -4,10 +4,12 @@ import heapq
 import itertools
 import json
 import os
+import resource
 import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -325,7 +327,7 @@ class Supervision:
         for log in self._logs:
             with suppress(OSError):
                 log.close()
-        return self._exit()
+        return replace(self._exit(), cpu_time_s=_cpu_time_s())
 
     def _look_at_disk(self) -> None:
         """Checks what the run left: it has failed if that is more than it may leave, even if it ended well."""
@@ -364,6 +366,12 @@ class Supervision:
 def _pids_of_run() -> Iterator[int]:
     """Processes below this one, read one after the other as they are asked for."""
     return (state.pid for state in descendants_of(os.getpid()))
+
+
+def _cpu_time_s() -> float:
+    """CPU time of all processes below this one that have ended: those of the run."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _failed_role(report: dict[str, Any]) -> str | None:

@@ -1,0 +1,95 @@
+"""Forecasts: what a probe measured of a specification, what that says of the whole run, and how wrong it was."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+
+
+class JobCost(Model):
+    """What one simulation job of a probe took."""
+
+    slot_s: float = Field(ge=0, description="Wall-clock time for which no other job could have its place.")
+    run_s: float = Field(ge=0, description="Of it the run itself: grows with the number of trials.")
+    trials: int = Field(ge=1, description="Trials that it ran; 1 without trials.")
+    cpu_time_s: float | None = Field(ge=0, description="CPU time; absent: not known.")
+    size_bytes: int = Field(ge=0, description="Size of its outputs.")
+
+
+class StepProbe(Model):
+    """What a probe measured of one step."""
+
+    step: str = Field(description="The step.")
+    operation: str = Field(description="The operation it calls.")
+    wall_time_s: float = Field(ge=0, description="Wall-clock time of the step in the probe's first pass.")
+    first_trials: int = Field(default=1, ge=1, description="Trials of its job in the first pass; 1 without trials.")
+    jobs: list[JobCost] = Field(default=[], description="Its simulation jobs, in the last pass.")
+    worlds: int = Field(default=0, ge=0, description="Worlds that it made or packed in the first pass.")
+    world_s: float = Field(default=0.0, ge=0, description="Wall-clock time of one world in its place.")
+    cpu_time_s: float = Field(default=0.0, ge=0, description="CPU time of the processes that made its worlds.")
+    size_bytes: int = Field(default=0, ge=0, description="Size of its worlds.")
+
+
+class Places(Model):
+    """Where jobs and worlds run at once."""
+
+    machines: int = Field(ge=1, description="Machines that run jobs of batches.")
+    jobs_per_machine: int = Field(ge=1, description="Simulation jobs at once on each of them.")
+    cpus: int = Field(ge=1, description="Processors of each of them, and of the machine that makes the worlds.")
+
+
+class StepForecast(Model):
+    """What one step of the whole run will take."""
+
+    step: str = Field(description="The step.")
+    operation: str = Field(description="The operation it calls.")
+    parts: int = Field(ge=0, description="Worlds or simulation jobs; 0: it makes none.")
+    concurrency: int = Field(ge=1, description="How many of them at once.")
+    start_s: float = Field(ge=0, description="Wall-clock time that it takes whatever their number: start-up and end.")
+    wall_time_s: float = Field(ge=0, description="Wall-clock time.")
+    cpu_time_s: float | None = Field(ge=0, description="CPU time of its jobs and worlds; absent: not known.")
+    size_bytes: int = Field(ge=0, description="Size of their outputs.")
+
+
+class Forecast(Model):
+    """What a run of a specification will take."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    name: str = Field(description="Name of the specification.")
+    made_at: datetime = Field(description="When it was made, UTC.")
+    backend: str = Field(description="Where jobs of batches run.")
+    places: Places = Field(description="Where jobs and worlds run at once.")
+    steps: list[StepForecast] = Field(description="The steps, in the order they run.")
+    wall_time_s: float = Field(ge=0, description="Wall-clock time of the run.")
+    cpu_time_s: float | None = Field(ge=0, description="CPU time of all jobs and worlds; absent: not known.")
+    size_bytes: int = Field(ge=0, description="Size of the outputs of all jobs and worlds.")
+    price_per_hour: float | None = Field(default=None, ge=0, description="Price of a machine for an hour, as given.")
+    cost: float | None = Field(default=None, ge=0, description="Machines x hours x price; absent: no price is given.")
+    assumed: list[str] = Field(description="What the figures rest on, in words.")
+    probes: list[str] = Field(description="Ids of the runs that were measured.")
+
+    @property
+    def cpu_hours(self) -> float | None:
+        """CPU time in hours."""
+        return None if self.cpu_time_s is None else self.cpu_time_s / 3600
+
+
+class ForecastCheck(Model):
+    """A forecast beside what the run took."""
+
+    made_at: datetime = Field(description="When the forecast was made, UTC.")
+    forecast_s: float = Field(ge=0, description="Wall-clock time that was forecast.")
+    took_s: float = Field(ge=0, description="Wall-clock time that the run took.")
+
+    @property
+    def error(self) -> float:
+        """How much more the run took than was forecast, as a share of the forecast; negative: less."""
+        return self.took_s / self.forecast_s - 1 if self.forecast_s > 0 else 0.0
+
+    @property
+    def difference(self) -> str:
+        """The same in words: `8 % more`, `as much`."""
+        percent = round(100 * self.error)
+        return f"{abs(percent)} % {'more' if percent > 0 else 'less'}" if percent else "as much"

@@ -1,0 +1,176 @@
+"""Requests of a probe: those of a specification, cut down to a few worlds, jobs and trials, with the same seeds.
+
+How many jobs the whole request has, and how many trials each of them, says `jobs_in`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from ..operations.simulation_jobs import SimulationJobRequest
+from ..runs.requested_trials import TRIALS_VARIABLE, trials_of
+from ..runs.trials import Trials
+from ..wire.errors import Problem, SpecError
+from ..wire.json_values import is_list, is_mapping
+from .model import CheckedSpec
+from .text import path_text
+
+GENERATION = "CreateWorldGenerationJob"
+EXPORT = "CreateWorldExportJob"
+JOB = "CreateSimulationJob"
+BATCH = "StartSimulationJobBatch"
+_REQUESTS = "createSimulationJobRequests"
+_READS = ("Describe", "List", "Get", "BatchDescribe")
+_MAKES = frozenset(
+    (
+        *(GENERATION, EXPORT, JOB, BATCH, "CreateWorldTemplate"),
+        *("CreateRobotApplication", "CreateRobotApplicationVersion"),
+        *("CreateSimulationApplication", "CreateSimulationApplicationVersion"),
+    )
+)
+_APPLICATIONS = ("simulationApplications", "robotApplications")
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True)
+class ProbeSize:
+    """How much of a specification a probe runs."""
+
+    worlds: int
+    """Worlds of each generation job, at most."""
+    jobs: int
+    """Jobs of each batch, at most."""
+    trials: int
+    """Trials of each job, at most."""
+
+
+@dataclass(frozen=True)
+class JobAmount:
+    """How much one simulation job is to do."""
+
+    trials: int
+    """1 for a job without trials."""
+    limit_s: float
+    """Its `maxJobDurationInSeconds`."""
+
+
+def check_probed(spec: CheckedSpec) -> None:
+    """Refuses a specification that would change what is there already.
+
+    Raises:
+        SpecError: a step is of an operation that a probe must not call.
+    """
+    problems = [
+        Problem(
+            step.place,
+            path_text(step.location),
+            f"{step.operation} changes what is there already, which a probe would do as well; a probe runs steps that "
+            "read, and that make applications, templates, worlds and simulation jobs",
+        )
+        for step in spec.steps.values()
+        if step.operation not in _MAKES and not step.operation.startswith(_READS)
+    ]
+    if problems:
+        raise SpecError(problems)
+
+
+def worlds_in(request: Mapping[str, Any]) -> int:
+    """How many worlds a generation job makes."""
+    count = request.get("worldCount") or {}
+    return (count.get("floorplanCount") or 1) * (count.get("interiorCountPerFloorplan") or 1)
+
+
+def jobs_in(operation: str, request: Mapping[str, Any]) -> list[JobAmount]:
+    """The simulation jobs that a resolved request makes, in order; none for other operations."""
+    return [
+        JobAmount(trials.count if (trials := _trials(job)) else 1, float(job["maxJobDurationInSeconds"]))
+        for job in _jobs(operation, request)
+    ]
+
+
+def cut(operation: str, request: Mapping[str, Any], size: ProbeSize) -> dict[str, Any]:
+    """Cuts a resolved request down.
+
+    Args:
+        operation: the step's operation.
+        request: its request, references resolved.
+        size: what is left of it, at most.
+
+    Returns:
+        The request of the probe, without a token: the whole request may use that later.
+    """
+    members = {name: value for name, value in request.items() if name != "clientRequestToken"}
+    if operation == GENERATION:
+        return {**members, "worldCount": _cut_worlds(request, size.worlds)}
+    if operation == JOB:
+        return _cut_job(members, size.trials)
+    if operation == BATCH:
+        chosen = spread(_jobs(operation, request), size.jobs)
+        return {**members, _REQUESTS: [_cut_job(job, size.trials) for job in chosen]}
+    return members
+
+
+def spread(items: Sequence[_Item], most: int) -> list[_Item]:
+    """The first and further ones of a list at equal distances, at most so many: neighbours are often alike."""
+    if len(items) <= most:
+        return list(items)
+    return [items[index * len(items) // most] for index in range(most)]
+
+
+def _cut_worlds(request: Mapping[str, Any], most: int) -> dict[str, int]:
+    """A world count with the same number of interiors for each floor plan, as seeds depend on it, if it may be."""
+    count = request.get("worldCount") or {}
+    interiors = min(count.get("interiorCountPerFloorplan") or 1, most)
+    floorplans = min(count.get("floorplanCount") or 1, max(1, most // interiors))
+    return {"floorplanCount": floorplans, "interiorCountPerFloorplan": interiors}
+
+
+def _jobs(operation: str, request: Mapping[str, Any]) -> list[dict[str, Any]]:
+    if operation == JOB:
+        return [dict(request)]
+    requests = request.get(_REQUESTS) if operation == BATCH else None
+    return list(requests) if is_list(requests) else []
+
+
+def _trials(job: Mapping[str, Any]) -> Trials | None:
+    members = {name: value for name, value in job.items() if name in SimulationJobRequest.model_fields}
+    return trials_of(SimulationJobRequest.model_validate(members))
+
+
+def _cut_job(job: Mapping[str, Any], most: int) -> dict[str, Any]:
+    trials = _trials(job)
+    if trials is None or trials.count <= most:
+        return dict(job)
+    applications = {role: [_without_trials(each) for each in job[role]] for role in _APPLICATIONS if job.get(role)}
+    return {**job, **applications, "trials": cut_trials(trials, most).to_wire()}
+
+
+def cut_trials(trials: Trials, most: int) -> Trials:
+    """Fewer trials: with the first values of the parameters where all combinations are too many.
+
+    As many of them are recorded as of the whole, in proportion.
+    """
+    parameters, combinations = trials.parameters, trials.combinations
+    if combinations > most:
+        parameters, combinations = {name: values[:1] for name, values in (parameters or {}).items()}, 1
+    seeds = min(trials.seeds, max(1, most // combinations))
+    share = seeds * combinations / trials.count
+    recorded = range(math.ceil(len(trials.record or ()) * share))
+    return Trials(
+        seeds=seeds,
+        parameters=parameters,
+        record=list(recorded) or None,
+        record_failed=math.ceil(trials.record_failed * share),
+    )
+
+
+def _without_trials(application: Mapping[str, Any]) -> dict[str, Any]:
+    """An application's configuration without the launch variable that orders trials."""
+    launch = application.get("launchConfig")
+    variables = launch.get("environmentVariables") if is_mapping(launch) else None
+    if not is_mapping(launch) or not is_mapping(variables):
+        return dict(application)
+    kept = {name: value for name, value in variables.items() if name != TRIALS_VARIABLE}
+    return {**application, "launchConfig": {**launch, "environmentVariables": kept}}

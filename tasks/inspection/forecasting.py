@@ -1,0 +1,171 @@
+"""What a run will take, computed from what a probe took; pure.
+
+The jobs of a batch take their places in order, each as soon as one is free. Every job costs what those of the probe
+did on average; one with trials in proportion to their number, up to its duration limit.
+"""
+
+import heapq
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from ...schemas.reports.forecast import Forecast, JobCost, Places, StepForecast, StepProbe
+from ...schemas.specs.campaigns import MOST_REQUESTS
+from ...schemas.specs.probe_requests import BATCH, GENERATION, JobAmount
+
+
+@dataclass(frozen=True)
+class WholeStep:
+    """How much a step of the whole run does."""
+
+    jobs: Sequence[JobAmount] = field(default_factory=tuple)
+    worlds: int = 0
+    max_concurrency: int = 1
+    """Of a batch: how many jobs it allows at once."""
+
+
+def forecast_run(
+    name: str,
+    steps: Sequence[tuple[StepProbe, WholeStep]],
+    places: Places,
+    *,
+    backend: str,
+    made_at: datetime,
+    assumed: Sequence[str],
+    probes: Sequence[str],
+    price_per_hour: float | None = None,
+) -> Forecast:
+    """Forecasts a run.
+
+    Args:
+        name: of the specification.
+        steps: what each step took in the probe, and how much it is to do.
+        places: where jobs and worlds run at once.
+        backend: where jobs of batches run.
+        made_at: the time now.
+        assumed: what the figures rest on, in words.
+        probes: ids of the runs that were measured.
+        price_per_hour: of a machine; absent: there is no cost.
+    """
+    each = [forecast_step(probe, whole, places) for probe, whole in steps]
+    wall_time_s = sum(step.wall_time_s for step in each)
+    cpu_times = [step.cpu_time_s for step in each if step.cpu_time_s is not None]
+    return Forecast(
+        name=name,
+        made_at=made_at,
+        backend=backend,
+        places=places,
+        steps=each,
+        wall_time_s=wall_time_s,
+        cpu_time_s=sum(cpu_times) if len(cpu_times) == len(each) else None,
+        size_bytes=sum(step.size_bytes for step in each),
+        price_per_hour=price_per_hour,
+        cost=None if price_per_hour is None else places.machines * wall_time_s / 3600 * price_per_hour,
+        assumed=list(assumed),
+        probes=list(probes),
+    )
+
+
+def forecast_step(probe: StepProbe, whole: WholeStep, places: Places) -> StepForecast:
+    """Forecasts one step."""
+    if probe.jobs and whole.jobs:
+        return _forecast_jobs(probe, whole, places)
+    if probe.worlds:
+        return _forecast_worlds(probe, whole.worlds, places)
+    return StepForecast(
+        step=probe.step,
+        operation=probe.operation,
+        parts=0,
+        concurrency=1,
+        start_s=probe.wall_time_s,
+        wall_time_s=probe.wall_time_s,
+        cpu_time_s=0.0,
+        size_bytes=0,
+    )
+
+
+def _forecast_worlds(probe: StepProbe, worlds: int, places: Places) -> StepForecast:
+    at_once = places.cpus if probe.operation == GENERATION else 1
+    start_s = max(0.0, probe.wall_time_s - math.ceil(probe.worlds / at_once) * probe.world_s)
+    return StepForecast(
+        step=probe.step,
+        operation=probe.operation,
+        parts=worlds,
+        concurrency=max(1, min(at_once, worlds)),
+        start_s=start_s,
+        wall_time_s=start_s + math.ceil(worlds / at_once) * probe.world_s,
+        cpu_time_s=probe.cpu_time_s * worlds / probe.worlds,
+        size_bytes=round(probe.size_bytes * worlds / probe.worlds),
+    )
+
+
+def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepForecast:
+    cost = _MeanCost.of(probe.jobs)
+    room = places.machines * places.jobs_per_machine if probe.operation == BATCH else 1
+    at_once = max(1, min(whole.max_concurrency, room, len(whole.jobs)))
+    cpus = places.cpus * (places.machines if probe.operation == BATCH else 1)
+    start_s = max(0.0, probe.wall_time_s - cost.slot_s(JobAmount(probe.first_trials, math.inf)))
+    batches = [whole.jobs[first : first + MOST_REQUESTS] for first in range(0, len(whole.jobs), MOST_REQUESTS)]
+    wall_time_s = sum(start_s + _batch_s(jobs, cost, at_once, cpus) for jobs in batches)
+    run_s = sum(cost.run_s(job) for job in whole.jobs)
+    return StepForecast(
+        step=probe.step,
+        operation=probe.operation,
+        parts=len(whole.jobs),
+        concurrency=at_once,
+        start_s=start_s,
+        wall_time_s=wall_time_s,
+        cpu_time_s=None if cost.cpu_share is None else cost.cpu_share * run_s,
+        size_bytes=round(cost.bytes_per_s * run_s),
+    )
+
+
+def _batch_s(jobs: Sequence[JobAmount], cost: "_MeanCost", at_once: int, cpus: int) -> float:
+    """Wall-clock time of a batch without start and end: as places are free, and no less than its CPU time allows."""
+    computing_s = sum(cost.run_s(job) for job in jobs) * (cost.cpu_share or 0.0) / cpus
+    return max(makespan_s([cost.slot_s(job) for job in jobs], at_once), computing_s)
+
+
+def makespan_s(durations_s: Sequence[float], places: int) -> float:
+    """When the last of some jobs ends that take places in their order, each as soon as one is free.
+
+    Args:
+        durations_s: how long each job keeps its place.
+        places: how many places there are.
+    """
+    free_at = [0.0] * places
+    for duration_s in durations_s:
+        heapq.heapreplace(free_at, free_at[0] + duration_s)
+    return max(free_at)
+
+
+@dataclass(frozen=True)
+class _MeanCost:
+    """What a job costs on average."""
+
+    around_s: float
+    """Time in its place before and after its run."""
+    trial_s: float
+    """Time of its run for each trial."""
+    cpu_share: float | None
+    """CPU seconds for each second of a run; None: not known."""
+    bytes_per_s: float
+    """Outputs for each second of a run."""
+
+    @classmethod
+    def of(cls, jobs: Sequence[JobCost]) -> "_MeanCost":
+        run_s = max(sum(job.run_s for job in jobs), 1e-6)
+        cpu_times = [job.cpu_time_s for job in jobs if job.cpu_time_s is not None]
+        return cls(
+            around_s=sum(max(0.0, job.slot_s - job.run_s) for job in jobs) / len(jobs),
+            trial_s=run_s / sum(job.trials for job in jobs),
+            cpu_share=sum(cpu_times) / run_s if len(cpu_times) == len(jobs) else None,
+            bytes_per_s=sum(job.size_bytes for job in jobs) / run_s,
+        )
+
+    def run_s(self, job: JobAmount) -> float:
+        return min(job.trials * self.trial_s, job.limit_s)
+
+    def slot_s(self, job: JobAmount) -> float:
+        return self.around_s + self.run_s(job)

@@ -1,0 +1,139 @@
+"""What a probe took: of each step its wall-clock time, its jobs and worlds, and how many the whole run will have."""
+
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from itertools import cycle, islice
+from typing import Any
+
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.reports.forecast import JobCost, StepProbe
+from ...schemas.reports.run_record import RunRecord, StepRecord
+from ...schemas.runs.trials import Trials
+from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.probe_requests import BATCH, EXPORT, GENERATION, JOB, jobs_in, worlds_in
+from ...schemas.specs.resolving import resolve_input
+from ...schemas.wire.errors import StorageError
+from ..catalog import Resource
+from ..service.service import Service
+from ..storage import read_manifest
+from .forecasting import WholeStep
+
+
+def measured(
+    first: RunRecord, last: RunRecord, cpu_times_s: Mapping[str, float], cpus: int, service: Service
+) -> dict[str, StepProbe]:
+    """What each step of a probe took.
+
+    Args:
+        first: the first pass: it starts all that a run starts.
+        last: the last pass, or the first again: its jobs find running what the first one started.
+        cpu_times_s: CPU time of the processes that each step of the first pass started, by the step's name.
+        cpus: how many worlds are made at once.
+        service: where the jobs are stored.
+    """
+    return {
+        one.name: _measured_step(one, other, cpu_times_s.get(one.name, 0.0), cpus, service)
+        for one, other in zip(first.steps, last.steps, strict=True)
+    }
+
+
+def _measured_step(first: StepRecord, last: StepRecord, cpu_time_s: float, cpus: int, service: Service) -> StepProbe:
+    probe = StepProbe(step=first.name, operation=first.operation, wall_time_s=_wall_time_s(first))
+    if first.operation in (JOB, BATCH):
+        trials = max((job.trials for job in _job_costs(first, service)), default=1)
+        return probe.model_copy(update={"jobs": _job_costs(last, service), "first_trials": trials})
+    if first.operation == GENERATION:
+        worlds = service.catalog.children(first.arn or "", kind="world")
+        made = sorted(world.created_at for world in worlds)
+        sizes = [_size_bytes(WorldDocument.of(world).bundle, service) for world in worlds]
+        return probe.model_copy(
+            update={
+                "worlds": len(made),
+                "world_s": _world_s(made, cpus),
+                "cpu_time_s": cpu_time_s,
+                "size_bytes": sum(sizes),
+            }
+        )
+    if first.operation == EXPORT and (packed := len(first.output.get("worlds") or [])):
+        return probe.model_copy(update={"worlds": packed, "world_s": probe.wall_time_s / packed})
+    return probe
+
+
+def _wall_time_s(step: StepRecord) -> float:
+    return (step.ended_at - step.started_at).total_seconds() if step.started_at and step.ended_at else 0.0
+
+
+def _world_s(made: list[datetime], at_once: int) -> float:
+    """Time of a world in its place, by when worlds were made; the first of each place also waited for its process."""
+    later = len(made) - at_once
+    if later <= 0:
+        return 0.0
+    return (made[-1] - made[at_once - 1]) / timedelta(seconds=1) * at_once / later
+
+
+def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
+    """What the jobs of a step took, in request order."""
+    if not step.arn:
+        return []
+    if step.operation == JOB:
+        jobs = [service.catalog.get(step.arn, kind="simulation-job")]
+    else:
+        jobs = service.catalog.children(step.arn, kind="simulation-job")
+    by_place = sorted(jobs, key=lambda job: SimulationJobDocument.of(job).request_index or 0)
+    return [_job_cost(job, service) for job in by_place]
+
+
+def _job_cost(job: Resource, service: Service) -> JobCost:
+    document = SimulationJobDocument.of(job)
+    began = job.created_at
+    if service.backend is not None and document.started_at is not None:
+        began = document.started_at  # it was made before there was a place for it
+    run_s = (document.simulation_time_millis or 0) / 1000
+    return JobCost(
+        slot_s=max((job.updated_at - began).total_seconds(), run_s),
+        run_s=run_s,
+        trials=Trials.model_validate(document.trials).count if document.trials else 1,
+        cpu_time_s=document.cpu_time_s,
+        size_bytes=_size_bytes(document.outputs, service),
+    )
+
+
+def _size_bytes(place: StoredPlace | None, service: Service) -> int:
+    """Size of what is stored in one place; 0 of what is not there, or has no manifest."""
+    if place is None:
+        return 0
+    try:
+        return sum(file.size_bytes for file in read_manifest(service.store, place.bucket, place.prefix).files)
+    except StorageError:
+        return 0
+
+
+def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
+    """How much each step of the whole run does, with worlds of the probe in place of those that it did not make.
+
+    Args:
+        spec: the specification.
+        probe: a pass of its probe; all its steps came to their end.
+
+    Raises:
+        SpecError: a reference gives nothing.
+    """
+    ended = {step.name: step for step in probe.steps}
+    outputs: dict[str, dict[str, Any]] = {}
+    whole: dict[str, WholeStep] = {}
+    for name in spec.order:
+        step, output = spec.steps[name], ended[name].output
+        request = resolve_input(step, outputs)
+        worlds = worlds_in(request) if step.operation == GENERATION else len(request.get("worlds") or [])
+        concurrency = (output.get("batchPolicy") or {}).get("maxConcurrency") or 1
+        whole[name] = WholeStep(jobs_in(step.operation, request), worlds, concurrency)
+        outputs[name] = _with_all_worlds(output, worlds) if step.operation == GENERATION else output
+    return whole
+
+
+def _with_all_worlds(output: dict[str, Any], worlds: int) -> dict[str, Any]:
+    """What a generation job gives, with its worlds again and again until there are so many."""
+    summary = output.get("finishedWorldsSummary") or {}
+    made = islice(cycle(summary.get("succeededWorlds") or []), worlds)
+    return {**output, "finishedWorldsSummary": {**summary, "finishedCount": worlds, "succeededWorlds": list(made)}}
