@@ -14,7 +14,7 @@ class JobCost(Model):
     slot_s: float = Field(ge=0, description="Wall-clock time for which no other job could have its place.")
     run_s: float = Field(ge=0, description="Of it the run itself: grows with the number of trials.")
     trials: int = Field(ge=1, description="Trials that it ran; 1 without trials.")
-    cpu_time_s: float | None = Field(ge=0, description="CPU time; absent: not known.")
+    cpu_time_s: float | None = Field(default=None, ge=0, description="CPU time; absent: not known.")
     size_bytes: int = Field(ge=0, description="Size of its outputs.")
 
 
@@ -49,7 +49,9 @@ class StepForecast(Model):
     concurrency: int = Field(ge=1, description="How many of them at once.")
     start_s: float = Field(ge=0, description="Wall-clock time that it takes whatever their number: start-up and end.")
     wall_time_s: float = Field(ge=0, description="Wall-clock time.")
-    cpu_time_s: float | None = Field(ge=0, description="CPU time of its jobs and worlds; absent: not known.")
+    cpu_time_s: float | None = Field(
+        default=None, ge=0, description="CPU time of its jobs and worlds; absent: not known."
+    )
     size_bytes: int = Field(ge=0, description="Size of their outputs.")
 
 
@@ -63,7 +65,9 @@ class Forecast(Model):
     places: Places = Field(description="Where jobs and worlds run at once.")
     steps: list[StepForecast] = Field(description="The steps, in the order they run.")
     wall_time_s: float = Field(ge=0, description="Wall-clock time of the run.")
-    cpu_time_s: float | None = Field(ge=0, description="CPU time of all jobs and worlds; absent: not known.")
+    cpu_time_s: float | None = Field(
+        default=None, ge=0, description="CPU time of all jobs and worlds; absent: not known."
+    )
     size_bytes: int = Field(ge=0, description="Size of the outputs of all jobs and worlds.")
     price_per_hour: float | None = Field(default=None, ge=0, description="Price of a machine for an hour, as given.")
     cost: float | None = Field(default=None, ge=0, description="Machines x hours x price; absent: no price is given.")

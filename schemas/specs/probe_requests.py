@@ -12,7 +12,7 @@ from ..operations.simulation_jobs import SimulationJobRequest
 from ..runs.requested_trials import TRIALS_VARIABLE, trials_of
 from ..runs.trials import Trials
 from ..wire.errors import Problem, SpecError
-from ..wire.json_values import is_list, is_mapping
+from ..wire.json_values import is_list, is_mapping, is_object
 from .model import CheckedSpec
 from .text import path_text
 
@@ -78,8 +78,7 @@ def check_probed(spec: CheckedSpec) -> None:
 
 def worlds_in(request: Mapping[str, Any]) -> int:
     """How many worlds a generation job makes."""
-    count = request.get("worldCount") or {}
-    return (count.get("floorplanCount") or 1) * (count.get("interiorCountPerFloorplan") or 1)
+    return math.prod(_world_count(request))
 
 
 def jobs_in(operation: str, request: Mapping[str, Any]) -> list[JobAmount]:
@@ -121,10 +120,17 @@ def spread(items: Sequence[_Item], most: int) -> list[_Item]:
 
 def _cut_worlds(request: Mapping[str, Any], most: int) -> dict[str, int]:
     """A world count with the same number of interiors for each floor plan, as seeds depend on it, if it may be."""
-    count = request.get("worldCount") or {}
-    interiors = min(count.get("interiorCountPerFloorplan") or 1, most)
-    floorplans = min(count.get("floorplanCount") or 1, max(1, most // interiors))
+    floorplans, interiors = _world_count(request)
+    interiors = min(interiors, most)
+    floorplans = min(floorplans, max(1, most // interiors))
     return {"floorplanCount": floorplans, "interiorCountPerFloorplan": interiors}
+
+
+def _world_count(request: Mapping[str, Any]) -> tuple[int, int]:
+    """Floor plans, and interiors of each."""
+    count = request.get("worldCount")
+    members = count if is_object(count) else {}
+    return members.get("floorplanCount") or 1, members.get("interiorCountPerFloorplan") or 1
 
 
 def _jobs(operation: str, request: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -17,6 +17,7 @@ from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
 from ..service.service import Service
 from ..storage import read_manifest
+from ..worlds.archive_places import archive_place
 from .forecasting import WholeStep
 
 
@@ -56,7 +57,9 @@ def _measured_step(first: StepRecord, last: StepRecord, cpu_time_s: float, cpus:
             }
         )
     if first.operation == EXPORT and (packed := len(first.output.get("worlds") or [])):
-        return probe.model_copy(update={"worlds": packed, "world_s": probe.wall_time_s / packed})
+        size_bytes = _archive_bytes(first.arn or "", service)
+        packing = {"worlds": packed, "world_s": probe.wall_time_s / packed, "size_bytes": size_bytes}
+        return probe.model_copy(update=packing)
     return probe
 
 
@@ -105,6 +108,15 @@ def _size_bytes(place: StoredPlace | None, service: Service) -> int:
         return 0
     try:
         return sum(file.size_bytes for file in read_manifest(service.store, place.bucket, place.prefix).files)
+    except StorageError:
+        return 0
+
+
+def _archive_bytes(arn: str, service: Service) -> int:
+    """Size of the archive of an export job."""
+    bucket, key = archive_place(service.catalog.get(arn, kind="world-export-job"))
+    try:
+        return sum(item.size_bytes for item in service.store.list(bucket, key))
     except StorageError:
         return 0
 

@@ -10,6 +10,7 @@ import pytest
 from helpers.paths import REPOSITORY
 from PIL import Image
 
+from prefect_robomaker.schemas.reports.forecast import ForecastCheck
 from prefect_robomaker.schemas.reports.report import Report, ReportedFile, ReportedStep
 from prefect_robomaker.schemas.runs.programs import ToolEnds
 from prefect_robomaker.schemas.worlds.world import World
@@ -116,6 +117,14 @@ def test_says_what_a_reader_wants_to_know(mixed_report: Report) -> None:
     ):
         assert expected in text
     assert "\x1b" not in text
+
+
+def test_a_run_that_was_forecast_says_how_far_off_that_was(mixed_report: Report) -> None:
+    assert "Forecast" not in Document(render_report(mixed_report)).text
+    check = ForecastCheck(made_at=mixed_report.started_at, forecast_s=60.0, took_s=83.0)
+    report = mixed_report.model_copy(update={"forecast": check})
+    assert "1 min; it took 38\xa0% more" in Document(render_report(report)).text.replace(" %", "\xa0%")
+    assert summarize(report).forecast == check
 
 
 def test_the_table_has_every_job_with_sortable_numbers(mixed_report: Report) -> None:

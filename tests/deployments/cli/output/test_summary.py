@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from prefect_robomaker.deployments.cli.output.summary import summary_lines
+from prefect_robomaker.schemas.reports.forecast import ForecastCheck
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 
 
@@ -75,6 +76,14 @@ def test_the_final_block() -> None:
         "  outputs  file:///store/robomaker/quickstart",
         "  record   /runs/night-1/run.json",
         "  again    robomaker run 'my spec.yaml'",
+    ]
+
+
+def test_a_run_that_was_forecast_says_how_far_off_that_was() -> None:
+    check = ForecastCheck(made_at=datetime(2026, 1, 1, tzinfo=UTC), forecast_s=171.3, took_s=185.0)
+    assert lines(record(forecast=check))[1:3] == [
+        "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s",
+        "forecast 2 min 51 s, took 3 min 05 s (8 % more)",
     ]
 
 

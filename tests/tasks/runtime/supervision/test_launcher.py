@@ -49,6 +49,8 @@ class TestNormalEnds:
         outcome = launcher.run(plan, never)
         assert (outcome.status, outcome.failure_reason, outcome.timed_out) == ("Completed", None, False)
         assert outcome.started_at < outcome.ended_at
+        assert outcome.cpu_time_s is not None
+        assert outcome.cpu_time_s > 0
         result = read_result(plan)
         assert (result.verdict, result.summary, result.ended_by) == ("PASS", "Counted to 20.", "environment")
         assert result.sim_time_s == pytest.approx(2.0)

@@ -1,6 +1,7 @@
 """run and report: real runs against the test run's Prefect server."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -61,6 +62,17 @@ def test_a_run_says_what_happened_and_where_things_are(run, robomaker, spec, hom
     unknown = robomaker("report", "other")
     assert unknown.code == 2
     assert f"the latest are {folder.name}" in unknown.err
+
+
+@pytest.mark.deep
+def test_a_run_says_how_far_off_its_forecast_was(run, spec) -> None:
+    path = spec(QUICK)
+    planned = run("plan", path, "--probe", "--price-per-hour", "0.5")
+    assert planned.returncode == 0, planned.stderr
+    assert "forecast for 1 machine, backend local:" in planned.stdout
+    assert "  cost       0.0" in planned.stdout
+    ended = run("run", path)
+    assert re.search(r"^forecast [\d.]+ s, took [\d.]+ s \(", ended.stdout, re.MULTILINE), ended.stdout
 
 
 def test_a_step_that_fails_ends_the_run_with_3(run, spec) -> None:

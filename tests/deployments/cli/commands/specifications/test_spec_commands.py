@@ -1,7 +1,9 @@
 """validate and plan."""
 
 import json
+from pathlib import Path
 
+import pytest
 from helpers.paths import REPOSITORY
 
 SPECS = REPOSITORY / "deployments" / "specs"
@@ -92,3 +94,39 @@ steps:
     ended = robomaker("plan", path)
     assert "a simulation job for each of ${{ worlds.worldSummaries }}, at most 1 min 30 s each" in ended.out
     assert json.loads(robomaker("plan", path, "-o", "json").out)["steps"][1]["jobs"] is None
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--machines", "2"), "--machines is for --probe; add that, or leave it out"),
+        (("--price-per-hour", "0.5"), "--price-per-hour is for --probe"),
+        (("--backend", "local"), "--backend is for --probe"),
+        (("--probe", "--reuse"), "--probe forecasts a run that takes nothing over; leave --reuse out"),
+        (("--probe", "--machines", "0"), "--machines is 0; a number from 1 would be right"),
+        (("--probe", "--machines", "2"), "--machines is 2, but the backend is local"),
+        (("--probe", "--price-per-hour", "-1"), "--price-per-hour is -1"),
+        (("--probe", "--backend", "slurm"), "ROBOMAKER_BACKEND is 'slurm'"),
+    ],
+)
+def test_what_cannot_be_forecast_starts_nothing(robomaker, home: Path, options: tuple[str, ...], said: str) -> None:
+    ended = robomaker("plan", SPECS / "quickstart.yaml", *options)
+    assert ended.code == 2
+    assert said in ended.err
+    assert not home.exists()
+
+
+def test_a_probe_does_not_change_what_is_there(robomaker, spec, home: Path) -> None:
+    path = spec("""\
+version: 1
+name: stops
+steps:
+  jobs: {operation: ListSimulationJobs}
+  stop:
+    operation: CancelSimulationJob
+    input: {job: "${{ jobs.simulationJobSummaries[0].arn }}"}
+""")
+    ended = robomaker("plan", path, "--probe")
+    assert ended.code == 2
+    assert "steps.stop.input: CancelSimulationJob changes what is there already" in ended.err
+    assert not home.exists()

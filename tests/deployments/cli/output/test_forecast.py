@@ -1,0 +1,64 @@
+"""Forecasts in lines."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.deployments.cli.output.forecast import forecast_lines, size
+from prefect_robomaker.schemas.reports.forecast import Forecast, Places, StepForecast
+
+
+def forecast(**changes: Any) -> Forecast:
+    quick = StepForecast(
+        step="template", operation="CreateWorldTemplate", parts=0, concurrency=1, start_s=0.7, wall_time_s=0.7,
+        cpu_time_s=0.0, size_bytes=0,
+    )  # fmt: skip
+    drive = StepForecast(
+        step="drive", operation="StartSimulationJobBatch", parts=20, concurrency=4, start_s=4.2, wall_time_s=3600.0,
+        cpu_time_s=5400.0, size_bytes=18_620_000,
+    )  # fmt: skip
+    values: dict[str, Any] = {
+        "name": "night",
+        "made_at": datetime(2026, 3, 1, tzinfo=UTC),
+        "backend": "dask:tcp://head:8786",
+        "places": Places(machines=2, jobs_per_machine=2, cpus=2),
+        "steps": [quick, drive],
+        "wall_time_s": 3600.7,
+        "cpu_time_s": 5400.0,
+        "size_bytes": 18_620_000,
+        "price_per_hour": 0.5,
+        "cost": 1.0002,
+        "assumed": ["all 20 jobs take as long as the 2 that ran"],
+        "probes": ["night-probe-1"],
+    }
+    return Forecast.model_validate(values | changes)
+
+
+def test_what_a_reader_wants_to_know_comes_first() -> None:
+    assert forecast_lines(forecast()) == [
+        "forecast for 2 machines, backend dask:tcp://head:8786:",
+        "  wall time  1 h",
+        "  CPU        1.5 hours",
+        "  outputs    18.6 MB",
+        "  cost       1, at 0.5 for an hour of a machine",
+        "",
+        "  template  0.7 s",
+        "  drive     1 h: 20, 4 at a time, 4.2 s of it start and end",
+        "",
+        "  assumed: all 20 jobs take as long as the 2 that ran",
+        "  measured: night-probe-1",
+    ]
+
+
+def test_what_is_not_known_is_left_out_or_said() -> None:
+    lines = forecast_lines(forecast(cpu_time_s=None, price_per_hour=None, cost=None, assumed=[]))
+    assert "  CPU        not known" in lines
+    assert not any("cost" in line or "assumed" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("size_bytes", "said"), [(0, "0 bytes"), (999, "999 bytes"), (1500, "1.5 kB"), (2 * 10**12, "2 TB")]
+)
+def test_sizes(size_bytes: int, said: str) -> None:
+    assert size(size_bytes) == said
