@@ -1,6 +1,6 @@
 """What a probe took: of each step its wall-clock time, its jobs and worlds, and how many the whole run will have."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from itertools import cycle, islice
 from typing import Any
@@ -51,7 +51,7 @@ def _measured_step(first: StepRecord, last: StepRecord, cpu_time_s: float, cpus:
         return probe.model_copy(
             update={
                 "worlds": len(made),
-                "world_s": _world_s(made, cpus),
+                "world_s": time_in_place_s(made, cpus),
                 "cpu_time_s": cpu_time_s,
                 "size_bytes": sum(sizes),
             }
@@ -67,12 +67,21 @@ def _wall_time_s(step: StepRecord) -> float:
     return (step.ended_at - step.started_at).total_seconds() if step.started_at and step.ended_at else 0.0
 
 
-def _world_s(made: list[datetime], at_once: int) -> float:
-    """Time of a world in its place, by when worlds were made; the first of each place also waited for its process."""
-    later = len(made) - at_once
+def time_in_place_s(ended: Sequence[datetime], at_once: int) -> float:
+    """How long a world or a job keeps its place, with the wait for the next one, by when each of them ended.
+
+    Args:
+        ended: when each ended, in order; the first one of each place counts for nothing, as it also waited for things
+            to start.
+        at_once: how many places there are.
+
+    Returns:
+        Seconds; 0 where no place had a second one.
+    """
+    later = len(ended) - at_once
     if later <= 0:
         return 0.0
-    return (made[-1] - made[at_once - 1]) / timedelta(seconds=1) * at_once / later
+    return (ended[-1] - ended[at_once - 1]) / timedelta(seconds=1) * at_once / later
 
 
 def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
@@ -84,7 +93,18 @@ def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
     else:
         jobs = service.catalog.children(step.arn, kind="simulation-job")
     by_place = sorted(jobs, key=lambda job: SimulationJobDocument.of(job).request_index or 0)
-    return [_job_cost(job, service) for job in by_place]
+    costs = [_job_cost(job, service) for job in by_place]
+    waited_s = _wait_s(step, sorted(job.updated_at for job in jobs), costs, service)
+    return [cost.model_copy(update={"slot_s": cost.slot_s + waited_s}) for cost in costs]
+
+
+def _wait_s(step: StepRecord, ended: Sequence[datetime], costs: Sequence[JobCost], service: Service) -> float:
+    """Time that passes in a place between two jobs: of short jobs, a good part of all."""
+    allowed = (step.output.get("batchPolicy") or {}).get("maxConcurrency")
+    if service.backend is not None or not allowed or not costs:
+        return 0.0
+    in_place_s = time_in_place_s(ended, min(allowed, service.settings.max_jobs))
+    return max(0.0, in_place_s - sum(cost.slot_s for cost in costs) / len(costs))
 
 
 def _job_cost(job: Resource, service: Service) -> JobCost:

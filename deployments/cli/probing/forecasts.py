@@ -22,7 +22,12 @@ from .passes import CpuTimes, run_pass
 
 AGAIN_BELOW_S = 30.0
 """A first pass that took less is followed by another: starting things may be most of what it took."""
-_FIRST_TRIALS, _MORE_TRIALS = 4, 40
+MORE_BELOW_S = 10.0
+"""One that took less runs several jobs in each place then: of short jobs, what lies between two counts, too."""
+_ROUNDS = 4
+_FIRST_TRIALS, _MOST_TRIALS = 4, 1000
+_TRIALS_S = 20.0
+"""About how long the trials of a job may take in the second pass: what a run takes around them is hardly seen then."""
 _WORLDS_PER_CPU = 3
 """The first world of a processor also waits for the process that makes it."""
 
@@ -53,7 +58,8 @@ def probe(
     took_s = (first.ended_at - first.started_at).total_seconds()
     if took_s < AGAIN_BELOW_S and any(step.operation in (JOB, BATCH) for step in first.steps):
         listener(Note("once more, now that everything is running"))
-        more = ProbeSize(worlds, settings.max_jobs, _MORE_TRIALS)
+        rounds = _ROUNDS if took_s < MORE_BELOW_S else 1
+        more = ProbeSize(worlds, rounds * settings.max_jobs, trials_within(_TRIALS_S, first))
         last = run_pass(spec, settings, more, listener, spec_path)
     service = Service.open(settings)
     probes, whole = measured(first, last, cpu_times.by_step, cpus, service), whole_steps(spec, last)
@@ -70,6 +76,17 @@ def probe(
     )
     keep_forecast(forecast, spec, settings)
     return forecast
+
+
+def trials_within(seconds: float, first: RunRecord) -> int:
+    """How many trials a job may have, by those of the first pass, of which the start of the run is a part.
+
+    Args:
+        seconds: wall-clock time that they may take.
+        first: the first pass.
+    """
+    each_s = [job.duration_s / trials for job in first.jobs if job.duration_s and (trials := job.metrics.get("trials"))]
+    return min(_MOST_TRIALS, max(_FIRST_TRIALS, round(seconds / max(each_s)))) if each_s else _FIRST_TRIALS
 
 
 def _assumed(settings: Settings, last: RunRecord, whole: Mapping[str, WholeStep], *, is_alone: bool) -> list[str]:

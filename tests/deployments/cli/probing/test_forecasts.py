@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.night_records import make_night
 from helpers.small_flat import BODY, ROLE
 
-from prefect_robomaker.deployments.cli.probing.forecasts import probe
+from prefect_robomaker.deployments.cli.probing.forecasts import probe, trials_within
 from prefect_robomaker.deployments.cli.probing.machines import Machines
 from prefect_robomaker.deployments.cli.probing.passes import ProbeFailedError
 from prefect_robomaker.flows.pipelines import run_spec
@@ -118,6 +119,14 @@ def test_worlds_and_the_jobs_in_them_are_counted_as_the_whole_run_makes_them(
     assert all(by_name[name].size_bytes > 0 for name in ("worlds", "export", "drive"))
     assert 0 < by_name["worlds"].start_s < by_name["worlds"].wall_time_s
     assert (by_name["worlds"].cpu_time_s or 0) > 0
+
+
+@pytest.mark.parametrize(("took_s", "expected"), [(8.0, 10), (0.01, 1000), (800.0, 4)])
+def test_the_second_pass_has_as_many_trials_as_take_some_seconds(took_s: float, expected: int) -> None:
+    plain = make_night("PP")
+    assert trials_within(20.0, plain) == 4
+    jobs = [job.model_copy(update={"duration_s": took_s, "metrics": {"trials": 4.0}}) for job in plain.jobs]
+    assert trials_within(20.0, plain.model_copy(update={"jobs": jobs})) == expected
 
 
 def test_a_probe_that_breaks_forecasts_nothing_and_says_why(
