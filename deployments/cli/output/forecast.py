@@ -20,7 +20,7 @@ def forecast_lines(forecast: "Forecast") -> list[str]:
         ("outputs", size(forecast.size_bytes)),
     ]
     if forecast.cost is not None:
-        rows.append(("cost", f"{forecast.cost:.4g}, at {forecast.price_per_hour:g} for an hour of a machine"))
+        rows.append(("cost", f"{forecast.cost:.4f}, at {forecast.price_per_hour:g} for an hour of a machine"))
     lines = [f"forecast for {where}:", *(f"  {name:<10} {value}" for name, value in rows)]
     longest = max(len(step.step) for step in forecast.steps)
     lines += ["", *(f"  {step.step:<{longest}}  {_step(step)}" for step in forecast.steps)]

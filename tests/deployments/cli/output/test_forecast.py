@@ -41,7 +41,7 @@ def test_what_a_reader_wants_to_know_comes_first() -> None:
         "  wall time  1 h",
         "  CPU        1.5 hours",
         "  outputs    18.6 MB",
-        "  cost       1, at 0.5 for an hour of a machine",
+        "  cost       1.0002, at 0.5 for an hour of a machine",
         "",
         "  template  0.7 s",
         "  drive     1 h: 20, 4 at a time, 4.2 s of it start and end",
