@@ -410,6 +410,7 @@ class PipelineRun:
             report_path=report_path,
             rerun_of=self._rerun_of,
             reuse=self._service.reuses,
+            probe=self._cut is not None,
             forecast=forecast,
             run_dir=self._folder,
             source=self._source,

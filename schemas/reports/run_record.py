@@ -120,5 +120,6 @@ class RunRecord(Model):
     forecast: ForecastCheck | None = Field(
         default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
     )
+    probe: bool = Field(default=False, description="Whether it was cut down, to forecast the whole run.")
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")

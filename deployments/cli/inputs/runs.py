@@ -1,5 +1,6 @@
 """Earlier runs of specifications, by their ids."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ def find_record(runs: Path, run: str) -> Path:
 
     Args:
         runs: folder of all runs.
-        run: a run's id, its folder, or `latest`.
+        run: a run's id, its folder, or `latest`, which leaves the probes of forecasts out.
 
     Raises:
         ConfigurationError: there is no such run.
@@ -25,11 +26,18 @@ def find_record(runs: Path, run: str) -> Path:
     if not records:
         raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
     if run == "latest":
-        return records[-1]
+        return next((record for record in reversed(records) if not _is_probe(record)), records[-1])
     if found := [path for path in records if path.parent.name == run]:
         return found[0]
     latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
     raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")
+
+
+def _is_probe(record: Path) -> bool:
+    try:
+        return bool(json.loads(record.read_bytes()).get("probe"))
+    except ValueError:
+        return False  # who reads it is told what is wrong with it
 
 
 def read_record(runs: Path, run: str) -> "RunRecord":
