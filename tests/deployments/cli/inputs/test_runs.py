@@ -11,8 +11,8 @@ def record(runs: Path, name: str, text: str) -> Path:
     path = runs / name / "run.json"
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    age_s = 100 - len(list(runs.iterdir()))
-    os.utime(path, (path.stat().st_mtime - age_s,) * 2)
+    number = len(list(runs.iterdir()))  # the later made, the younger, whatever the clock's steps are
+    os.utime(path, (number, number))
     return path
 
 

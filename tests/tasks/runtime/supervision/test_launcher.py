@@ -359,10 +359,10 @@ class TestDeathsBeforeTheStart:
     def test_a_warm_process_that_is_killed_while_it_starts(
         self, make_plan: Plan, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        start = subprocess.Popen
+        start: Callable[..., subprocess.Popen[bytes]] = subprocess.Popen
 
         def start_and_kill(*words: object, **options: object) -> "subprocess.Popen[bytes]":
-            process = start(*words, **options)  # type: ignore[call-overload]
+            process = start(*words, **options)
             process.kill()
             return process
 
