@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.run_processes import children_of, is_running, never, processes_with, wait_until
@@ -359,10 +360,10 @@ class TestDeathsBeforeTheStart:
     def test_a_warm_process_that_is_killed_while_it_starts(
         self, make_plan: Plan, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        start: Callable[..., subprocess.Popen[bytes]] = subprocess.Popen
+        start: Any = subprocess.Popen
 
-        def start_and_kill(*words: object, **options: object) -> "subprocess.Popen[bytes]":
-            process = start(*words, **options)
+        def start_and_kill(*words: Any, **options: Any) -> "subprocess.Popen[bytes]":
+            process: "subprocess.Popen[bytes]" = start(*words, **options)
             process.kill()
             return process
 
