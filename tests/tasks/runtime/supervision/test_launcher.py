@@ -363,7 +363,7 @@ class TestDeathsBeforeTheStart:
         start: Any = subprocess.Popen
 
         def start_and_kill(*words: Any, **options: Any) -> "subprocess.Popen[bytes]":
-            process: "subprocess.Popen[bytes]" = start(*words, **options)
+            process: subprocess.Popen[bytes] = start(*words, **options)
             process.kill()
             return process
 
