@@ -13,6 +13,7 @@ from pathlib import Path
 from subprocess import STDOUT, Popen
 from typing import Any
 
+from helpers.machines_apart import apart
 from helpers.processes import alive, descendants, started, wait_for, working_below
 
 _MISSING = "No module named 'prefect_robomaker'"
@@ -33,6 +34,8 @@ class Cluster:
         self._machines: dict[str, Popen[str]] = {}
         self.backend = ""
         """What `ROBOMAKER_BACKEND` is set to for it."""
+        self.hidden: Path | None = None
+        """A folder above all homes that machines do not see, but for their own home; None: they see all."""
 
     def start_head(self, port: int = 0) -> "Popen[str]":
         """Starts what the machines connect to, and waits until it answers."""
@@ -89,6 +92,8 @@ class Cluster:
         output = self._stack.enter_context((self._folder / f"{name}.txt").open("w"))
         environ = {**self._variables, "ROBOMAKER_HOME": str(self.home(name)), **variables}
         words = [sys.executable, "-m", *command]
+        if self.hidden is not None and name != "head":
+            words = apart(words, self.hidden, self.home(name))
         process = self._stack.enter_context(started(words, environ, stdout=output, stderr=STDOUT, cwd=self._folder))
         self._machines[name] = process
         return process

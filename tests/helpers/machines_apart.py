@@ -1,0 +1,33 @@
+"""Processes that see nothing of what other machines of a test have written: in mount namespaces of their own."""
+
+import os
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+_UNSHARE = ["unshare", *(["--map-root-user"] if os.geteuid() else []), "--mount", "--propagation", "private"]
+_SCRIPT = 'mount -t tmpfs none "$1" && mkdir -p "$2" && shift 2 && exec "$@"'
+
+
+def _allowed() -> bool:
+    try:
+        return subprocess.run([*_UNSHARE, "true"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+NEEDS_NAMESPACES = pytest.mark.skipif(not _allowed(), reason="this user may make no mount namespaces")
+"""Marks tests whose machines are apart."""
+
+
+def apart(command: Sequence[str], hidden: Path, home: Path) -> list[str]:
+    """The words that run a command where a folder is empty but for a new one.
+
+    Args:
+        command: what is run.
+        hidden: what it does not see, and nobody else sees what it writes there.
+        home: the folder that is there for it, below `hidden`.
+    """
+    return [*_UNSHARE, "sh", "-c", _SCRIPT, "sh", str(hidden), str(home), *command]
