@@ -136,9 +136,22 @@ def prefect_at(url: str, auth: str = "") -> Prefect:
     token = client.get("/csrf-token", params={"client": client_id})
     if token.status_code == 200:
         client.headers["Prefect-Csrf-Token"] = token.json()["token"]
-    flow = client.post("/flows/", json={"name": f"victim-{uuid.uuid4().hex}"}).json()["id"]
-    deployment = client.post("/deployments/", json={"flow_id": flow, "name": "victim"}).json()["id"]
+    flow = made(client, "/flows/", {"name": f"victim-{uuid.uuid4().hex}"})
+    deployment = made(client, "/deployments/", {"flow_id": flow, "name": "victim"})
     return Prefect(url, client, flow, deployment)
+
+
+def made(client: httpx.Client, path: str, body: dict[str, Any]) -> str:
+    """Makes something, and returns its id; a server that has just started is busy with its SQLite, and answers 5xx."""
+
+    def post() -> httpx.Response | None:
+        answer = client.post(path, json=body)
+        return None if answer.is_server_error else answer
+
+    answer = wait_for(post, f"an answer to POST {path}")
+    assert answer is not None
+    assert answer.is_success, answer.text
+    return answer.json()["id"]
 
 
 @pytest.fixture(scope="module")
