@@ -12,6 +12,7 @@ from ..dead_run_sweeper import close_dead_runs_beside
 from ..web_guard.guard import Guard
 from .beside import beside
 from .login_page import LoginPage
+from .sqlite_locks import wait_in_the_event_loop
 from .stuck_loop import tell_when_stuck
 
 _HOST = "127.0.0.1"
@@ -34,6 +35,7 @@ def run(listener: socket.socket, auth_string: str) -> None:
         listener: a socket that listens at a port of 127.0.0.1.
         auth_string: what every request to Prefect's API has to carry.
     """
+    wait_in_the_event_loop()
     prefect = get_current_settings().server.api
     port: int = listener.getsockname()[1]
     config = uvicorn.Config(

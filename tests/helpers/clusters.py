@@ -7,7 +7,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from subprocess import STDOUT, Popen
@@ -81,7 +81,8 @@ class Cluster:
         ours = of_home(self.home(name))
         self.kill(name)
         for pid in ours:
-            os.kill(pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # some end with the cluster's
+                os.kill(pid, signal.SIGKILL)
 
     def close(self) -> None:
         """Kills all of it."""
