@@ -129,19 +129,3 @@ def shell(script: str, environ: dict[str, str], folder: Path) -> str:
     ended = subprocess.run(command, env=environ, cwd=folder, capture_output=True, text=True, check=False, timeout=900)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
-
-
-def test_tracebacks_are_found_and_a_locked_database_is_not_one() -> None:
-    log = """INFO started
-12:00 | ERROR | prefect.server
-Traceback (most recent call last):
-  File "a.py", line 1, in <module>
-    run()
-sqlalchemy.exc.InvalidRequestError: Can't evaluate bulk DML statement
-INFO on
-Traceback (most recent call last):
-  File "b.py", line 1, in <module>
-sqlite3.OperationalError: database is locked
-"""
-
-    assert tracebacks(log) == ["sqlalchemy.exc.InvalidRequestError: Can't evaluate bulk DML statement"]

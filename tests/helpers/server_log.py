@@ -2,18 +2,15 @@
 
 import re
 
-# Prefect waits a minute for a lock, but gives up at once, and tries again, where a transaction that has read wants to
-# write after another one did. No waiting helps there, and only PostgreSQL knows no such thing.
-_KNOWN = "database is locked"
 _TRACEBACK = re.compile(
     r"Traceback \(most recent call last\).*?^(?![ \t]|\s*$)(?P<error>[^\n]+)$", re.DOTALL | re.MULTILINE
 )
 
 
 def tracebacks(log: str) -> list[str]:
-    """The last line of each traceback in a log, but for what a loaded SQLite is known to do."""
+    """The last line of each traceback in a log."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
-    return [match["error"] for match in _TRACEBACK.finditer(plain) if _KNOWN not in match["error"]]
+    return [match["error"] for match in _TRACEBACK.finditer(plain)]
 
 
 def where_it_was_stuck(log: str) -> str:

@@ -28,11 +28,12 @@ InvalidRequestError: Can't evaluate bulk DML statement
 """
 
 
-def test_tracebacks_are_found_but_for_those_of_a_locked_database() -> None:
+def test_tracebacks_are_found_by_their_last_lines() -> None:
     assert tracebacks("") == []
-    assert tracebacks(LOCKED) == []
-    (found,) = tracebacks(LOCKED + DEFECT + LOCKED)
-    assert found.endswith("InvalidRequestError: Can't evaluate bulk DML statement")
+    cause, locked, defect = tracebacks(LOCKED + DEFECT)
+    assert cause.endswith("sqlite3.OperationalError: database is locked")
+    assert locked.endswith("(sqlite3.OperationalError) database is locked")
+    assert defect.endswith("InvalidRequestError: Can't evaluate bulk DML statement")
 
 
 def test_the_server_has_logged_none(prefect_server: str) -> None:

@@ -1,33 +1,54 @@
 """A server whose SQLite connections wait for one another goes on."""
 
+import json
 import subprocess
 import sys
-from pathlib import Path
 
-PRELUDE = """
-import asyncio, gc, sqlite3, sys
+import pytest
+
+CASES = """
+import asyncio, gc, json, sqlite3, sys
 from prefect.server.database.configurations import AioSqliteConfiguration
 from prefect_robomaker.deployments.prefect_server import sqlite_locks
+from sqlalchemy import text
 
 sqlite_locks.wait_in_the_event_loop()
-configuration = AioSqliteConfiguration("sqlite+aiosqlite:///" + sys.argv[1])
-kept = []
 
-async def holder_and_writer():
-    engine = await configuration.engine()
-    kept.extend([await engine.raw_connection() for _ in range(2)])
-    holder, writer = [each.driver_connection for each in kept]
-    await holder.execute("CREATE TABLE runs (name)")
-    await holder.execute("BEGIN IMMEDIATE")
-    await holder.execute("INSERT INTO runs VALUES ('one')")
-    return holder, writer
+
+class Database:
+    def __init__(self, name):
+        self.configuration = AioSqliteConfiguration(f"sqlite+aiosqlite:///{sys.argv[1]}/{name}.db")
+
+    async def holder_and_writer(self):
+        engine = await self.configuration.engine()
+        self.pooled = [await engine.raw_connection() for _ in range(2)]
+        holder, writer = [each.driver_connection for each in self.pooled]
+        await holder.execute("CREATE TABLE runs (name)")
+        await holder.execute("BEGIN IMMEDIATE")
+        await holder.execute("INSERT INTO runs VALUES ('one')")
+        return holder, writer
+
+    async def add(self, name):
+        async with await self.configuration.session(await self.configuration.engine()) as session:
+            async with self.configuration.begin_transaction(session):
+                count = (await session.execute(text("SELECT count(*) FROM runs"))).scalar()
+                await asyncio.sleep(0.2)
+                await session.execute(text(f"INSERT INTO runs VALUES ('{name} after {count}')"))
+
 
 async def names(connection):
     return [row[0] for row in await (await connection.execute("SELECT name FROM runs ORDER BY name")).fetchall()]
-"""
-DROPPED = """
-async def main():
-    holder, writer = await holder_and_writer()
+
+
+async def refusal(writing):
+    try:
+        await writing
+    except sqlite3.OperationalError as error:
+        return error.sqlite_errorname
+
+
+async def dropped(database):
+    holder, writer = await database.holder_and_writer()
     old = await writer.execute("SELECT 1 UNION SELECT 2")
     await names(writer)  # its thread remembers the last result
     waiting = asyncio.create_task(writer.execute("INSERT INTO runs VALUES ('two')"))
@@ -38,63 +59,82 @@ async def main():
     gc.collect()
     await holder.commit()
     await waiting
-    print(await names(holder))
-"""
-MANY = """
-async def main():
-    holder, writer = await holder_and_writer()
+    return await names(holder)
+
+
+async def many(database):
+    holder, writer = await database.holder_and_writer()
     waiting = asyncio.create_task(writer.executemany("INSERT INTO runs VALUES (?)", [("two",), ("three",)]))
     await asyncio.sleep(0.2)
     await holder.commit()
     await waiting
-    print(await names(holder))
-"""
-STALE = """
-async def main():
-    holder, writer = await holder_and_writer()
+    return await names(holder)
+
+
+async def stale(database):
+    holder, writer = await database.holder_and_writer()
     await holder.commit()
     await writer.execute("BEGIN")
     await names(writer)
     await holder.execute("INSERT INTO runs VALUES ('two')")
-    try:
-        await writer.execute("INSERT INTO runs VALUES ('three')")
-    except sqlite3.OperationalError as error:
-        print(error.sqlite_errorname)
-"""
-IMPATIENT = """
-sqlite_locks._PATIENCE_S = 0.3
+    return await refusal(writer.execute("INSERT INTO runs VALUES ('three')"))
 
-async def main():
-    holder, writer = await holder_and_writer()
-    try:
-        await writer.execute("INSERT INTO runs VALUES ('two')")
-    except sqlite3.OperationalError as error:
-        print(error.sqlite_errorname)
+
+async def impatient(database):
+    sqlite_locks._PATIENCE_S, patience_s = 0.3, sqlite_locks._PATIENCE_S
+    holder, writer = await database.holder_and_writer()
+    refused = await refusal(writer.execute("INSERT INTO runs VALUES ('two')"))
+    sqlite_locks._PATIENCE_S = patience_s
     await holder.commit()
     await writer.execute("INSERT INTO runs VALUES ('three')")
-    print(await names(holder))
+    return [refused, *await names(holder)]
+
+
+async def both_read(database):
+    holder, _ = await database.holder_and_writer()
+    await holder.commit()
+    await asyncio.gather(database.add("one"), database.add("one"), return_exceptions=True)
+    return await names(holder)
+
+
+async def main():
+    results = {}
+    for case in (dropped, many, stale, impatient, both_read):
+        try:
+            results[case.__name__] = await case(Database(case.__name__))
+        except Exception as error:
+            results[case.__name__] = repr(error)
+    print(json.dumps(results))
+
+
+asyncio.run(main())
 """
 
 
-def printed(code: str, tmp_path: Path) -> str:
-    """What code prints in a process of its own: it changes libraries."""
-    command = [sys.executable, "-c", f"{PRELUDE}{code}\nasyncio.run(main())", str(tmp_path / "prefect.db")]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+    """What each case ends with; in a process of its own, since it changes libraries."""
+    command = [sys.executable, "-c", CASES, str(tmp_path_factory.mktemp("databases"))]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=240)
     assert ended.returncode == 0, ended.stderr
-    return ended.stdout
+    return json.loads(ended.stdout)
 
 
-def test_a_cursor_that_is_dropped_while_its_connection_waits_stops_nothing(tmp_path: Path) -> None:
-    assert printed(DROPPED, tmp_path) == "['one', 'two']\n"
+def test_a_cursor_that_is_dropped_while_its_connection_waits_stops_nothing(results: dict[str, object]) -> None:
+    assert results["dropped"] == ["one", "two"]
 
 
-def test_many_rows_that_waited_are_written_once(tmp_path: Path) -> None:
-    assert printed(MANY, tmp_path) == "['one', 'three', 'two']\n"
+def test_many_rows_that_waited_are_written_once(results: dict[str, object]) -> None:
+    assert results["many"] == ["one", "three", "two"]
 
 
-def test_what_no_waiting_helps_is_said_at_once(tmp_path: Path) -> None:
-    assert printed(STALE, tmp_path) == "SQLITE_BUSY_SNAPSHOT\n"
+def test_what_no_waiting_helps_is_said_at_once(results: dict[str, object]) -> None:
+    assert results["stale"] == "SQLITE_BUSY_SNAPSHOT"
 
 
-def test_one_that_waited_too_long_is_refused_and_may_be_tried_again(tmp_path: Path) -> None:
-    assert printed(IMPATIENT, tmp_path) == "SQLITE_BUSY\n['one', 'three']\n"
+def test_one_that_waited_too_long_is_refused_and_may_be_tried_again(results: dict[str, object]) -> None:
+    assert results["impatient"] == ["SQLITE_BUSY", "one", "three"]
+
+
+def test_transactions_that_read_before_they_write_are_not_refused(results: dict[str, object]) -> None:
+    assert results["both_read"] == ["one", "one after 1", "one after 2"]
