@@ -300,7 +300,8 @@ class PipelineRun:
         def watch(told: Progress) -> None:
             nonlocal progress
             progress = told
-            self._listener(StepProgress(name, earlier.with_counts(told.counts), parts[0].total or told.total))
+            counts, total = earlier.with_counts(told.counts), parts[0].total or told.total
+            self._listener(StepProgress(name, counts, total, waits_for=told.waits_for))
 
         ended = [self._run_part(name, parts[0], watch)]
         for part in parts[1:]:

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from ..runs.machine_waits import Scarce
 from ..runs.plan import Verdict
 from .base import Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
@@ -123,6 +124,11 @@ class SimulationJobProgress(FailureChanges):
     network_interface: StoredNetworkInterface | None = Field(default=None, description="Network of that run.")
     reached_s: float = Field(
         default=0.0, description="How far its runs had come when one went on, in simulated seconds."
+    )
+    waited_s: dict[Scarce, float] = Field(
+        default={},
+        description="How long it waited for a machine before its last run, in seconds, by what the machine had too "
+        "little of; waits of less than a second, and those for jobs of its own batch, are left out.",
     )
     attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")

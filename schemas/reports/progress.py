@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from ..runs.machine_waits import Scarce
+
 FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})
 """States, in lower case, whose parts are done with."""
 
@@ -32,6 +34,9 @@ class StepProgress:
 
     newest_failure: str = ""
     """The latest failure in one line; empty when nothing failed yet."""
+
+    waits_for: Scarce | None = None
+    """What the machine has too little of for the next part to begin; None: nothing."""
 
 
 @dataclass(frozen=True)

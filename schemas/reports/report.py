@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
+from ..runs.machine_waits import Scarce
 from ..runs.plan import RunResult
 from ..wire.base import Model
 from .changes import SinceLastRun
@@ -66,6 +67,10 @@ class ReportedJob(Model):
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
     removed_files: int = Field(default=0, description="How many more were published and have been removed since.")
     duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
+    waited_s: dict[Scarce, float] = Field(
+        default={},
+        description="How long it waited for its machine before, in seconds, by what that had too little of.",
+    )
     inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
     reused_from: str | None = Field(
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."

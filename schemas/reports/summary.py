@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from ..runs.machine_waits import Scarce
 from ..runs.plan import Requirement
 from ..runs.programs import ToolEnds
 from ..wire.base import Model
@@ -45,6 +46,11 @@ class JobCase(Model):
     reason: str = Field(default="", description="Why it failed or broke; first line short.")
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     time_s: float = Field(description="Wall-clock time.")
+    waited_s: dict[Scarce, float] = Field(
+        default={},
+        description="How long it waited for its machine before, in seconds, by what that had too little of; waits of "
+        "less than a second, and those for jobs of its own batch, are left out.",
+    )
     sim_time_s: float | None = Field(default=None, description="Simulated time.")
     seed: int | None = Field(default=None, description="Seed of the run.")
     world: str | None = Field(default=None, description="World it drove in.")

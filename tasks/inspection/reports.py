@@ -245,6 +245,7 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         files=files,
         removed_files=removed,
         duration_s=None if duration is None else duration / 1000,
+        waited_s=document.waited_s,
         reused_from=_origin(document.reused_from),
     )
 

@@ -13,6 +13,7 @@ from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.reports.run_states import case_outcome, outcomes_in_words
+from ...schemas.runs.machine_waits import Scarce
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
@@ -75,7 +76,12 @@ class BatchRun:
         self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
         self._stop: StopReason | None = STOPPING.get(batch.status)
-        self._machine = MachineSlots(service.settings, self._arn, self._policy.priority or 0, tell=service.report_note)
+        priority = self._policy.priority or 0
+        self._machine = MachineSlots(
+            service.settings, self._arn, priority, tell=service.report_note, watch=self._note_wait
+        )
+        self._waits_for: Scarce | None = None
+        self._is_news = False  # that it waits for this, or for nothing any more
         self._concurrency: int | None = None
         self._workers = ""
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
@@ -223,11 +229,15 @@ class BatchRun:
         """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it."""
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
-        with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name, self._wants_more) as has_room:
-            if may_run and has_room and (job := self.create_job(index)) is not None:
+        with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name, self._wants_more) as turn:
+            if may_run and turn is not None and (job := self.create_job(index)) is not None:
                 self._report()
-                perform_job(job.arn, self._service, self._why_stop)
+                perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s)
         self._report()
+
+    def _note_wait(self, scarce: Scarce | None) -> None:
+        """Says what the next job waits for; called while slots are locked, so the catalog is asked another time."""
+        self._waits_for, self._is_news = scarce, True
 
     def _wants_more(self) -> bool:
         """Whether another request becomes a job once one of those that run has ended."""
@@ -296,7 +306,8 @@ class BatchRun:
         failed = len(self._failed)
         # Requests that are no jobs yet wait as those do that are.
         counts["pending"] += len(self._requests) - counts.total() - failed
-        self._service.report_progress(Progress({**counts, "not created": failed}, len(self._requests)))
+        counts["not created"] = failed
+        self._service.report_progress(Progress(dict(counts), len(self._requests), self._waits_for))
 
     def _look(self) -> bool:
         """Records, several times a second, what the requests' tasks have brought about.
@@ -306,6 +317,9 @@ class BatchRun:
         """
         self._save_failures()
         self._note_stop()
+        if self._is_news:
+            self._is_news = False
+            self._report()
         if self._lease.job.status == "InProgress" and not self._waiting():
             self._lease.transition("drain")
         return self._why_stop() is not None

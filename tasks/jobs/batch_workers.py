@@ -8,11 +8,12 @@ import concurrent.futures
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
+from ...schemas.runs.machine_waits import Scarce
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
@@ -57,6 +58,7 @@ class BatchWorker:
         self._held = held
         self._perform = perform
         self._status = ""
+        self._waited_s: Mapping[Scarce, float] = {}
         self._alone_since: float | None = None
         self._ended = threading.Event()
 
@@ -147,13 +149,15 @@ class BatchWorker:
         if slot is None:
             return None
         arn = None
+        waited_s = machine.waited_s(since_s=self._waited_s)
+        self._waited_s = machine.waited_s()
         try:
             arn = self._claim()
         finally:
             if arn is None:
                 machine.give_back(slot)
                 machine.leave()  # others have more use for it
-        return None if arn is None else pool.submit(self._run_job, arn, machine, slot)
+        return None if arn is None else pool.submit(self._run_job, arn, machine, slot, waited_s)
 
     def _claim(self) -> str | None:
         """Takes a job of the batch, if there is one and it may run now."""
@@ -165,10 +169,10 @@ class BatchWorker:
 
         return self._held.reserve_any(take, catalog)
 
-    def _run_job(self, arn: str, machine: MachineSlots, slot: int) -> None:
+    def _run_job(self, arn: str, machine: MachineSlots, slot: int, waited_s: Mapping[Scarce, float]) -> None:
         """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""
         try:
-            self._perform(arn, self._service, self._why_stop)
+            self._perform(arn, self._service, self._why_stop, waited_s=waited_s)
         except (CatalogUnavailable, WorkerStopping) as error:
             _logger.warning("%s is left to another job worker: %s", arn, error)
         except Exception as error:

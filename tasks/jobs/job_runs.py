@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from functools import cache
 from pathlib import Path
@@ -15,6 +15,7 @@ from ...schemas.documents.simulation_jobs import (
     SimulationJobProgress,
     StoredNetworkInterface,
 )
+from ...schemas.runs.machine_waits import Scarce, noticed
 from ...schemas.runs.plan import RunOutcome, RunPlan
 from ...schemas.runs.stops import RunStop, StopReason
 from ...schemas.wire.common import shorten
@@ -65,6 +66,7 @@ def perform_job(
     stop: Stop = lambda: None,
     run_step: RunStep = directly,
     on_trials: OnTrials | None = None,
+    waited_s: Mapping[Scarce, float] | None = None,
 ) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
@@ -78,9 +80,12 @@ def perform_job(
         stop: asked several times a second; see `Stop`.
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
         on_trials: see `OnTrials`; absent: nothing is told.
+        waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
     """
     remove_abandoned_containers(service)
-    run_under_lease(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials).run())
+    run_under_lease(
+        arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials, waited_s or {}).run()
+    )
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
@@ -123,6 +128,7 @@ class JobRun:
         stop: see `Stop`.
         run_step: how its steps are run.
         on_trials: see `OnTrials`; absent: nothing is told.
+        waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
     """
 
     def __init__(
@@ -132,8 +138,10 @@ class JobRun:
         stop: Stop = lambda: None,
         run_step: RunStep = directly,
         on_trials: OnTrials | None = None,
+        waited_s: Mapping[Scarce, float] | None = None,
     ) -> None:
         self._on_trials = on_trials
+        self._waited_s = noticed(waited_s or {})
         self._run_step = run_step
         self._lease = lease
         self._service = service
@@ -241,6 +249,7 @@ class JobRun:
             verdict_reason=None,
             reached_s=0.0,
             trials_finished=None,
+            waited_s=self._waited_s,
         )
         self._lease.transition("prepare", begun)
         service = self._service.patient(self._lease.job.id, self._is_stopped)

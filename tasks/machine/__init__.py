@@ -4,4 +4,4 @@ May import: `schemas`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["free_room", "machine_slots", "measuring", "notices", "slot_files", "turns", "waiter_files"]
+__all__ = ["free_room", "machine_slots", "measuring", "notices", "slot_files", "turns", "wait_times", "waiter_files"]

@@ -1,12 +1,10 @@
 """Whether a machine has room for another job, and if not, why; pure."""
 
 from dataclasses import dataclass
-from typing import Literal
+
+from ...schemas.runs.machine_waits import Scarce
 
 _MB = 10**6
-
-Scarce = Literal["slots", "memory", "disk"]
-"""What a job waits for."""
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,19 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
+from ...schemas.runs.machine_waits import Scarce
 from ...schemas.settings import Settings
 from .free_room import Need, Room, Wait, why_wait
 from .measuring import available_memory_bytes, free_disk_bytes
 from .notices import Notices
 from .slot_files import Holder, SlotFiles, Slots
 from .turns import may_begin
+from .wait_times import WaitTimes
 from .waiter_files import WRITE_EVERY_S, WaiterFiles, WaiterRecord
 
 _FOLDER = "slots"
@@ -38,6 +41,18 @@ def _tell_none(text: str) -> None:
     """Ignores what is told, where there is no listener."""
 
 
+def _watch_nothing(scarce: Scarce | None) -> None:
+    """Ignores what is waited for, where there is no listener."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A slot that a job has, for as long as the block goes on that holds it."""
+
+    waited_s: Mapping[Scarce, float]
+    """How long the job waited for it, in seconds, by what it waited for; waits for its own batch do not count."""
+
+
 class MachineSlots:
     """The slots of the machine for one batch, or for one job that is in none; safe to use from several threads.
 
@@ -46,6 +61,7 @@ class MachineSlots:
         batch: ARN of the batch; None: the job is in none.
         priority: of the batch; the higher, the earlier its jobs begin.
         tell: told in words that jobs wait, and why.
+        watch: told what jobs wait for from now on, once that has lasted two seconds, and None when the wait is over.
         memory: measures the available memory in bytes; None: not known.
         disk: measures the free disk of a folder in bytes.
         clock: seconds since 1970, the same for all processes.
@@ -58,6 +74,7 @@ class MachineSlots:
         priority: int = 0,
         *,
         tell: Callable[[str], None] = _tell_none,
+        watch: Callable[[Scarce | None], None] = _watch_nothing,
         memory: Callable[[], int | None] = available_memory_bytes,
         disk: Callable[[Path], int] = free_disk_bytes,
         clock: Callable[[], float] = time.time,
@@ -68,7 +85,9 @@ class MachineSlots:
         self._waiters = WaiterFiles(settings.home / _FOLDER / _WAITERS)
         self._batch, self._priority = batch, priority
         self._tell, self._memory, self._disk, self._clock = tell, memory, disk, clock
-        self._notices = Notices()
+        self._watch = watch
+        self._shown: Scarce | None = None
+        self._notices, self._times = Notices(), WaitTimes()
         self._lock, self._front = threading.Lock(), threading.Lock()
         self._ticket = f"{os.getpid()}-{secrets.token_hex(8)}"
         self._since_s: float | None = None
@@ -79,7 +98,7 @@ class MachineSlots:
     @contextmanager
     def hold(
         self, should_stop: Callable[[], bool], name: str = "a job", wants_more: Callable[[], bool] = _no_more
-    ) -> Generator[bool]:
+    ) -> Generator[Turn | None]:
         """Holds a slot inside the block, after waiting for one.
 
         Args:
@@ -89,11 +108,12 @@ class MachineSlots:
                 turn is kept for it, so that the slot goes to no batch that comes after this one.
 
         Yields:
-            Whether a slot is held; false only when `should_stop` ended the wait.
+            The slot; None only when `should_stop` ended the wait.
         """
+        before_s = self.waited_s()
         slot = self._awaited(should_stop, name)
         try:
-            yield slot is not None
+            yield None if slot is None else Turn(self.waited_s(before_s))
         finally:
             if slot is not None:
                 if wants_more():
@@ -115,11 +135,21 @@ class MachineSlots:
             slots = self._slots.look()
             wait = self._why_wait(slots, now_s)
             slot = None if wait else self._slots.take(slots.free, Holder(batch=self._batch, began_s=now_s))
+            told = wait and self._told(wait, slots)
+            self._see(name, told, now_s)
             if wait is not None or self._written is not None:
-                self._write(name, wait and self._told(wait, slots), now_s)
+                self._write(name, told, now_s)
             if slot is not None:
                 self._since_s = now_s
             return slot
+
+    def waited_s(self, since_s: Mapping[Scarce, float] | None = None) -> dict[Scarce, float]:
+        """How long jobs have waited until now, in seconds, by what they waited for.
+
+        Args:
+            since_s: what this answered earlier, and is to be left out; None: nothing.
+        """
+        return self._times.total_s(since_s or {})
 
     def leave(self) -> None:
         """Waits for no slots any more."""
@@ -130,6 +160,7 @@ class MachineSlots:
         if self._written is not None:
             self._waiters.remove(self._ticket)
         self._since_s = self._written = None
+        self._see("", None, self._clock())
 
     def give_back(self, slot: int) -> None:
         """Frees a slot, also where a child process has inherited it."""
@@ -187,12 +218,19 @@ class MachineSlots:
         only_own = self._batch is not None and all(holder.batch == self._batch for holder in slots.holders)
         return None if wait.scarce == "slots" and only_own else wait
 
-    def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Says that this batch waits: to the other waiters, and to people when it is time."""
+    def _see(self, name: str, wait: Wait | None, now_s: float) -> None:
+        """Counts the time that is waited, and says to people that and why, when it is time."""
+        self._times.see(wait and wait.scarce, now_s)
         if self._notices.is_due(wait, now_s) and wait is not None:
             text = f"{name} waits: {wait.text}"
             _logger.log(logging.INFO if wait.scarce == "slots" else logging.WARNING, "%s", text)
             self._tell(text)
+        if self._notices.lasting != self._shown:
+            self._shown = self._notices.lasting
+            self._watch(self._shown)
+
+    def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
+        """Says to the other waiters that this batch waits."""
         why = wait.text if wait else None
         if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
             self._waiters.write(self._ticket, self._record(name, why), now_s)
@@ -209,13 +247,16 @@ class MachineSlots:
         )
 
 
-def jobs_that_wait(settings: Settings, pid: int, clock: Callable[[], float] = time.time) -> list[WaiterRecord]:
-    """What of a process waits for room on this machine, the longest first.
+def jobs_that_wait(
+    settings: Settings, pid: int | None = None, clock: Callable[[], float] = time.time
+) -> list[WaiterRecord]:
+    """What waits for room on this machine, the longest first.
 
     Args:
         settings: where the slots are.
-        pid: the process.
+        pid: the process that waits; None: any.
         clock: seconds since 1970.
     """
     found = WaiterFiles(settings.home / _FOLDER / _WAITERS).read(clock()).values()
-    return sorted((record for record in found if record.pid == pid and record.why), key=lambda each: each.since_s)
+    waits = (record for record in found if record.why and pid in (None, record.pid))
+    return sorted(waits, key=lambda each: each.since_s)

@@ -1,6 +1,7 @@
 """When people are told that jobs wait: not of a moment, and not of the same thing all the time."""
 
-from .free_room import Scarce, Wait
+from ...schemas.runs.machine_waits import Scarce
+from .free_room import Wait
 
 _AFTER_S = 2.0
 _AGAIN_S = 600.0
@@ -13,6 +14,8 @@ class Notices:
         self._scarce: Scarce | None = None
         self._began_s = 0.0
         self._told_s: dict[Scarce, float] = {}
+        self.lasting: Scarce | None = None
+        """What is waited for, once that has lasted two seconds."""
 
     def is_due(self, wait: Wait | None, now_s: float) -> bool:
         """Whether to tell of a wait now: it has lasted two seconds, and was not told in the last ten minutes.
@@ -24,9 +27,10 @@ class Notices:
         scarce = wait.scarce if wait else None
         if scarce != self._scarce:
             self._scarce, self._began_s = scarce, now_s
-        if scarce is None or now_s - self._began_s < _AFTER_S:
+        self.lasting = scarce if now_s - self._began_s >= _AFTER_S else None
+        if self.lasting is None:
             return False
-        if scarce in self._told_s and now_s - self._told_s[scarce] < _AGAIN_S:
+        if self.lasting in self._told_s and now_s - self._told_s[self.lasting] < _AGAIN_S:
             return False
-        self._told_s[scarce] = now_s
+        self._told_s[self.lasting] = now_s
         return True

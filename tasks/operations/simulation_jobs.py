@@ -17,6 +17,7 @@ from ...schemas.operations.simulation_jobs import (
     RestartSimulationJobResponse,
     SimulationJob,
 )
+from ...schemas.runs.machine_waits import Scarce
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
 from ..execution.task_pool import run_alone
@@ -49,10 +50,15 @@ def perform_simulation_job(arn: str, service: Service) -> None:
     def tell_trials(finished: int, planned: int) -> None:
         service.report_progress(Progress({"completed": finished, "running": planned - finished}, planned))
 
+    def tell_wait(scarce: Scarce | None) -> None:
+        service.report_progress(Progress({"pending": 1}, 1, scarce))
+
     def perform() -> None:
-        with MachineSlots(service.settings, tell=service.report_note).hold(has_to_end, arn.rpartition("/")[2]):
+        slots = MachineSlots(service.settings, tell=service.report_note, watch=tell_wait)
+        with slots.hold(has_to_end, arn.rpartition("/")[2]) as turn:
             # Ends one that has no slot because it has to end.
-            perform_job(arn, service, run_step=run_step, on_trials=tell_trials)
+            waited_s = turn.waited_s if turn else None
+            perform_job(arn, service, run_step=run_step, on_trials=tell_trials, waited_s=waited_s)
 
     run_alone(perform, job_arn=arn, service=service)
     status = service.catalog.get(arn).status

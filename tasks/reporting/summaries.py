@@ -94,6 +94,7 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
         reason="" if outcome is Outcome.PASSED else why_broken(job),
         failure_code=job.failure_code,
         time_s=job.duration_s or 0.0,
+        waited_s=job.waited_s,
         sim_time_s=result.sim_time_s if result else None,
         seed=result.seed if result else job.seed,
         world=labels.get(job.world_arn, job.world_arn) if job.world_arn else None,

@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob
 from ...schemas.reports.summary import ReportSummary, Share
+from ...schemas.runs.machine_waits import WAITS_FOR
 from ...schemas.runs.plan import RunResult
 from . import wording
 from .drawings import plan
@@ -125,6 +126,17 @@ class Page:
         return sum(job.job.reused_from is not None for job in self.jobs)
 
     @property
+    def waits(self) -> str:
+        """How many jobs waited for their machines, and how long: `12 of 40 jobs: 3 min 5 s for memory in all`."""
+        waited = [job.job.waited_s for job in self.jobs if job.job.waited_s]
+        if not waited:
+            return ""
+        totals = [(words, sum(each.get(scarce, 0.0) for each in waited)) for scarce, words in WAITS_FOR.items()]
+        told = [f"{wording.duration(total_s)} for {words}" for words, total_s in totals if total_s]
+        jobs = f"{len(self.jobs)} {'job' if len(self.jobs) == 1 else 'jobs'}"
+        return f"{len(waited)} of {jobs}: {', '.join(told)} in all"
+
+    @property
     def origins(self) -> list[str]:
         """The runs or jobs that those results are from."""
         return sorted({job.job.reused_from for job in self.jobs if job.job.reused_from})
@@ -184,7 +196,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         log="" if job.log_tail.strip() in reason else wording.plain(job.log_tail),
         world=world,
         numbers=numbers,
-        measures=_measures(numbers),
+        measures=[*_measures(numbers), *_waits(job)],
         more=_other_metrics(job.result),
         plan=drawing,
         plan_note=note,
@@ -262,6 +274,14 @@ def _measures(numbers: Numbers) -> list[Measure]:
         Measure("real-time factor", wording.number(numbers.real_time_factor, 1), "×"),
     ]
     return [measure for measure in measures if measure.value != "–"]
+
+
+def _waits(job: ReportedJob) -> list[Measure]:
+    """How long the job waited for its machine, by what that had too little of."""
+    return [
+        Measure(f"waited for {WAITS_FOR[scarce]}", wording.number(time_s, 1), "s")
+        for scarce, time_s in job.waited_s.items()
+    ]
 
 
 def _other_metrics(result: RunResult | None) -> list[Measure]:

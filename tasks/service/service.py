@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.documents.base import Document
+from ...schemas.runs.machine_waits import Scarce
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import resource_arn
 from ...schemas.wire.ids import IdPrefix, new_id
@@ -38,6 +39,8 @@ class Progress:
 
     counts: Mapping[str, int]
     total: int
+    waits_for: Scarce | None = None
+    """What the machine has too little of for the next part to begin; `None`: nothing."""
 
 
 def _ignore(progress: Progress) -> None:

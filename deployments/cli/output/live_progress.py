@@ -61,6 +61,8 @@ class LiveWatcher(Watcher):
             now = time.monotonic()
             for state in self._states.steps.values():
                 table.add_row(*self._row(state, now))
+                if state.is_running and state.wait_text():
+                    table.add_row("", "", "", Text(state.wait_text(), style="yellow"))
                 if state.is_running and state.newest_failure:
                     table.add_row("", "", "", Text(state.newest_failure, style="red"))
             for note in self._states.notes[-_SHOWN_NOTES:]:

@@ -113,4 +113,6 @@ class PlainWatcher(Watcher):
 
 def _progress_line(state: StepState) -> str:
     counts = state.counts_text()
-    return f"{state.name}: {counts} of {state.total}" if counts else f"{state.name}: running"
+    if not counts:
+        return f"{state.name}: running"
+    return ", ".join(filter(None, (f"{state.name}: {counts} of {state.total}", state.wait_text())))

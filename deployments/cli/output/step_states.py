@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ....schemas.reports.progress import FINISHED, Note, ProgressEvent, StepEnded, StepProgress, StepStarted
+from ....schemas.runs.machine_waits import WAITS_FOR, Scarce
 from .durations import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
@@ -19,6 +20,7 @@ class StepState:
     counts: Mapping[str, int] = field(default_factory=dict)
     total: int = 0
     newest_failure: str = ""
+    waits_for: Scarce | None = None
     status: str | None = None
     """How it ended; `None` while it waits or runs."""
 
@@ -38,6 +40,10 @@ class StepState:
     def counts_text(self) -> str:
         """The counts in words: `2 running, 1 completed`."""
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
+
+    def wait_text(self) -> str:
+        """What the next part waits for in words: `waits for memory`; empty: nothing."""
+        return f"waits for {WAITS_FOR[self.waits_for]}" if self.waits_for and self.done < self.total else ""
 
     def pace(self, now_s: float) -> str:
         """Rate and expected time to go, once something is done: `0.5/s, 12 s to go`."""
@@ -76,5 +82,6 @@ class StepStates:
         elif isinstance(event, StepProgress):
             state.counts, state.total = dict(event.counts), event.total
             state.newest_failure = event.newest_failure or state.newest_failure
+            state.waits_for = event.waits_for
         elif isinstance(event, StepEnded):
             state.status, state.duration_s, state.detail = event.status, event.duration_s, event.detail

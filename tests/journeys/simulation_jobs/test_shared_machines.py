@@ -15,9 +15,10 @@ from helpers.processes import started, wait_for, working_below
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
-from prefect_robomaker.tasks.machine.slot_files import SlotFiles
+from prefect_robomaker.tasks.inspection.reports import simulation_jobs
+from prefect_robomaker.tasks.machine.slot_files import Holder, SlotFiles
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.service import Progress, Service
 
 Order = Callable[..., dict[str, Any]]
 
@@ -54,6 +55,40 @@ def test_a_job_for_which_the_disk_has_no_room_says_so_and_can_be_cancelled(
     [note] = notes
     assert arn.rpartition("/")[2] in note
     assert note.endswith("a job begins with at least 9999999 MB (ROBOMAKER_MIN_FREE_DISK_MB)")
+
+
+@pytest.mark.parametrize("operation", ["CreateSimulationJob", "StartSimulationJobBatch"])
+def test_what_a_job_waited_for_is_shown_meanwhile_and_in_the_report(
+    service: Service, order: Order, prefect_server: str, operation: str
+) -> None:
+    request = order() if operation == "CreateSimulationJob" else {"createSimulationJobRequests": [order()]}
+    arn = call(operation, request, service)["arn"]
+    shown: list[Progress] = []
+    other = SlotFiles(service.settings.home / "slots", 1)
+    slot = other.take([0], Holder(batch="another"))
+    assert slot is not None
+
+    def end_other(progress: Progress) -> None:
+        nonlocal slot
+        shown.append(progress)
+        if progress.waits_for == "slots" and slot is not None:
+            other.give_back(slot)
+            slot = None
+
+    watched = replace(changed(service, max_jobs=1), report_progress=end_other)
+    ended = registry()[operation].perform(arn, watched)
+
+    assert ended["status"] == "Completed"
+    assert Progress({"pending": 1}, 1, "slots") in [pending(progress) for progress in shown]
+    assert shown[-1].waits_for is None
+    [job] = simulation_jobs(operation, arn, service)
+    assert set(job.waited_s) == {"slots"}
+    assert job.waited_s["slots"] >= 2.0
+
+
+def pending(progress: Progress) -> Progress:
+    """Progress without states that nothing is in."""
+    return replace(progress, counts={state: count for state, count in progress.counts.items() if count})
 
 
 def test_simulations_have_the_niceness_that_the_setting_says(

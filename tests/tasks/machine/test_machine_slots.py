@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterable
 from contextlib import ExitStack
@@ -11,8 +12,9 @@ from contextlib import ExitStack
 import pytest
 from helpers.processes import started, wait_for
 
+from prefect_robomaker.schemas.runs.machine_waits import Scarce
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.machine.machine_slots import MachineSlots, jobs_that_wait
+from prefect_robomaker.tasks.machine.machine_slots import MachineSlots, Turn, jobs_that_wait
 from prefect_robomaker.tasks.machine.slot_files import SlotFiles
 from prefect_robomaker.tasks.machine.waiter_files import WaiterFiles
 
@@ -51,9 +53,10 @@ def test_waiting_for_a_slot_ends_when_the_job_has_to_stop(settings: Settings) ->
         return len(asked) > 2
 
     with slots.hold(should_stop) as first, slots.hold(should_stop) as second:
-        assert (first, second) == (True, False)
+        assert first is not None
+        assert second is None
     with slots.hold(lambda: True) as third:
-        assert third
+        assert third is not None
 
 
 def test_other_processes_count_and_those_that_die_do_not(settings: Settings) -> None:
@@ -116,6 +119,52 @@ def test_a_second_job_waits_for_memory_says_so_and_begins_once_there_is_some(roo
     second.give_back(other)
 
 
+def test_what_is_waited_for_is_shown_while_it_lasts_and_counted(roomy: Settings) -> None:
+    settings, now_s, shown = roomy.model_copy(update={"job_memory_mb": 500}), [1000.0], list[Scarce | None]()
+    available = [0]
+    first, second = (
+        MachineSlots(settings, name, watch=shown.append, memory=lambda: available[0], clock=lambda: now_s[0])
+        for name in ("first", "second")
+    )
+    held = taken(first)
+
+    for _ in range(5):
+        assert second.take() is None
+        now_s[0] += 1.0
+    assert shown == ["memory"]
+    available[0] = 2 * GB
+    other = taken(second)
+
+    assert shown == ["memory", None]
+    assert second.waited_s() == {"memory": 5.0}
+    assert second.waited_s({"memory": 2.0}) == {"memory": 3.0}
+    assert first.waited_s() == {}
+    first.give_back(held)
+    second.give_back(other)
+
+
+def test_all_who_waited_at_the_same_time_are_told_how_long(roomy: Settings) -> None:
+    """Only one thread of a batch looks; the others wait behind it, and for the same."""
+    settings = roomy.model_copy(update={"min_free_disk_mb": 200})
+    free, turns = [0], list[Turn | None]()
+    slots = MachineSlots(settings, "batch", disk=lambda _: free[0])
+
+    def run() -> None:
+        with slots.hold(never) as turn:
+            turns.append(turn)
+
+    threads = [threading.Thread(target=run) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    wait_for(lambda: slots.waited_s().get("disk", 0.0) > 0.3, "the wait")
+    free[0] = GB
+    for thread in threads:
+        thread.join()
+
+    assert len(turns) == 2
+    assert all(turn is not None and turn.waited_s["disk"] > 0.2 for turn in turns)
+
+
 def test_a_job_waits_for_a_disk_that_is_all_but_full_also_when_it_is_alone(roomy: Settings) -> None:
     settings = roomy.model_copy(update={"min_free_disk_mb": 200})
     free = [100 * 10**6]
@@ -173,7 +222,7 @@ def test_one_that_leaves_holds_no_other_back(roomy: Settings) -> None:
     settings = roomy.model_copy(update={"max_jobs": 1})
     with MachineSlots(settings).hold(never):
         with MachineSlots(settings, "urgent", 5).hold(lambda: True) as held:
-            assert not held
+            assert held is None
         other = MachineSlots(settings, "other")
         assert other.take() is None
     slot = taken(other)

@@ -127,6 +127,20 @@ def test_a_run_that_was_forecast_says_how_far_off_that_was(mixed_report: Report)
     assert summarize(report).forecast == check
 
 
+def test_waits_for_the_machine_are_told_for_the_run_and_for_each_job(
+    make_report: Any, make_job: Any, make_result: Any
+) -> None:
+    jobs = [
+        make_job(f"sim-{number}", None, result=make_result("PASS", 9), waited_s=waited_s)
+        for number, waited_s in enumerate(({"memory": 60.0, "slots": 2.0}, {"memory": 5.0}, {}))
+    ]
+    page = Document(render_report(make_report([], jobs)))
+
+    assert "2 of 3 jobs: 2.0 s for a slot, 1 min 5 s for memory in all" in page.text
+    assert page.text.count("waited for memory") == 2
+    assert "Waited for the machine" not in Document(render_report(make_report([], jobs[2:]))).text
+
+
 def test_the_table_has_every_job_with_sortable_numbers(mixed_report: Report) -> None:
     html = render_report(mixed_report)
     table = html[html.index('<table class="sortable stacks"') :]

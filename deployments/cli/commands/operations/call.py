@@ -45,6 +45,8 @@ def execute(arguments: argparse.Namespace) -> int:
         return perform(operation, _stored(operation, request, settings)["arn"], settings, arguments.output)
     answer = _stored(operation, request, settings)
     print_answer(answer, arguments.output)
+    if operation in ("DescribeSimulationJob", "DescribeSimulationJobBatch"):
+        _tell_waits(answer["arn"], settings)
     if OPERATIONS[operation].is_job:
         sys.stderr.write(f"The job is stored; `robomaker perform {answer['arn']}` carries it to its end.\n")
     return 0
@@ -67,6 +69,19 @@ def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> di
     from .....tasks.service.service import Service
 
     return call(operation, request, Service.open(settings))
+
+
+def _tell_waits(arn: str, settings: "Settings") -> None:
+    """Says on standard error what of a job or batch waits for room on this machine; the service's answer does not."""
+    import time
+
+    from .....tasks.machine.machine_slots import jobs_that_wait
+    from ...output.durations import duration
+
+    for record in jobs_that_wait(settings):
+        if record.batch == arn or (record.batch is None and record.name == arn.rpartition("/")[2]):
+            waited = duration(max(0.0, time.time() - record.since_s))
+            sys.stderr.write(f"{record.name} has waited {waited} on this machine: {record.why}\n")
 
 
 def _operations_by_group() -> str:

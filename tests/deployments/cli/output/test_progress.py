@@ -60,6 +60,24 @@ def test_plain_progress_is_a_line_for_each_change() -> None:
     ]
 
 
+def test_what_the_next_job_waits_for_is_said_while_it_waits() -> None:
+    stream, clock, terminal = io.StringIO(), Clock(), Terminal()
+    waits = [StepProgress("drive", {"running": 1, "pending": 1}, 2, waits_for=scarce) for scarce in ("memory", None)]
+    with PlainWatcher(STEPS, stream, clock=clock) as listener:
+        for event in waits:
+            clock.now_s += 2
+            listener(event)
+    with LiveWatcher(STEPS, terminal) as listener:
+        listener(StepStarted("drive", "StartSimulationJobBatch"))
+        listener(waits[0])
+
+    assert [line.split("] ")[1] for line in stream.getvalue().splitlines()] == [
+        "drive: 1 running, 1 pending of 2, waits for memory",
+        "drive: 1 running, 1 pending of 2",
+    ]
+    assert "waits for memory" in terminal.getvalue()
+
+
 def test_a_flood_of_changes_is_thinned_but_the_last_is_told() -> None:
     stream, clock = io.StringIO(), Clock()
     with PlainWatcher(STEPS, stream, clock=clock) as listener:

@@ -6,12 +6,14 @@ import os
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 from helpers.paths import REPOSITORY
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.tasks.machine.waiter_files import WaiterFiles, WaiterRecord
 
 BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
 
@@ -72,6 +74,20 @@ def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None
     assert ended.code == 0
     assert json.loads(ended.out)["status"] == "Pending"
     assert f"robomaker perform {json.loads(ended.out)['arn']}" in ended.err
+
+
+def test_what_a_job_waits_for_on_this_machine_is_said_beside_its_description(robomaker, home) -> None:
+    request = {"maxJobDurationInSeconds": 60, "iamRole": "arn:aws:iam::000000000000:role/test"}
+    launch = [{"application": "indoor-navigation", "launchConfig": {}}]
+    order = json.dumps({"createSimulationJobRequests": [{**request, "simulationApplications": launch}]})
+    arn = json.loads(robomaker("call", "StartSimulationJobBatch", "--input", order).out)["arn"]
+    record = WaiterRecord(pid=1, name="request 0 of it", batch=arn, since_s=time.time() - 65.0, why="no memory is left")
+    WaiterFiles(home / "slots" / "waiting").write("1-other", record, time.time())
+
+    described = robomaker("call", "DescribeSimulationJobBatch", "--input", json.dumps({"batch": arn}))
+
+    assert json.loads(described.out)["status"] == "Pending"
+    assert described.err == "request 0 of it has waited 1 min 05 s on this machine: no memory is left\n"
 
 
 def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:

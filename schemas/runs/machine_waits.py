@@ -1,0 +1,22 @@
+"""What jobs wait for on a machine that is shared, and for how long."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+Scarce = Literal["slots", "memory", "disk"]
+"""What a job waits for."""
+
+WAITS_FOR: Mapping[Scarce, str] = {"slots": "a slot", "memory": "memory", "disk": "disk"}
+"""The same in words, after `waits for`."""
+
+NOTICED_S = 1.0
+"""Shorter waits are not recorded, in seconds."""
+
+
+def noticed(waited_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
+    """The waits that are long enough to be recorded.
+
+    Args:
+        waited_s: how long, by what was waited for, in seconds.
+    """
+    return {scarce: round(time_s, 1) for scarce, time_s in waited_s.items() if time_s >= NOTICED_S}
