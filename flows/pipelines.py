@@ -43,7 +43,7 @@ from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.execution.schedule_overlaps import skipped_night
 from ..tasks.inspection.commits import commit_of
-from ..tasks.inspection.preflight import check_preconditions
+from ..tasks.inspection.preflight import await_store, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.registry import registry
@@ -102,6 +102,7 @@ def run_spec(
         RunInterrupted: Ctrl-C was pressed.
     """
     service = Service.open(settings)
+    await_store(service, lambda text: listener(Note(text)))
     run = PipelineRun(checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut)
     check_preconditions(checked, run.service)
     token = _current.set(run)
@@ -206,7 +207,6 @@ class PipelineRun:
         checked = load_spec(text, origin)
         service = Service.current()
         check_world_counts(checked, service.settings.max_worlds_per_job)
-        # A night waits for a store that is away; `run_spec` tells the one who sits there at once.
         check_preconditions(checked, service.patient(checked.name, lambda: False))
         command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
         if name := deployment.name:

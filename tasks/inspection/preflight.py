@@ -1,5 +1,6 @@
 """Checks before a pipeline's first step: mistakes are told before worlds are generated, not after."""
 
+import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -7,8 +8,9 @@ from typing import Any
 from ...schemas.runs.requested_requirements import no_such_room
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.text import plain
-from ...schemas.wire.errors import Problem, SpecError
+from ...schemas.wire.errors import Problem, SpecError, StorageError, StorageUnavailableError
 from ...schemas.wire.request_problems import nearest
+from ..service.patient_store import patiently
 from ..service.service import Service
 from ..simulations.inputs.world_rooms import room_names
 from ..simulations.outputs.output_places import prepare_bucket
@@ -17,6 +19,45 @@ Rooms = Callable[[str], Sequence[str] | None]
 """Names of the rooms of a world, by its ARN; None where they are not known."""
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
+
+
+def await_store(service: Service, note: Callable[[str], None]) -> None:
+    """Waits until the object store answers, for a person who is told at once that it does not.
+
+    Args:
+        service: its settings say how long is waited.
+        note: told in words that the store is waited for, how long, and that it answers again.
+
+    Raises:
+        StorageError: the store's address names no host, which waiting does not mend.
+        StorageUnavailableError: it did not answer all the while.
+    """
+    bucket, patience_s = service.settings.bucket, service.timing.store_patience_s
+
+    def probe() -> None:
+        try:
+            service.store.probe(bucket)
+        except StorageUnavailableError as error:
+            if _names_no_host(error):
+                raise StorageError(f"{error}: there is no such host; check ROBOMAKER_OBJECT_STORE") from error
+            raise
+
+    try:
+        probe()
+    except StorageUnavailableError as error:
+        most = f"at most {patience_s / 60.0:.3g} min (ROBOMAKER_STORE_PATIENCE_MIN)"
+        note(f"the object store does not answer; the run waits for it, {most}; Ctrl-C ends the wait: {error}")
+        patiently(service.patient("the run", lambda: False).store, bucket, probe)
+        note("the object store answers")
+
+
+def _names_no_host(error: BaseException | None) -> bool:
+    """Whether an error came of a host that does not exist, rather than of a server or network that is away."""
+    while error is not None:
+        if isinstance(error, socket.gaierror):
+            return error.errno == socket.EAI_NONAME
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def check_preconditions(checked: CheckedSpec, service: Service) -> None:

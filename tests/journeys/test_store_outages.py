@@ -1,8 +1,10 @@
 """An S3 server that is away, hangs or says 503 while jobs need it: that costs them time, and not their results."""
 
 import json
+import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -365,23 +367,62 @@ def through(proxy: FaultProxy, notes: list[str], work: Callable[[], dict[str, An
     return ended
 
 
+def flat_spec(tmp_path: Path) -> Path:
+    """A specification that makes one world."""
+    spec = tmp_path / "spec.json"
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    worlds = {"template": "${{ template.arn }}", "worldCount": count}
+    steps = {
+        "template": {"operation": "CreateWorldTemplate", "input": {"name": "flat", "templateBody": BODY}},
+        "worlds": {"operation": "CreateWorldGenerationJob", "input": worlds},
+    }
+    spec.write_text(json.dumps({"version": 1, "name": "outage", "steps": steps}))
+    return spec
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("is_back", [True, False])
+def test_a_run_that_is_typed_while_the_store_is_away_says_so_at_once_and_waits(
+    mortal_s3: MortalS3Server, prefect_server: str, tmp_path: Path, is_back: bool
+) -> None:
+    environ = {
+        **mortal_s3.server.environ(),
+        "ROBOMAKER_HOME": str(tmp_path / "home"),
+        "PREFECT_API_URL": prefect_server,
+    }
+    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(flat_spec(tmp_path))]
+    out, log = tmp_path / "out", tmp_path / "log"
+    mortal_s3.kill()
+    with (
+        out.open("w") as output,
+        log.open("w") as errors,
+        started([*command, "-o", "json"], environ, stdout=output, stderr=errors) as run,
+    ):
+        wait_for(lambda: "Ctrl-C ends the wait" in log.read_text(), "the note", 60.0)
+        time.sleep(20.0)  # longer than the S3 client repeats a request by itself
+        assert run.poll() is None
+        assert "started" not in log.read_text()
+        if is_back:
+            mortal_s3.come_back()
+        else:
+            run.send_signal(signal.SIGINT)
+        ended = run.wait(120.0)
+
+    if is_back:
+        assert ended == 0, log.read_text()
+        assert "the object store answers\n" in log.read_text()
+        assert json.loads(out.read_text())["state"] == "succeeded"
+    else:
+        assert ended == 130
+        assert out.read_text() == ""
+        assert not (tmp_path / "home" / "runs").exists()
+
+
 @pytest.mark.deep
 def test_people_who_watch_a_run_are_told_what_it_waits_for(
     mortal_s3: MortalS3Server, proxy: FaultProxy, prefect_server: str, tmp_path: Path
 ) -> None:
     """`robomaker run`, with the S3 client's own patience of some seconds before ours."""
-    spec = tmp_path / "spec.json"
-    steps = {
-        "template": {"operation": "CreateWorldTemplate", "input": {"name": "flat", "templateBody": BODY}},
-        "worlds": {
-            "operation": "CreateWorldGenerationJob",
-            "input": {
-                "template": "${{ template.arn }}",
-                "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1},
-            },
-        },
-    }
-    spec.write_text(json.dumps({"version": 1, "name": "outage", "steps": steps}))
     environ = {
         **mortal_s3.server.environ(),
         "ROBOMAKER_OBJECT_STORE": proxy.endpoint,
@@ -389,7 +430,7 @@ def test_people_who_watch_a_run_are_told_what_it_waits_for(
         "PREFECT_API_URL": prefect_server,
         "CI": "1",
     }
-    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(spec)]
+    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(flat_spec(tmp_path))]
     log = tmp_path / "log"
     with log.open("w") as output, started(command, environ, stdout=output, stderr=output) as run:
         wait_for(lambda: "worlds: started" in log.read_text(), "the job", 120.0)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self, TextIO
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 from rich.spinner import Spinner
 from rich.table import Table
@@ -50,8 +50,8 @@ class LiveWatcher(Watcher):
         with self._lock:
             self._states.take(event, time.monotonic())
 
-    def render(self) -> Table:
-        """Draws the block as things stand."""
+    def render(self) -> Group:
+        """Draws the block as things stand; notes below it have as many lines as they need."""
         table = Table.grid(padding=(0, 2, 0, 0), expand=True)
         for justify in ("left", "left", "right"):
             table.add_column(no_wrap=True, justify=justify)
@@ -65,9 +65,8 @@ class LiveWatcher(Watcher):
                     table.add_row("", "", "", Text(state.wait_text(), style="yellow"))
                 if state.is_running and state.newest_failure:
                     table.add_row("", "", "", Text(state.newest_failure, style="red"))
-            for note in self._states.notes[-_SHOWN_NOTES:]:
-                table.add_row("", "", "", Text(note, style="dim"))
-        return table
+            notes = [Text(note, style="dim") for note in self._states.notes[-_SHOWN_NOTES:]]
+        return Group(table, *notes)
 
     def _row(self, state: StepState, now: float) -> tuple[Text | Spinner, Text, Text, Text]:
         if state.status is not None:

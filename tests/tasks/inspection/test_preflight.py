@@ -1,4 +1,6 @@
 import json
+import socket
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,13 +9,18 @@ import pytest
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.wire.errors import ResourceAlreadyExistsException, SpecError, StorageError
+from prefect_robomaker.schemas.wire.errors import (
+    ResourceAlreadyExistsException,
+    SpecError,
+    StorageError,
+)
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.backends.opening import open_backend
-from prefect_robomaker.tasks.inspection.preflight import check_preconditions
+from prefect_robomaker.tasks.inspection.preflight import await_store, check_preconditions
 from prefect_robomaker.tasks.operations.applications.records import update_application
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
 SUITE = {"name": "General"}
 
@@ -87,3 +94,62 @@ def test_a_cluster_that_is_not_there_is_found_before_anything_runs(service: Serv
 def test_a_work_pool_that_is_not_there_is_found_before_anything_runs(service: Service, prefect_server: str) -> None:
     with pytest.raises(BackendError, match="has no work pool 'nowhere'"):
         check_preconditions(spec("scout"), replace(service, backend=open_backend("workers:nowhere")))
+
+
+@pytest.fixture
+def notes() -> list[str]:
+    """What a person who watches is told."""
+    return []
+
+
+def on_s3(settings: Settings, endpoint: str) -> Service:
+    values = {"ROBOMAKER_HOME": str(settings.home), "ROBOMAKER_OBJECT_STORE": endpoint}
+    keys = {"AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret"}
+    return Service.open(Settings.from_environment(values), keys)
+
+
+def test_a_store_whose_host_does_not_exist_is_not_waited_for(
+    settings: Settings, notes: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_such_host(*_: object, **__: object) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    service = replace(on_s3(settings, "http://sotre.example:8333"), timing=Timing(store_patience_s=0.0))
+    monkeypatch.setattr(socket, "getaddrinfo", no_such_host)
+    with pytest.raises(StorageError, match=r"sotre\.example.*: there is no such host; check ROBOMAKER_OBJECT_STORE"):
+        await_store(service, notes.append)
+    assert notes == []
+
+
+def test_a_store_that_answers_later_is_waited_for_and_that_is_said_at_once(
+    settings: Settings, notes: list[str]
+) -> None:
+    requests: list[bytes] = []
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        port = listener.getsockname()[1]
+        service = on_s3(settings, f"http://127.0.0.1:{port}")
+
+        def note(text: str) -> None:
+            notes.append(text)
+            if len(notes) == 1:
+                listener.listen()
+                threading.Thread(target=_refuse, args=(listener, requests), daemon=True).start()
+
+        await_store(service, note)
+
+    assert notes[0].startswith(
+        "the object store does not answer; the run waits for it, at most 30 min (ROBOMAKER_STORE_PATIENCE_MIN); Ctrl-C "
+        f"ends the wait: cannot look for the bucket robomaker at http://127.0.0.1:{port}: Could not connect"
+    )
+    assert notes[1:] == ["the object store answers"]
+    [request] = requests
+    assert request.startswith(b"HEAD /robomaker")
+
+
+def _refuse(listener: socket.socket, requests: list[bytes]) -> None:
+    """Answers one request as a server does that does not know the keys: an answer all the same."""
+    client, _ = listener.accept()
+    with client:
+        requests.append(client.recv(65536))
+        client.sendall(b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")

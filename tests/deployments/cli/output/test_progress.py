@@ -111,6 +111,13 @@ def test_live_progress_shows_every_step_and_ends_as_it_was() -> None:
         assert expected in shown
 
 
+def test_a_long_note_is_shown_to_its_end_also_in_a_narrow_window() -> None:
+    terminal, words = Terminal(), [f"word{number}" for number in range(60)]
+    with LiveWatcher(STEPS, terminal) as listener:
+        listener(Note(" ".join(words)))
+    assert all(word in terminal.getvalue() for word in words)
+
+
 def test_events_may_come_from_many_threads() -> None:
     stream = io.StringIO()
     with PlainWatcher(STEPS, stream) as listener:
