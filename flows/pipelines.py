@@ -300,12 +300,13 @@ class PipelineRun:
         def watch(told: Progress) -> None:
             nonlocal progress
             progress = told
-            counts, total = earlier.with_counts(told.counts), parts[0].total or told.total
-            self._listener(StepProgress(name, counts, total, waits_for=told.waits_for))
+            counts, trials = earlier.with_counts(told.counts), earlier.with_trials(told.trials, parts[0].trials)
+            total = parts[0].total or told.total
+            self._listener(StepProgress(name, counts, total, waits_for=told.waits_for, trials=trials))
 
         ended = [self._run_part(name, parts[0], watch)]
         for part in parts[1:]:
-            earlier = earlier.followed_by(ended[-1].output, progress.counts)
+            earlier = earlier.followed_by(ended[-1].output, progress.counts, progress.trials)
             if ended[-1].status in BAD_ENDS or self._is_canceled:
                 skipped = StepRecord(name=part.name(name), operation=ended[-1].operation, status="Skipped")
                 self._steps.append(skipped)

@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field
 
 from ..runs.machine_waits import Scarce
 from ..runs.plan import Verdict
-from .base import Document, FailureChanges, Json, Part
+from .base import Changes, Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
 
 OutcomeStatus = Literal["Completed", "Failed", "Canceled"]
@@ -159,6 +159,13 @@ class SimulationJobProgress(FailureChanges):
     def started_at(self) -> datetime | None:
         """When the last run began."""
         return datetime.fromisoformat(self.last_started_at) if self.last_started_at else None
+
+
+class JobTrials(Changes):
+    """What the progress of a batch reads of each job instead of the whole document."""
+
+    request_index: int | None = Field(default=None, description="Place of its request in its batch.")
+    trials_finished: int | None = Field(default=None, description="How many trials had finished when it was asked.")
 
 
 class SimulationJobDocument(SimulationJobProgress, Document):

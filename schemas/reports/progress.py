@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from ..runs.machine_waits import Scarce
+from ..runs.trials import TrialCounts
 
 FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})
 """States, in lower case, whose parts are done with."""
@@ -37,6 +38,9 @@ class StepProgress:
 
     waits_for: Scarce | None = None
     """What the machine has too little of for the next part to begin; None: nothing."""
+
+    trials: TrialCounts | None = None
+    """The trials of all parts; None: there are none."""
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,14 @@ class Trials(Shape):
 
 
 @dataclass(frozen=True)
+class TrialCounts:
+    """How far the trials of some jobs are."""
+
+    finished: int
+    total: int
+
+
+@dataclass(frozen=True)
 class Trial:
     """One trial of a job."""
 

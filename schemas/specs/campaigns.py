@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
-from ..wire.json_values import is_list
+from ..runs.requested_trials import planned_trials
+from ..runs.trials import TrialCounts
+from ..wire.json_values import is_list, is_object
 
 Location: TypeAlias = tuple[str | int, ...]
 _OPERATION = "StartSimulationJobBatch"
@@ -33,6 +35,9 @@ class Part(NamedTuple):
 
     total: int = 0
     """How many requests the whole step has; 0: it is no campaign."""
+
+    trials: int = 0
+    """How many trials those order; 0: none, or it is no campaign."""
 
     def name(self, step: str) -> str:
         """The name of the step, or of its part: `simulate_2_of_3`."""
@@ -65,11 +70,12 @@ def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:
         return [Part(dict(request))]
     starts = range(0, len(requests), MOST_REQUESTS)
     parts: list[Part] = []
+    trials = sum(planned_trials(each) for each in requests if is_object(each))
     for number, start in enumerate(starts, 1):
         members: dict[str, Any] = {**request, _REQUESTS: requests[start : start + MOST_REQUESTS]}
         if isinstance(token := request.get(_CLIENT_TOKEN), str) and number > 1:  # each batch is a request of its own
             members[_CLIENT_TOKEN] = hashlib.sha256(f"{token}/{number}".encode()).hexdigest()
-        parts.append(Part(members, number, len(starts), len(requests)))
+        parts.append(Part(members, number, len(starts), len(requests), trials))
     return parts
 
 
@@ -83,20 +89,38 @@ class EarlierParts:
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
     """How many requests of the batches that have ended are in which state."""
 
-    def followed_by(self, output: Mapping[str, Any], counts: Mapping[str, int]) -> "EarlierParts":
+    trials_finished: int = 0
+    """How many trials of their jobs have finished."""
+
+    def followed_by(
+        self, output: Mapping[str, Any], counts: Mapping[str, int], trials: TrialCounts | None = None
+    ) -> "EarlierParts":
         """These parts and one more.
 
         Args:
             output: the final description of the one more.
             counts: how many of its requests are in which state.
+            trials: those of its jobs, as they were at its end; None: there were none.
         """
         lists = {
             name: [*self.output.get(name, []), *entries]
             for name, entries in output.items()
             if name in _LISTS and is_list(entries)
         }
-        return EarlierParts({**output, **lists}, self.with_counts(counts))
+        return EarlierParts({**output, **lists}, self.with_counts(counts), self._finished(trials))
 
     def with_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
         """The counts of a part that runs, with those of the parts before it."""
         return dict(Counter(self.counts) + Counter(counts))
+
+    def with_trials(self, trials: TrialCounts | None, total: int) -> TrialCounts | None:
+        """The trials of a part that runs, with those of the parts before it; None: there are none.
+
+        Args:
+            trials: those of the part that runs.
+            total: how many the whole step has; 0: it is no campaign, or has none.
+        """
+        return TrialCounts(self._finished(trials), total) if total else trials
+
+    def _finished(self, trials: TrialCounts | None) -> int:
+        return self.trials_finished + (trials.finished if trials else 0)

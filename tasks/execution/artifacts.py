@@ -110,7 +110,11 @@ class _Bar:
         if FlowRunContext.get() is None:
             return
         done = sum(count for state, count in progress.counts.items() if state.lower() in FINISHED)
-        percent = 100.0 * done / max(progress.total, 1)
+        if progress.trials is not None:  # they say more exactly how far it is
+            done, total = progress.trials.finished, progress.trials.total
+        else:
+            total = progress.total
+        percent = 100.0 * done / max(total, 1)
         self._shown_at = time.monotonic()
         with _logged("progress"):
             if self._artifact is None:

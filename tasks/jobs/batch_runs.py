@@ -27,6 +27,7 @@ from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import reuse_job, store_job
 from .awaited_jobs import AwaitedJobs
 from .batch_stops import STOP_EVENTS, STOPPING
+from .batch_trials import BatchTrials
 from .job_runs import perform_job, stop_idle_job
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class BatchRun:
         document = SimulationJobBatchDocument.of(batch)
         self._service = service.ordered_by(document.spec_run, reuse=document.reuse)
         self._policy, self._requests = document.batch_policy, document.requests
+        self._trials = BatchTrials(self._arn, self._requests, service.catalog)
         self._in_campaign = document.in_campaign
         self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
         self._failed = dict(document.failed)
@@ -307,7 +309,8 @@ class BatchRun:
         # Requests that are no jobs yet wait as those do that are.
         counts["pending"] += len(self._requests) - counts.total() - failed
         counts["not created"] = failed
-        self._service.report_progress(Progress(dict(counts), len(self._requests), self._waits_for))
+        total, trials = len(self._requests), self._trials.counts
+        self._service.report_progress(Progress(dict(counts), total, self._waits_for, trials))
 
     def _look(self) -> bool:
         """Records, several times a second, what the requests' tasks have brought about.
@@ -317,7 +320,7 @@ class BatchRun:
         """
         self._save_failures()
         self._note_stop()
-        if self._is_news:
+        if self._trials.look() or self._is_news:
             self._is_news = False
             self._report()
         if self._lease.job.status == "InProgress" and not self._waiting():
@@ -356,4 +359,5 @@ class BatchRun:
             reason = "at least one request could not become a job because of an internal fault"
             failure = {"failure_code": _INTERNAL, "failure_reason": reason}
         self._lease.transition(_END_EVENTS[end], BatchProgress(verdicts=verdicts, **failure))
+        self._trials.look(now=True)
         self._report()

@@ -18,6 +18,7 @@ from typing import Any
 
 from ...schemas.documents.base import Document
 from ...schemas.runs.machine_waits import Scarce
+from ...schemas.runs.trials import TrialCounts
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import resource_arn
 from ...schemas.wire.ids import IdPrefix, new_id
@@ -41,6 +42,9 @@ class Progress:
     total: int
     waits_for: Scarce | None = None
     """What the machine has too little of for the next part to begin; `None`: nothing."""
+
+    trials: TrialCounts | None = None
+    """The trials of all parts; `None`: there are none."""
 
 
 def _ignore(progress: Progress) -> None:

@@ -92,7 +92,8 @@ def _ending(state: StepState) -> str:
 def _activity(state: StepState, now: float) -> Text:
     if not state.total:
         return Text(state.operation)
-    filled = _BAR_WIDTH * state.done // state.total
+    done, total = state.work
+    filled = _BAR_WIDTH * done // total
     bar = (("━" * filled, "cyan"), ("━" * (_BAR_WIDTH - filled), "dim"))
-    parts = [f"{state.done}/{state.total}", state.counts_text(), state.pace(now)]
+    parts = [f"{state.done}/{state.total}", state.counts_text(), state.trials_text(), state.pace(now)]
     return Text.assemble(*bar, "  ", "  ".join(part for part in parts if part))

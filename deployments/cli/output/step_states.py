@@ -3,7 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ....schemas.reports.progress import FINISHED, Note, ProgressEvent, StepEnded, StepProgress, StepStarted
+from ....schemas.reports.progress import (
+    FINISHED,
+    Note,
+    ProgressEvent,
+    StepEnded,
+    StepProgress,
+    StepStarted,
+    TrialCounts,
+)
 from ....schemas.runs.machine_waits import WAITS_FOR, Scarce
 from .durations import duration
 
@@ -21,6 +29,7 @@ class StepState:
     total: int = 0
     newest_failure: str = ""
     waits_for: Scarce | None = None
+    trials: TrialCounts | None = None
     status: str | None = None
     """How it ended; `None` while it waits or runs."""
 
@@ -41,6 +50,15 @@ class StepState:
         """The counts in words: `2 running, 1 completed`."""
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
 
+    def trials_text(self) -> str:
+        """How many trials have finished: `3,100 of 10,000 trials`; empty: there are none."""
+        return f"{self.trials.finished:,} of {self.trials.total:,} trials" if self.trials else ""
+
+    @property
+    def work(self) -> tuple[int, int]:
+        """What is done, and all that is to be done: of trials where there are any, else of parts."""
+        return (self.trials.finished, self.trials.total) if self.trials else (self.done, self.total)
+
     def wait_text(self) -> str:
         """What the next part waits for in words: `waits for memory`; empty: nothing."""
         return f"waits for {WAITS_FOR[self.waits_for]}" if self.waits_for and self.done < self.total else ""
@@ -48,11 +66,12 @@ class StepState:
     def pace(self, now_s: float) -> str:
         """Rate and expected time to go, once something is done: `0.5/s, 12 s to go`."""
         elapsed = now_s - self.started_s if self.started_s is not None else 0.0
-        if not self.done or self.done >= self.total or elapsed <= 0:
+        done, total = self.work
+        if not done or done >= total or elapsed <= 0:
             return ""
-        rate = self.done / elapsed
+        rate = done / elapsed
         shown = f"{rate:.1f}/s" if rate >= 1 else f"{rate * 60:.1f}/min"
-        return f"{shown}, {duration((self.total - self.done) / rate)} to go"
+        return f"{shown}, {duration((total - done) / rate)} to go"
 
 
 class StepStates:
@@ -82,6 +101,6 @@ class StepStates:
         elif isinstance(event, StepProgress):
             state.counts, state.total = dict(event.counts), event.total
             state.newest_failure = event.newest_failure or state.newest_failure
-            state.waits_for = event.waits_for
+            state.waits_for, state.trials = event.waits_for, event.trials
         elif isinstance(event, StepEnded):
             state.status, state.duration_s, state.detail = event.status, event.duration_s, event.detail

@@ -15,9 +15,11 @@ from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
+from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
 from prefect_robomaker.tasks.service.service import Progress, Service
 from prefect_robomaker.tasks.service.timing import Timing
@@ -233,6 +235,21 @@ def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
     assert {total for _, total in counts[:-1]} == {100}
     assert counts[-1] == (1, 1)
     assert service.catalog.get(job["arn"]).document["trialsFinished"] == counts[-2][0]
+
+
+def test_progress_of_a_batch_counts_the_trials_of_its_jobs(
+    service: Service, swing: Simulate, prefect_server: str
+) -> None:
+    told: list[Progress] = []
+    job = swing(perform=False, job={"trials": {"seeds": 100}}, TIME_LIMIT_S="1", SLEEP_S="0.001")
+    requests = [service.catalog.get(job["arn"]).document["request"]]
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": requests}, service)
+    registry()["StartSimulationJobBatch"].perform(batch["arn"], service.watched_by(told.append))
+
+    finished = [progress.trials.finished for progress in told if progress.trials]
+    assert finished == sorted(finished)
+    assert any(0 < each < 100 for each in finished)
+    assert told[-1].trials == TrialCounts(100, 100)
 
 
 def test_a_job_that_was_killed_from_outside_goes_on_in_the_trial_it_was_in(service: Service, swing: Simulate) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.operations.registry import parse_request
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.runs.requested_trials import TRIALS_VARIABLE, trials_of
+from prefect_robomaker.schemas.runs.requested_trials import TRIALS_VARIABLE, planned_trials, trials_of
 from prefect_robomaker.schemas.runs.trial_rows import plan_of_trial
 from prefect_robomaker.schemas.runs.trials import Trial, Trials
 from prefect_robomaker.schemas.wire.common import MAX_SEED
@@ -88,6 +88,30 @@ def order(trials: dict[str, Any] | None = None, variable: str | None = None) -> 
     parsed = parse_request("CreateSimulationJob", request | ({"trials": trials} if trials else {}))
     assert isinstance(parsed, SimulationJobRequestMembers)
     return parsed
+
+
+@given(SOME_TRIALS, st.booleans())
+def test_a_request_is_seen_to_plan_as_many_trials_as_it_orders(trials: Trials, by_variable: bool) -> None:
+    wire = trials.to_wire()
+    made = order(variable=json.dumps(wire)) if by_variable else order(wire)
+
+    assert planned_trials(made.to_wire()) == trials.count
+
+
+ANYTHING = st.recursive(
+    st.none() | st.integers() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["launchConfig", "environmentVariables", TRIALS_VARIABLE, "seeds", "x"]), inner, max_size=3
+        )
+    ),
+)
+
+
+@given(st.dictionaries(st.sampled_from(["trials", "simulationApplications", "robotApplications"]), ANYTHING))
+def test_a_request_that_is_not_checked_yet_plans_some_number_of_trials_or_none(request: dict[str, Any]) -> None:
+    assert planned_trials(request) >= 0
 
 
 def test_a_launch_variable_says_the_same_as_the_member() -> None:

@@ -1,8 +1,11 @@
 """Steps with more requests than one batch may have."""
 
+from typing import Any
+
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.schemas.specs.campaigns import MOST_REQUESTS, EarlierParts, Part, parts_of, step_of
 
 BATCH = "StartSimulationJobBatch"
@@ -40,6 +43,21 @@ def test_the_batches_of_a_campaign_have_names_and_tokens_of_their_own() -> None:
     assert len(set(tokens)) == 3
     assert all(len(token) <= 64 for token in tokens)
     assert tokens == [part.request["clientRequestToken"] for part in parts_of(BATCH, request)]
+
+
+def test_a_campaign_knows_how_many_trials_it_orders() -> None:
+    requests: list[dict[str, Any]] = [{"trials": {"seeds": 10}}] * MOST_REQUESTS + [{"trials": {"seeds": 5}}, {}]
+
+    assert {part.trials for part in parts_of(BATCH, {"createSimulationJobRequests": requests})} == {10_005}
+
+
+def test_the_trials_of_a_campaigns_batches_are_added_up() -> None:
+    earlier = EarlierParts().followed_by({}, {}, TrialCounts(9_990, 10_000)).followed_by({}, {})
+
+    assert earlier.with_trials(TrialCounts(17, 5_000), 15_000) == TrialCounts(10_007, 15_000)
+    assert earlier.with_trials(None, 15_000) == TrialCounts(9_990, 15_000)
+    assert EarlierParts().with_trials(TrialCounts(17, 5_000), 0) == TrialCounts(17, 5_000)
+    assert EarlierParts().with_trials(None, 0) is None
 
 
 def test_problems_are_told_where_they_are_in_the_whole_step() -> None:

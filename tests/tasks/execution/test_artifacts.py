@@ -8,6 +8,7 @@ import pytest
 from prefect import flow
 from prefect.artifacts import Artifact
 
+from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.tasks.execution import artifacts
 from prefect_robomaker.tasks.execution.artifacts import artifact_key, show_jobs, show_summary, shown_progress
 from prefect_robomaker.tasks.service.service import Progress, Service
@@ -32,6 +33,31 @@ def test_a_flow_run_has_a_table_and_its_progress(prefect_server: str, service: S
     found: Any = Artifact.get(key)  # typed as if this were a coroutine
     assert found is not None
     assert "sim-1" in str(found.data)
+
+
+@pytest.mark.parametrize(("trials", "percent"), [(None, 50.0), (TrialCounts(30, 120), 25.0)])
+def test_the_bar_goes_by_trials_where_there_are_any(
+    prefect_server: str,
+    service: Service,
+    monkeypatch: pytest.MonkeyPatch,
+    trials: TrialCounts | None,
+    percent: float,
+) -> None:
+    shown: list[float] = []
+
+    def show(progress: float, **_: object) -> None:
+        shown.append(progress)
+
+    monkeypatch.setattr(artifacts, "create_progress_artifact", show)
+
+    @flow(name="counts")
+    def counts() -> None:
+        with shown_progress(service, "four jobs") as watched:
+            watched.report_progress(Progress({"completed": 1, "failed": 1, "running": 2}, 4, trials=trials))
+
+    counts()
+
+    assert set(shown) == {percent}
 
 
 def test_a_server_that_is_gone_fails_nothing(

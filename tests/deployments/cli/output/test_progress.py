@@ -10,6 +10,7 @@ from prefect_robomaker.deployments.cli.output.live_progress import LiveWatcher
 from prefect_robomaker.deployments.cli.output.progress import PlainWatcher, watcher
 from prefect_robomaker.deployments.cli.output.step_states import StepStates
 from prefect_robomaker.schemas.reports.progress import Note, StepEnded, StepProgress, StepStarted
+from prefect_robomaker.schemas.runs.trials import TrialCounts
 
 STEPS = [("worlds", "CreateWorldGenerationJob"), ("drive", "StartSimulationJobBatch")]
 
@@ -76,6 +77,25 @@ def test_what_the_next_job_waits_for_is_said_while_it_waits() -> None:
         "drive: 1 running, 1 pending of 2",
     ]
     assert "waits for memory" in terminal.getvalue()
+
+
+def test_trials_are_counted_beside_jobs_and_say_how_long_it_still_takes() -> None:
+    stream, terminal, states = io.StringIO(), Terminal(), StepStates(STEPS)
+    begun = StepStarted("drive", "StartSimulationJobBatch")
+    event = StepProgress("drive", {"running": 2, "pending": 38}, 40, trials=TrialCounts(3100, 10_000))
+    clock = Clock()
+    with PlainWatcher(STEPS, stream, clock=clock) as listener:
+        clock.now_s += 2
+        listener(event)
+    with LiveWatcher(STEPS, terminal) as listener:
+        listener(begun)
+        listener(event)
+    for each in (begun, event):
+        states.take(each, 0.0)
+
+    assert stream.getvalue().endswith("drive: 2 running, 38 pending of 40, 3,100 of 10,000 trials\n")
+    assert "━" * 6 in terminal.getvalue().partition("0/40")[0]
+    assert states.steps["drive"].pace(31.0) == "100.0/s, 1 min 09 s to go"
 
 
 def test_a_flood_of_changes_is_thinned_but_the_last_is_told() -> None:

@@ -1,0 +1,80 @@
+"""The trials of a batch are counted from what the catalog has of its jobs."""
+
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.runs.trials import TrialCounts
+from prefect_robomaker.tasks.jobs.batch_trials import BatchTrials
+from prefect_robomaker.tasks.service.service import Service
+
+BATCH = "arn:aws:robomaker:us-east-1:000000000000:simulation-job-batch/batch-1"
+
+
+class Clock:
+    """Seconds that a test sets."""
+
+    now_s = 50.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def trials(service: Service, clock: Clock) -> BatchTrials:
+    """Those of a batch of three requests: of 10 trials, of one episode, and of 20."""
+    requests: list[dict[str, Any]] = [{"trials": {"seeds": 10}}, {}, {"trials": {"seeds": 20}}]
+    return BatchTrials(BATCH, requests, service.catalog, clock)
+
+
+def add(service: Service, index: int, status: str, finished: int | None) -> None:
+    document: dict[str, Any] = {"requestIndex": index, "request": {}, "seed": 0}
+    if finished is not None:
+        document["trialsFinished"] = finished
+    service.store_job("simulation-job", "sim", document, tags=None, token=None, parent=BATCH, status=status)
+
+
+def test_requests_without_a_job_have_finished_none(trials: BatchTrials) -> None:
+    assert not trials.look()
+    assert trials.counts == TrialCounts(0, 30)
+
+
+def test_a_job_that_completed_has_finished_all_its_trials_and_others_those_that_it_said(
+    service: Service, trials: BatchTrials
+) -> None:
+    add(service, 0, "Completed", 7)  # it ended before it was asked again
+    add(service, 1, "Completed", None)
+    add(service, 2, "Failed", 4)
+
+    assert trials.look()
+    assert trials.counts == TrialCounts(14, 30)
+
+
+def test_the_catalog_is_asked_every_two_seconds_and_at_the_end(
+    service: Service, trials: BatchTrials, clock: Clock
+) -> None:
+    assert not trials.look()
+    add(service, 0, "Running", 3)
+    clock.now_s += 1.0
+    assert not trials.look()
+    clock.now_s += 1.5
+    assert trials.look()
+    add(service, 2, "Running", 3)
+    assert trials.look(now=True)
+    assert not trials.look(now=True)
+    assert trials.counts == TrialCounts(6, 30)
+
+
+def test_without_trials_there_is_nothing_to_count_and_the_catalog_is_not_asked(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trials = BatchTrials(BATCH, [{}, {}], service.catalog)
+    monkeypatch.setattr(service.catalog, "list", pytest.fail)
+
+    assert not trials.look(now=True)
+    assert trials.counts is None
