@@ -1,6 +1,8 @@
 """Batches whose jobs run in job workers with homes of their own; only catalog and object store are common."""
 
 import re
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -9,8 +11,12 @@ from typing import Any
 
 import pytest
 from helpers.job_worker_backend import HomesBackend
+from helpers.processes import wait_for
 
 from prefect_robomaker.tasks.backends.backend import BackendError
+from prefect_robomaker.tasks.inspection.reports import simulation_jobs
+from prefect_robomaker.tasks.machine.machine_slots import jobs_that_wait
+from prefect_robomaker.tasks.machine.slot_files import Holder, SlotFiles
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
@@ -94,3 +100,33 @@ def test_a_batch_that_no_machine_can_run_fails_and_says_why(
     assert {job["status"] for job in ended["createdRequests"]} <= {"Canceled"}
     assert len(ended["createdRequests"]) + len(ended["failedRequests"]) == 9
     assert ended["pendingRequests"] == []
+
+
+def test_a_job_has_how_long_its_job_worker_waited_for_room(
+    service: Service, order: Order, run_batch: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    machines = [service.settings.model_copy(update={"home": tmp_path / name}) for name in ("first", "second")]
+    held: list[tuple[SlotFiles, int]] = []
+    for machine in machines:
+        slots = SlotFiles(machine.home / "slots", 1)
+        slot = slots.take([0], Holder(batch="another"))
+        assert slot is not None
+        held.append((slots, slot))
+
+    def make_room() -> None:
+        def has_waited() -> bool:
+            return any(time.time() - each.since_s > 2.0 for machine in machines for each in jobs_that_wait(machine))
+
+        wait_for(has_waited, "a job worker to wait for room", 60.0)
+        for slots, slot in held:
+            slots.give_back(slot)
+
+    helper = threading.Thread(target=make_room, daemon=True)
+    helper.start()
+    batch = run_batch([order()], [], maxConcurrency=1)
+    helper.join(60.0)
+
+    assert batch["status"] == "Completed"
+    [job] = simulation_jobs("StartSimulationJobBatch", batch["arn"], service)
+    assert set(job.waited_s) == {"slots"}
+    assert job.waited_s["slots"] >= 1.5
