@@ -20,6 +20,9 @@ class HomesBackend:
     ended: list[Ended] = field(default_factory=list)
     """How the workers ended."""
 
+    patience_s: float = 0.0
+    """How long job workers may take to end by themselves once their batch has, before they are told to."""
+
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator["HomesBackend"]:
         """Has job workers inside the block."""
@@ -33,6 +36,8 @@ class HomesBackend:
             thread.start()
         try:
             yield self
+            for thread in threads:  # they end with their batch, sooner or later
+                thread.join(self.patience_s)
         finally:
             stop.set()
             for thread in threads:

@@ -76,6 +76,7 @@ def test_jobs_of_a_batch_run_on_both_machines_and_nothing_of_it_here(
     service: Service, order: Order, homes: HomesBackend, run_batch: Callable[..., dict[str, Any]]
 ) -> None:
     notes: list[str] = []
+    homes.patience_s = 30
 
     batch = run_batch([order({"DURATION_S": "1"}) for _ in range(6)], notes, maxConcurrency=2)
 
