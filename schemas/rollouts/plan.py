@@ -1,0 +1,103 @@
+"""The plan of a rollout: which robots, in which order, how many at a time, and when it stops.
+
+Nothing published says which percentages hold if a request has none. Here both are 20:
+
+* At most a fifth of a fleet is without its application at the same time, and a rollout takes five rounds.
+* A version that breaks each robot of the first round stops there. A good version is not stopped by robots that are
+  away, unless a fifth of the fleet is.
+"""
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S
+from ..wire.errors import InvalidParameterException
+from .stored import StoredPart
+
+DEFAULT_CONCURRENT_PERCENTAGE = 20
+"""Share of a fleet that is deployed to at the same time if a request does not say, in percent."""
+
+DEFAULT_THRESHOLD_PERCENTAGE = 20
+"""Share of a fleet that has to fail for a deployment to stop if a request does not say, in percent."""
+
+JOB_TIMEOUT_S = 30 * 24 * 3600.0
+"""How long a whole deployment may take, in seconds."""
+
+UnfitCode = Literal["MissingRobotArchitecture", "MissingRobotApplicationArchitecture", "MissingRobotDeploymentResource"]
+"""Why a robot cannot get the application at all."""
+
+
+class PlannedRobot(StoredPart):
+    """A robot that a rollout is meant for."""
+
+    arn: str = Field(description="ARN of the robot.")
+    unfit_code: UnfitCode | None = Field(
+        default=None, description="Why it cannot get the application; absent: it can. It fails, and counts for nothing."
+    )
+    unfit_reason: str | None = Field(default=None, description="The same in words.")
+
+
+class RolloutPlan(StoredPart):
+    """What a rollout will do; it does not change."""
+
+    robots: tuple[PlannedRobot, ...] = Field(description="The fleet's robots, in the order in which their turn comes.")
+    concurrent_percentage: int = Field(
+        default=DEFAULT_CONCURRENT_PERCENTAGE,
+        ge=1,
+        le=100,
+        description="Share of the robots that is deployed to at the same time, in percent, rounded down to robots; "
+        "one robot at least.",
+    )
+    threshold_percentage: int = Field(
+        default=DEFAULT_THRESHOLD_PERCENTAGE,
+        ge=1,
+        le=100,
+        description="Share of the robots that take part which has to fail for the rollout to stop, in percent.",
+    )
+    robot_timeout_s: float = Field(
+        default=float(DEFAULT_ROBOT_TIMEOUT_S),
+        gt=0,
+        allow_inf_nan=False,
+        description="How long a robot may take to fetch its order, and then again to carry it out, in seconds.",
+    )
+    job_timeout_s: float = Field(
+        default=JOB_TIMEOUT_S, gt=0, allow_inf_nan=False, description="How long the whole may take, in seconds."
+    )
+    canaries: tuple[str, ...] = Field(
+        default=(),
+        description="ARNs of robots whose turn comes first; the others wait until all of these have ended.",
+    )
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        """Refuses plans whose robots are missing, repeated or unknown."""
+        known = _each_once("robots", self.order)
+        if not known:
+            raise InvalidParameterException(
+                "robots: the plan of a rollout has none; register some with the fleet first"
+            )
+        if strange := _each_once("canaries", self.canaries) - known:
+            raise InvalidParameterException(
+                f"canaries: {min(strange)} is not among the robots; name robots of the fleet"
+            )
+        return self
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The robots' ARNs, in order."""
+        return tuple(robot.arn for robot in self.robots)
+
+    @property
+    def concurrency(self) -> int:
+        """How many robots may have an open order at the same time."""
+        return max(1, len(self.robots) * self.concurrent_percentage // 100)
+
+
+def _each_once(member: str, arns: tuple[str, ...]) -> set[str]:
+    seen: set[str] = set()
+    for arn in arns:
+        if arn in seen:
+            raise InvalidParameterException(f"{member}: {arn} is there twice; name each robot once")
+        seen.add(arn)
+    return seen

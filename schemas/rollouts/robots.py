@@ -1,0 +1,78 @@
+"""How one robot of a rollout stands: its order, what it reported, and how that ended.
+
+```
+             Offered            Fetched             Succeeded, Failed, Canceled
+   none ───────────> offered ───────────> fetched ─────────────────────────────────> closed
+     ^                  └────────┬──────────┘                                          ^  │
+     │             time-out, cancel, stop of the rollout                               │  │
+     │                           v                                                     │  │
+     │                       canceling ──── Canceled, or its own result ───────────────┤  │
+     │                           └── CancelRefused ──> refused ──── its own result ────┘  │
+     └──────── (another order) a robot that never fetched its order has answered ─────────┘
+```
+
+An order is *open* while it is offered or fetched; only these count for the concurrency. A canceled order blocks the
+robot, and only the robot, until it answers. A robot's outcome is decided by the first end of an order, and put right by
+its own later result: a robot that was given up and then succeeds is in sync.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..operations.deployment_jobs import DeploymentJobErrorCode, RobotDeploymentStep
+from .stored import ActionId, StoredPart, TimeS
+
+OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
+OPEN: frozenset[OrderState] = frozenset({"offered", "fetched"})
+"""States of orders that count for the concurrency."""
+
+UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
+"""States of orders that were canceled, and that the robot may still carry out."""
+
+
+class RobotDeploymentState(StoredPart):
+    """How one robot of a rollout stands."""
+
+    order: OrderState = Field(default="none", description="Where its latest order is in its life.")
+    action_id: ActionId | None = Field(default=None, description="Number of its latest order; absent: it has had none.")
+    earlier_action_id: ActionId | None = Field(
+        default=None,
+        description="Number of an order of an earlier rollout that it has not answered; it gets that one's "
+        "cancellation first, and its order of this rollout after it.",
+    )
+    outcome: Literal["succeeded", "failed"] | None = Field(default=None, description="How it ended; absent: not yet.")
+    gone: Literal["left", "deleted"] | None = Field(
+        default=None, description="Whether it left the fleet or was deleted; it gets no order any more."
+    )
+    returned: bool = Field(
+        default=False, description="Whether it was away, has been heard of again, and waits for another order."
+    )
+    step: RobotDeploymentStep | None = Field(default=None, description="What it last said it does.")
+    percent_done: float | None = Field(default=None, ge=0, le=100, description="Share of its download, in percent.")
+    percent_at_s: TimeS | None = Field(default=None, description="When it reported that share.")
+    download_from_percent: float | None = Field(
+        default=None, ge=0, le=100, description="Share of the download that was there when it was first reported."
+    )
+    download_from_s: TimeS | None = Field(default=None, description="When the download was first reported.")
+    heard_s: TimeS | None = Field(default=None, description="When it last reported anything about its order.")
+    deadline_s: TimeS | None = Field(default=None, description="When its open order times out.")
+    started_s: TimeS | None = Field(default=None, description="When it fetched its latest order.")
+    finished_s: TimeS | None = Field(default=None, description="When its outcome was decided.")
+    failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+
+    @property
+    def is_open(self) -> bool:
+        """Whether its order counts for the concurrency."""
+        return self.order in OPEN
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the rollout has nothing to wait for with this robot."""
+        return self.outcome is not None or self.gone is not None
+
+    @property
+    def no_response(self) -> bool:
+        """Whether it failed since it never fetched its order, so that it gets another when it returns."""
+        return self.failure_code == "RobotDeploymentNoResponse"

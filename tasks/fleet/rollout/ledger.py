@@ -1,0 +1,314 @@
+"""The ledger: a rollout with indexes, so that an event costs the same in a fleet of ten and of ten thousand.
+
+`Ledger(rollout)` reads a stored rollout, `rollout()` gives it back as one; between the two, `apply` takes in events one
+by one. Time-outs that are due happen first, each at its own moment, so a ledger that was asked rarely ends up like one
+that was asked each second. It draws no numbers and reads no clock: the same events at the same times give the same
+rollout.
+
+How the whole ends:
+
+| what | status | failure code | robots that have begun |
+| --- | --- | --- | --- |
+| each robot has ended | `Succeeded` | | |
+| the threshold is reached | `Failed` | `FailureThresholdBreached` | go on to their end |
+| its time is up | `Failed` | `FleetDeploymentTimeout` | canceled, with this code |
+| a person cancels it | `Canceled` | | canceled, `RobotDeploymentAborted` |
+| its application is deleted | `Failed` | `RobotApplicationDoesNotExist` | canceled, with this code |
+| its fleet is deleted | `Failed` | `DeploymentFleetDoesNotExist` | canceled, with this code |
+
+Orders that robots have not fetched are canceled, too; these robots are as if they had never been asked. After
+`Succeeded` and `FleetDeploymentTimeout`, robots that never fetched their order still get one when they return.
+The status of a rollout that has ended stays; its robots may still change, by what they report themselves.
+"""
+
+from dataclasses import dataclass
+
+from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
+from ....schemas.rollouts.events import Offered, Outage, Paused, Resumed, RobotGone, RolloutEvent, Stopped
+from ....schemas.rollouts.plan import RolloutPlan
+from ....schemas.rollouts.robots import UNANSWERED, RobotDeploymentState
+from ....schemas.rollouts.rollout import Rollout
+from .deadlines import Deadlines
+from .line import Line, waits, waits_again
+from .orders import changed, offered, reported, revoked, timed_out, withdrawn
+from .thresholds import Tally, Verdict
+
+_STOPS: dict[str, tuple[Verdict, DeploymentJobErrorCode]] = {
+    "canceled": (Verdict("Canceled"), "RobotDeploymentAborted"),
+    "superseded": (Verdict("Canceled", None, "the fleet has a newer deployment"), "RobotDeploymentAborted"),
+    "application_deleted": (
+        Verdict("Failed", "RobotApplicationDoesNotExist", "the robot application was deleted"),
+        "RobotApplicationDoesNotExist",
+    ),
+    "fleet_deleted": (
+        Verdict("Failed", "DeploymentFleetDoesNotExist", "the fleet was deleted"),
+        "DeploymentFleetDoesNotExist",
+    ),
+}
+"""How the rollout ends, and the failure code of robots that have begun."""
+
+
+@dataclass(frozen=True)
+class Cancellation:
+    """An order that a robot has to give up, until it answers."""
+
+    robot: str
+    action_id: int
+
+
+@dataclass(frozen=True)
+class Due:
+    """What has to be done for a rollout now."""
+
+    offers: tuple[str, ...]
+    """Robots that each get an order with a number of its own; the ledger is told by `Offered`."""
+
+    cancellations: tuple[Cancellation, ...]
+    """All orders that robots are to be told to give up."""
+
+    wake_s: float | None
+    """When the next time-out comes, in seconds since the epoch; nothing: only events change the rollout."""
+
+
+def begin(plan: RolloutPlan, now_s: float, earlier: dict[str, int] | None = None) -> Rollout:
+    """A rollout that begins.
+
+    Args:
+        plan: what it will do.
+        now_s: the time.
+        earlier: orders of earlier rollouts that robots have not answered, by robot: `Ledger.unanswered` of the last.
+    """
+    robots: dict[str, RobotDeploymentState] = {}
+    for robot in plan.robots:
+        state = RobotDeploymentState(earlier_action_id=(earlier or {}).get(robot.arn))
+        if robot.unfit_code is not None:
+            failure = {"failure_code": robot.unfit_code, "failure_reason": robot.unfit_reason}
+            state = changed(state, outcome="failed", finished_s=now_s, **failure)
+        robots[robot.arn] = state
+    ledger = Ledger(Rollout(plan=plan, robots=robots, began_s=now_s, now_s=now_s))
+    ledger.pass_time(now_s)
+    return ledger.rollout()
+
+
+def advance(rollout: Rollout, event: RolloutEvent | None, now_s: float) -> Rollout:
+    """A rollout after one event; for many, keep a `Ledger`, which need not read all robots each time.
+
+    Args:
+        rollout: the rollout before it.
+        event: what happened; nothing: only time passed.
+        now_s: when.
+    """
+    ledger = Ledger(rollout)
+    if event is None:
+        ledger.pass_time(now_s)
+    else:
+        ledger.apply(event, now_s)
+    return ledger.rollout()
+
+
+def due(rollout: Rollout, now_s: float) -> Due:
+    """What has to be done for a rollout at a time."""
+    ledger = Ledger(rollout)
+    ledger.pass_time(now_s)
+    return ledger.due()
+
+
+class Ledger:
+    """A rollout that takes in events; not for several threads at once."""
+
+    def __init__(self, rollout: Rollout) -> None:
+        """Reads a rollout, which itself stays as it is."""
+        self._rollout = rollout
+        self._plan = rollout.plan
+        self._robots = {robot: rollout.robots[robot] for robot in rollout.plan.order}
+        self._now_s = rollout.now_s
+        self._tally = Tally(rollout.plan)
+        for robot, state in self._robots.items():
+            self._tally.count(robot, state, 1)
+        self._line = Line(rollout.plan, self._robots)
+        self._deadlines = Deadlines(self._robots)
+        self._cancellations = {
+            robot: action_id for robot, state in self._robots.items() if (action_id := _to_cancel(state)) is not None
+        }
+
+    def rollout(self) -> Rollout:
+        """The rollout as it stands, to be stored."""
+        return self._rollout.model_copy(update={"robots": dict(self._robots), "now_s": self._now_s})
+
+    @property
+    def status(self) -> str:
+        """Status of the deployment job."""
+        return self._rollout.status
+
+    @property
+    def open_orders(self) -> int:
+        """How many robots have an open order."""
+        return self._tally.open
+
+    def robot(self, arn: str) -> RobotDeploymentState:
+        """How a robot of the rollout stands."""
+        return self._robots[arn]
+
+    def unanswered(self) -> dict[str, int]:
+        """Orders that were canceled and that robots may still carry out, by robot."""
+        orders: dict[str, int] = {}
+        for robot, state in self._robots.items():
+            number = state.earlier_action_id or (state.action_id if state.order in UNANSWERED else None)
+            if number is not None:
+                orders[robot] = number
+        return orders
+
+    def due(self) -> Due:
+        """What has to be done now; ask again after each event and at `wake_s`."""
+        return Due(
+            offers=self._turns(),
+            cancellations=tuple(Cancellation(robot, number) for robot, number in self._cancellations.items()),
+            wake_s=self._wake_s(),
+        )
+
+    def apply(self, event: RolloutEvent, now_s: float) -> None:
+        """Takes in an event, after the time-outs that came before it.
+
+        Args:
+            event: what happened. Robots that are not of this rollout are left alone.
+            now_s: when; a time before that of an earlier event counts as that.
+        """
+        if isinstance(event, Outage):
+            self._outage(event, now_s)
+        self.pass_time(now_s)
+        match event:
+            case RobotGone():
+                self._gone(event)
+            case Stopped():
+                self._stopped(event)
+            case Paused() | Resumed():
+                self._set(paused=isinstance(event, Paused))
+            case Offered():
+                self._offer(event)
+            case Outage():
+                pass
+            case _ if event.robot in self._robots:
+                self._put(
+                    event.robot,
+                    reported(self._robots[event.robot], event, self._now_s, self._plan.robot_timeout_s),
+                )
+            case _:
+                pass
+        self._judge()
+
+    def pass_time(self, now_s: float) -> None:
+        """Lets time pass: orders, and the rollout, time out at their own moments."""
+        self._judge()
+        now_s = max(now_s, self._now_s)
+        while (wake_s := self._wake_s()) is not None and wake_s <= now_s:
+            self._now_s = max(self._now_s, wake_s)
+            deadline = self._deadlines.next()
+            if deadline is not None and deadline[0] <= wake_s:
+                robot = deadline[1]
+                self._put(robot, timed_out(self._robots[robot], self._plan.robot_timeout_s))
+                self._judge()
+            else:
+                self._time_is_up()
+        self._now_s = now_s
+
+    def _turns(self) -> tuple[str, ...]:
+        if self._rollout.paused or not self._rollout.takes_returns:
+            return ()
+        free = self._plan.concurrency - self._tally.open
+        return self._line.next(free, first=self._is_active, others=self._tally.canaries.has_ended)
+
+    def _wake_s(self) -> float | None:
+        deadline = self._deadlines.next()
+        times = [deadline[0]] if deadline is not None else []
+        if self._is_active:
+            times.append(self._rollout.began_s + self._plan.job_timeout_s)
+        return min(times, default=None)
+
+    @property
+    def _is_active(self) -> bool:
+        return self._rollout.status == "InProgress"
+
+    def _offer(self, event: Offered) -> None:
+        """Notes an order, if the robot may have one now; otherwise the number is lost, which costs nothing."""
+        state = self._robots.get(event.robot)
+        if state is None or self._rollout.paused or not self._rollout.takes_returns:
+            return
+        first = waits(state) and self._is_active
+        turn = not first or event.robot in self._plan.canaries or self._tally.canaries.has_ended
+        used = event.action_id in (state.action_id, state.earlier_action_id)
+        free = self._tally.open < self._plan.concurrency
+        if (first or waits_again(state)) and turn and free and not used:
+            self._put(event.robot, offered(state, event.action_id, self._now_s, self._plan.robot_timeout_s))
+
+    def _gone(self, event: RobotGone) -> None:
+        state = self._robots.get(event.robot)
+        if state is not None:
+            state = changed(state, gone=event.how, returned=False)
+            if state.is_open:
+                state = withdrawn(state)
+            self._put(event.robot, state)
+
+    def _stopped(self, event: Stopped) -> None:
+        verdict, code = _STOPS[event.why]
+        if self._is_active:
+            self._end(verdict)
+        elif event.why == "canceled":  # a deployment that has ended stays as it is
+            return
+        self._set(takes_returns=False)
+        self._revoke(code, verdict.reason or "the deployment was canceled", begun=True)
+
+    def _time_is_up(self) -> None:
+        reason = f"the deployment took longer than {self._plan.job_timeout_s:g} s"
+        self._end(Verdict("Failed", "FleetDeploymentTimeout", reason))
+        self._revoke("FleetDeploymentTimeout", reason, begun=True)
+
+    def _judge(self) -> None:
+        if not self._is_active:
+            return
+        verdict = self._tally.verdict()
+        if verdict is not None:
+            self._end(verdict)
+            if verdict.status == "Failed":
+                self._set(takes_returns=False)
+                self._revoke("RobotDeploymentAborted", "the deployment was stopped", begun=False)
+
+    def _end(self, verdict: Verdict) -> None:
+        self._set(status=verdict.status, failure_code=verdict.code, failure_reason=verdict.reason, ended_s=self._now_s)
+
+    def _revoke(self, code: DeploymentJobErrorCode, reason: str, *, begun: bool) -> None:
+        """Cancels open orders: all, or only those that robots have not fetched."""
+        for robot, state in list(self._robots.items()):
+            if state.is_open and (begun or state.order == "offered"):
+                self._put(robot, revoked(state, self._now_s, code, reason))
+
+    def _set(self, **members: object) -> None:
+        self._rollout = self._rollout.model_copy(update=members)
+
+    def _put(self, robot: str, state: RobotDeploymentState) -> None:
+        before = self._robots[robot]
+        if state is before:
+            return
+        self._tally.count(robot, before, -1)
+        self._tally.count(robot, state, 1)
+        self._robots[robot] = state
+        if state.deadline_s != before.deadline_s:
+            self._deadlines.add(robot, state)
+        self._line.update(robot)
+        if (number := _to_cancel(state)) is not None:
+            self._cancellations[robot] = number
+        else:
+            self._cancellations.pop(robot, None)
+
+    def _outage(self, event: Outage, now_s: float) -> None:
+        """Moves the deadlines of robots by the part of an outage that has not been taken in."""
+        self.pass_time(min(event.since_s, now_s))
+        lasted_s = now_s - self._now_s
+        if lasted_s > 0:
+            for robot, state in list(self._robots.items()):
+                if state.deadline_s is not None:
+                    self._put(robot, changed(state, deadline_s=state.deadline_s + lasted_s))
+
+
+def _to_cancel(state: RobotDeploymentState) -> int | None:
+    """The order that a robot is to be told to give up; it never saw its own before it has answered the earlier."""
+    return state.earlier_action_id or (state.action_id if state.order == "canceling" else None)

@@ -1,0 +1,147 @@
+"""What an event, a time-out or a cancellation makes of one robot; pure functions of its state."""
+
+from typing import Any
+
+from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
+from ....schemas.rollouts.events import (
+    Canceled,
+    CancelRefused,
+    Failed,
+    Fetched,
+    Progressed,
+    Report,
+    Succeeded,
+)
+from ....schemas.rollouts.robots import RobotDeploymentState as State
+from ....schemas.wire.common import shorten
+from .estimates import with_progress
+
+_CLOSING = Succeeded | Failed | Canceled
+
+
+def changed(state: State, **members: Any) -> State:
+    """The state with other members."""
+    return state.model_copy(update=members)
+
+
+def offered(state: State, action_id: int, now_s: float, timeout_s: float) -> State:
+    """The robot with a new order, which it has to fetch in time."""
+    return changed(
+        state,
+        order="offered",
+        action_id=action_id,
+        returned=False,
+        started_s=None,
+        heard_s=None,
+        step=None,
+        percent_done=None,
+        percent_at_s=None,
+        download_from_percent=None,
+        download_from_s=None,
+        deadline_s=now_s + timeout_s,
+    )
+
+
+def reported(state: State, event: Report, now_s: float, timeout_s: float) -> State:
+    """The robot after a report; the same object if the report changes nothing.
+
+    Args:
+        state: the robot before it.
+        event: the report, about its latest order or that of an earlier rollout.
+        now_s: when it came.
+        timeout_s: how long the robot may take to carry out what it has fetched.
+    """
+    if event.action_id == state.earlier_action_id:
+        return changed(state, earlier_action_id=None) if isinstance(event, _CLOSING) else state
+    if event.action_id != state.action_id or state.order in ("none", "closed"):
+        return state
+    match event:
+        case Fetched():
+            return _begun(state, now_s, timeout_s)
+        case Progressed():
+            return with_progress(_begun(state, now_s, timeout_s), event, now_s)
+        case Succeeded():
+            return _succeeded(state, now_s)
+        case Failed():
+            reason = None if event.reason is None else shorten(event.reason)
+            return _failed(_closed(state, now_s), event.code, reason, now_s)
+        case Canceled():
+            return _canceled(state, now_s)
+        case CancelRefused():
+            return _refused(state, now_s, timeout_s)
+
+
+def timed_out(state: State, timeout_s: float) -> State:
+    """The robot whose open order is not waited for any longer: it has failed, and is told to give up the order."""
+    at_s = state.deadline_s or 0.0
+    if state.started_s is None:
+        code: DeploymentJobErrorCode = "RobotDeploymentNoResponse"
+        reason = f"the robot did not fetch its order within {timeout_s:g} s"
+    else:
+        code = "RobotAgentConnectionTimeout"
+        silent_s = at_s - (state.heard_s or state.started_s)
+        step = f", while {state.step}" if state.step else ""
+        reason = (
+            f"the robot did not end within {timeout_s:g} s of fetching its order; "
+            f"it was last heard of {silent_s:g} s earlier{step}"
+        )
+    return _failed(withdrawn(state), code, reason, at_s)
+
+
+def revoked(state: State, now_s: float, code: DeploymentJobErrorCode, reason: str) -> State:
+    """The robot whose open order is canceled: it has failed if it had begun, otherwise it is as if never asked."""
+    begun = state.started_s is not None and not state.has_ended
+    return _failed(withdrawn(state), code, reason, now_s) if begun else withdrawn(state)
+
+
+def withdrawn(state: State) -> State:
+    """The robot whose open order is canceled, which is no failure."""
+    return changed(state, order="canceling", deadline_s=None)
+
+
+def _failed(state: State, code: DeploymentJobErrorCode, reason: str | None, now_s: float) -> State:
+    if state.gone is not None and state.outcome is None:  # people took it away: no failure of the version
+        return state
+    return changed(state, outcome="failed", failure_code=code, failure_reason=reason, finished_s=now_s, returned=False)
+
+
+def _begun(state: State, now_s: float, timeout_s: float) -> State:
+    """The robot that has shown that it has its order."""
+    if state.started_s is not None:
+        return changed(state, heard_s=now_s)
+    state = changed(state, started_s=now_s, heard_s=now_s)
+    if state.order == "offered":
+        return changed(state, order="fetched", deadline_s=now_s + timeout_s)
+    if state.outcome is None:  # the order was canceled on its way to the robot
+        return _failed(state, "RobotDeploymentAborted", "the deployment was stopped while the robot began", now_s)
+    return state
+
+
+def _succeeded(state: State, now_s: float) -> State:
+    state = _closed(state, now_s)
+    if state.gone is not None and state.outcome is None:
+        return state
+    return changed(
+        state,
+        outcome="succeeded",
+        step="Finished",
+        failure_code=None,
+        failure_reason=None,
+        finished_s=now_s,
+    )
+
+
+def _canceled(state: State, now_s: float) -> State:
+    if state.is_open:
+        reason = "the robot gave up its order by itself"
+        return _failed(_closed(state, now_s), "RobotDeploymentAborted", reason, now_s)
+    return changed(state, order="closed", returned=state.no_response and state.gone is None)
+
+
+def _refused(state: State, now_s: float, timeout_s: float) -> State:
+    return changed(_begun(state, now_s, timeout_s), order="refused") if state.order == "canceling" else state
+
+
+def _closed(state: State, now_s: float) -> State:
+    started_s = now_s if state.started_s is None else state.started_s
+    return changed(state, order="closed", deadline_s=None, started_s=started_s, heard_s=now_s)
