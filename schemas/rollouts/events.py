@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..operations.deployment_jobs import RobotDeploymentStep
+from .robots import Departure
 from .stored import ActionId, StoredPart, TimeS
 
 ReportedCode = Literal[
@@ -24,6 +25,9 @@ ReportedCode = Literal[
     "RobotDeploymentAborted",
 ]
 """Failure codes that a robot may report; the others are found by the service."""
+
+StopCause = Literal["canceled", "fleet_deleted", "application_deleted", "superseded"]
+"""Why a rollout is ended from outside."""
 
 
 class _OfOrder(StoredPart):
@@ -84,7 +88,7 @@ class RobotGone(StoredPart):
 
     kind: Literal["robot_gone"] = Field(default="robot_gone", description="Which event this is.")
     robot: str = Field(description="ARN of the robot.")
-    how: Literal["left", "deleted"] = Field(description="What was done to it.")
+    how: Departure = Field(description="What was done to it.")
 
 
 class Stopped(StoredPart):
@@ -95,7 +99,7 @@ class Stopped(StoredPart):
     """
 
     kind: Literal["stopped"] = Field(default="stopped", description="Which event this is.")
-    why: Literal["canceled", "fleet_deleted", "application_deleted", "superseded"] = Field(description="What ended it.")
+    why: StopCause = Field(description="What ended it.")
 
 
 class Paused(StoredPart):

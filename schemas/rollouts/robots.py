@@ -24,6 +24,9 @@ from ..operations.deployment_jobs import DeploymentJobErrorCode, RobotDeployment
 from .stored import ActionId, StoredPart, TimeS
 
 OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
+Departure = Literal["left", "deleted"]
+"""How a robot departed from a fleet."""
+
 OPEN: frozenset[OrderState] = frozenset({"offered", "fetched"})
 """States of orders that count for the concurrency."""
 
@@ -42,7 +45,7 @@ class RobotDeploymentState(StoredPart):
         "cancellation first, and its order of this rollout after it.",
     )
     outcome: Literal["succeeded", "failed"] | None = Field(default=None, description="How it ended; absent: not yet.")
-    gone: Literal["left", "deleted"] | None = Field(
+    gone: Departure | None = Field(
         default=None, description="Whether it left the fleet or was deleted; it gets no order any more."
     )
     returned: bool = Field(

@@ -37,8 +37,12 @@ class LedgerService:
 
     def shown(self) -> dict[str, tuple[str, int]]:
         robots = self.ledger.rollout().robots
-        orders = {arn: ("order", s.action_id) for arn, s in robots.items() if s.is_open or s.order == "refused"}
-        return {**orders, **{each.robot: ("cancel", each.action_id) for each in self.ledger.due().cancellations}}
+        orders = {
+            arn: ("order", s.action_id)
+            for arn, s in robots.items()
+            if s.action_id and (s.is_open or s.order == "refused")
+        }
+        return {**orders, **{arn: ("cancel", number) for arn, number in self.ledger.due().cancellations.items()}}
 
     def report(self, event: RolloutEvent, now_s: float) -> None:
         self.ledger.apply(event, now_s)

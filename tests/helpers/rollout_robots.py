@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Literal, Protocol
 
+from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
 from prefect_robomaker.schemas.rollouts.events import (
     Canceled,
     CancelRefused,
@@ -14,11 +15,17 @@ from prefect_robomaker.schemas.rollouts.events import (
     Outage,
     Progressed,
     Report,
+    ReportedCode,
     RolloutEvent,
     Succeeded,
 )
 
-CODES = ("DownloadConditionFailed", "ExtractingBundleFailure", "PreLaunchFileFailure", "PostLaunchFileFailure")
+CODES: tuple[ReportedCode, ...] = (
+    "DownloadConditionFailed",
+    "ExtractingBundleFailure",
+    "PreLaunchFileFailure",
+    "PostLaunchFileFailure",
+)
 
 
 @dataclass(frozen=True)
@@ -27,11 +34,11 @@ class Attempt:
 
     fetch_s: int | None = 1
     """After it saw the order; nothing: it never fetches it."""
-    end: str | None = "success"
+    end: Literal["success"] | ReportedCode | None = "success"
     """`success`, a failure code, or nothing: it falls silent."""
     end_s: int = 3
     """After it fetched the order."""
-    reports: tuple[tuple[int, str, float | None], ...] = ()
+    reports: tuple[tuple[int, RobotDeploymentStep, float | None], ...] = ()
     """Seconds after it fetched the order, step, percent."""
     cancel: Literal["give up", "refuse", "ignore"] = "give up"
     cancel_s: int = 1

@@ -1,6 +1,7 @@
 """Rollouts of a few robots, driven by hand: offers what is due, and says what robots do."""
 
 from helpers.rollout_ledger import plan_of
+from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
 from prefect_robomaker.schemas.rollouts.events import (
     Canceled,
     CancelRefused,
@@ -8,6 +9,7 @@ from prefect_robomaker.schemas.rollouts.events import (
     Fetched,
     Offered,
     Progressed,
+    ReportedCode,
     RolloutEvent,
     Succeeded,
 )
@@ -52,14 +54,14 @@ class SmallRollout:
     def fetch(self, *robots: str) -> None:
         self.happen(*(Fetched(robot=robot, action_id=self.number(robot)) for robot in robots))
 
-    def progress(self, robot: str, step: str, percent_done: float | None = None) -> None:
+    def progress(self, robot: str, step: RobotDeploymentStep, percent_done: float | None = None) -> None:
         number = self.number(robot)
         self.happen(Progressed(robot=robot, action_id=number, step=step, percent_done=percent_done))
 
     def succeed(self, *robots: str) -> None:
         self.happen(*(Succeeded(robot=robot, action_id=self.number(robot)) for robot in robots))
 
-    def fail(self, robot: str, code: str = "PreLaunchFileFailure") -> None:
+    def fail(self, robot: str, code: ReportedCode = "PreLaunchFileFailure") -> None:
         self.happen(Failed(robot=robot, action_id=self.number(robot), code=code, reason="exit code 3"))
 
     def give_up(self, robot: str) -> None:
@@ -76,8 +78,8 @@ class SmallRollout:
         state = self.robot(robot)
         return robot_status(state, active=self.rollout.status == "InProgress"), state.failure_code
 
-    def cancellations(self) -> list[tuple[str, int]]:
-        return [(each.robot, each.action_id) for each in self.ledger.due().cancellations]
+    def cancellations(self) -> dict[str, int]:
+        return dict(self.ledger.due().cancellations)
 
     @property
     def rollout(self) -> Rollout:

@@ -21,10 +21,11 @@ Orders that robots have not fetched are canceled, too; these robots are as if th
 The status of a rollout that has ended stays; its robots may still change, by what they report themselves.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.rollouts.events import Offered, Outage, Paused, Resumed, RobotGone, RolloutEvent, Stopped
+from ....schemas.rollouts.events import Offered, Outage, Paused, Resumed, RobotGone, RolloutEvent, StopCause, Stopped
 from ....schemas.rollouts.plan import RolloutPlan
 from ....schemas.rollouts.robots import UNANSWERED, RobotDeploymentState
 from ....schemas.rollouts.rollout import Rollout
@@ -33,7 +34,7 @@ from .line import Line, waits, waits_again
 from .orders import changed, offered, reported, revoked, timed_out, withdrawn
 from .thresholds import Tally, Verdict
 
-_STOPS: dict[str, tuple[Verdict, DeploymentJobErrorCode]] = {
+_STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
     "canceled": (Verdict("Canceled"), "RobotDeploymentAborted"),
     "superseded": (Verdict("Canceled", None, "the fleet has a newer deployment"), "RobotDeploymentAborted"),
     "application_deleted": (
@@ -49,28 +50,20 @@ _STOPS: dict[str, tuple[Verdict, DeploymentJobErrorCode]] = {
 
 
 @dataclass(frozen=True)
-class Cancellation:
-    """An order that a robot has to give up, until it answers."""
-
-    robot: str
-    action_id: int
-
-
-@dataclass(frozen=True)
 class Due:
     """What has to be done for a rollout now."""
 
     offers: tuple[str, ...]
     """Robots that each get an order with a number of its own; the ledger is told by `Offered`."""
 
-    cancellations: tuple[Cancellation, ...]
-    """All orders that robots are to be told to give up."""
+    cancellations: Mapping[str, int]
+    """All orders that robots are to be told to give up until they answer: their numbers, by robot."""
 
     wake_s: float | None
     """When the next time-out comes, in seconds since the epoch; nothing: only events change the rollout."""
 
 
-def begin(plan: RolloutPlan, now_s: float, earlier: dict[str, int] | None = None) -> Rollout:
+def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
     """A rollout that begins.
 
     Args:
@@ -162,7 +155,7 @@ class Ledger:
         """What has to be done now; ask again after each event and at `wake_s`."""
         return Due(
             offers=self._turns(),
-            cancellations=tuple(Cancellation(robot, number) for robot, number in self._cancellations.items()),
+            cancellations=dict(self._cancellations),
             wake_s=self._wake_s(),
         )
 

@@ -9,7 +9,9 @@ from helpers.rollout_robots import CODES, Attempt, Script, watch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.events import Paused, Resumed, RobotGone, RolloutEvent, Stopped
+from prefect_robomaker.schemas.rollouts.events import Paused, Resumed, RobotGone, RolloutEvent, StopCause, Stopped
+from prefect_robomaker.schemas.rollouts.robots import Departure
+from prefect_robomaker.schemas.wire.base import choices
 
 ROBOT_TIMEOUT_S, JOB_TIMEOUT_S, SECONDS = 12, 70, 90
 
@@ -43,10 +45,10 @@ def random_people(rng: random.Random, names: list[str]) -> dict[int, list[Rollou
             people.setdefault(second, []).append(Paused())
             people.setdefault(second + rng.randrange(1, 20), []).append(Resumed())
         elif what == "gone":
-            how = rng.choice(["left", "deleted"])
+            how = rng.choice(choices(Departure))
             people.setdefault(second, []).append(RobotGone(robot=rng.choice(names), how=how))
         else:
-            why = rng.choice(["canceled", "superseded", "fleet_deleted", "application_deleted"])
+            why = rng.choice(choices(StopCause))
             people.setdefault(second, []).append(Stopped(why=why))
     return people
 

@@ -3,7 +3,16 @@
 import pytest
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.schemas.rollouts.events import Failed, Fetched, Outage, RobotGone, Stopped, Succeeded
+from prefect_robomaker.schemas.rollouts.events import (
+    Failed,
+    Fetched,
+    Outage,
+    ReportedCode,
+    RobotGone,
+    Stopped,
+    Succeeded,
+)
+from prefect_robomaker.schemas.wire.base import choices
 
 
 def test_a_robot_goes_through_its_steps_and_is_in_sync() -> None:
@@ -21,22 +30,8 @@ def test_a_robot_goes_through_its_steps_and_is_in_sync() -> None:
     assert rollout.end == ("Succeeded", None)
 
 
-@pytest.mark.parametrize(
-    "code",
-    [
-        "BadPermissionError",
-        "DownloadConditionFailed",
-        "EnvironmentSetupError",
-        "EtagMismatch",
-        "ExtractingBundleFailure",
-        "InternalServerError",
-        "PostLaunchFileFailure",
-        "PreLaunchFileFailure",
-        "ResourceNotFound",
-        "RobotDeploymentAborted",
-    ],
-)
-def test_a_failure_keeps_its_code_and_reason(code: str) -> None:
+@pytest.mark.parametrize("code", choices(ReportedCode))
+def test_a_failure_keeps_its_code_and_reason(code: ReportedCode) -> None:
     rollout = SmallRollout(2)
     rollout.offer()
     rollout.fetch("r0", "r1")
@@ -59,7 +54,7 @@ def test_a_robot_that_never_fetches_its_order_does_not_respond() -> None:
 
     assert rollout.shown("r0") == ("NoResponse", "RobotDeploymentNoResponse")
     assert rollout.robot("r0").finished_s == 1100
-    assert rollout.cancellations() == [("r0", 1)]
+    assert rollout.cancellations() == {"r0": 1}
     assert rollout.offer() == ["r1"]  # it does not block the others
 
 
@@ -81,7 +76,7 @@ def test_a_robot_that_falls_silent_loses_its_connection() -> None:
     assert rollout.robot("r0").failure_reason == (
         "the robot did not end within 100 s of fetching its order; it was last heard of 70 s earlier, while Launching"
     )
-    assert rollout.cancellations() == [("r0", 1)]
+    assert rollout.cancellations() == {"r0": 1}
 
 
 def test_a_robot_without_its_architecture_fails_alone() -> None:
@@ -145,7 +140,7 @@ def test_a_silent_robot_that_answers_gets_no_other_order() -> None:
 
     assert rollout.offer() == []
     assert rollout.shown("r0") == ("Failed", "RobotAgentConnectionTimeout")
-    assert rollout.cancellations() == []
+    assert rollout.cancellations() == {}
 
 
 @pytest.mark.parametrize("refuses", [False, True])
@@ -157,13 +152,13 @@ def test_a_robot_that_was_given_up_and_succeeds_is_in_sync(refuses: bool) -> Non
     rollout.wait(100)
     if refuses:
         rollout.refuse("r0")
-        assert rollout.cancellations() == []
+        assert rollout.cancellations() == {}
         assert rollout.shown("r0") == ("Failed", "RobotAgentConnectionTimeout")
 
     rollout.succeed("r0")
 
     assert rollout.shown("r0") == ("InSync", None)
-    assert rollout.cancellations() == []
+    assert rollout.cancellations() == {}
 
 
 def test_a_result_may_come_before_the_news_that_the_order_was_fetched() -> None:
@@ -208,12 +203,12 @@ def test_news_of_closed_strange_and_earlier_orders_change_nothing() -> None:
 def test_an_order_of_an_earlier_rollout_is_answered_first() -> None:
     rollout = SmallRollout(2, earlier={"r0": 900})
     rollout.offer()
-    assert rollout.cancellations() == [("r0", 900)]
+    assert rollout.cancellations() == {"r0": 900}
     assert rollout.ledger.unanswered() == {"r0": 900}
 
     rollout.happen(Succeeded(robot="r0", action_id=900))  # it has the earlier version now, not this one
 
-    assert rollout.cancellations() == []
+    assert rollout.cancellations() == {}
     assert rollout.shown("r0") == ("PendingNewDeployment", None)
     rollout.succeed("r0")
     assert rollout.shown("r0") == ("InSync", None)
@@ -226,7 +221,7 @@ def test_a_robot_that_never_answers_an_earlier_order_does_not_respond() -> None:
     rollout.wait(100)
 
     assert rollout.shown("r0") == ("NoResponse", "RobotDeploymentNoResponse")
-    assert rollout.cancellations() == [("r0", 900)]
+    assert rollout.cancellations() == {"r0": 900}
 
 
 def test_a_robot_is_canceled_when_it_leaves() -> None:
@@ -234,7 +229,7 @@ def test_a_robot_is_canceled_when_it_leaves() -> None:
     rollout.offer()
     rollout.fetch("r0")
     rollout.happen(RobotGone(robot="r0", how="left"), RobotGone(robot="r2", how="deleted"))
-    assert rollout.cancellations() == [("r0", 1)]
+    assert rollout.cancellations() == {"r0": 1}
     assert rollout.shown("r0") == ("Available", None)
 
     rollout.succeed("r0", "r1")

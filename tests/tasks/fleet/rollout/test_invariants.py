@@ -98,9 +98,8 @@ def check(ledger: Ledger) -> None:
     assert (rollout.failure_code is not None) == (rollout.status == "Failed")
     if rollout.status == "Succeeded":
         assert all(state.has_ended for state in states)
-    for each in ledger.due().cancellations:
-        state = ledger.robot(each.robot)
-        assert each.action_id in (state.action_id, state.earlier_action_id)
+    for robot, number in ledger.due().cancellations.items():
+        assert number in (ledger.robot(robot).action_id, ledger.robot(robot).earlier_action_id)
 
 
 @settings(max_examples=150)
