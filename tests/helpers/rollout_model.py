@@ -63,6 +63,7 @@ class RolloutModel:
         for member in self.fleet:
             if member.unfit:
                 member.result, member.code = "failed", member.unfit
+        self.named = {member.name: member for member in self.fleet}
         self.first = first
         self.at_once = max(int(len(self.fleet) * at_once_percent / 100 + 1e-9), 1)
         self.threshold = threshold_percent / 100 - 1e-9
@@ -142,13 +143,13 @@ class RolloutModel:
             for member in self.fleet:
                 member.extra_s += now_s - int(event.since_s)
         else:
-            for member in self.fleet:
-                if member.name == event.robot:
-                    if kind == "robot_gone":
-                        self.leave(member)
-                    elif member.number == event.action_id and member.has_order:
-                        self.said(member, event, now_s)
-        self.check()
+            member = self.named.get(event.robot)
+            if member is not None and kind == "robot_gone":
+                self.leave(member)
+            elif member is not None and member.number == event.action_id and member.has_order:
+                self.said(member, event, now_s)
+        if kind not in ("fetched", "progressed"):  # these decide nothing, and are most of all that is said
+            self.check()
 
     def said(self, member: Member, event: Any, now_s: int) -> None:
         if event.kind in ("fetched", "progressed"):
@@ -211,7 +212,6 @@ class RolloutModel:
         free = self.at_once - len([member for member in self.fleet if member.busy])
         if self.paused or self.closed or free <= 0:
             return []
-        known = {member.name: member for member in self.fleet}
         waiting: list[str] = []
         if self.status == "InProgress":
             untouched = [
@@ -220,16 +220,15 @@ class RolloutModel:
                 if member.number is None and member.result is None and not member.gone
             ]
             waiting = [name for name in self.first if name in untouched]
-            if all(known[name].result or known[name].gone for name in self.first):
+            if all(self.named[name].result or self.named[name].gone for name in self.first):
                 waiting += [name for name in untouched if name not in self.first]
         again = [member.name for member in self.fleet if member.back]
         return (waiting + again)[:free]
 
     def offer(self, robot: str, number: int, now_s: int) -> None:
-        for member in self.fleet:
-            if member.name == robot:
-                member.number, member.asked_s, member.began = number, now_s, False
-                member.back, member.extra_s = False, 0
+        member = self.named[robot]
+        member.number, member.asked_s, member.began = number, now_s, False
+        member.back, member.extra_s = False, 0
 
     # What a test compares
 

@@ -28,10 +28,9 @@ class Line:
             plan: its plan.
             robots: how each stands; read whenever the line is asked.
         """
-        canaries = frozenset(plan.canaries)
         self._robots = robots
         self._canaries = deque(arn for arn in plan.canaries if waits(robots[arn]))
-        self._others = deque(arn for arn in plan.order if arn not in canaries and waits(robots[arn]))
+        self._in_order = deque(arn for arn in plan.order if waits(robots[arn]))
         self._returned = {arn for arn in plan.order if waits_again(robots[arn])}
         self._place = {robot: place for place, robot in enumerate(plan.order)}
 
@@ -56,7 +55,7 @@ class Line:
         if first:
             yield from self._waiting(self._canaries)
             if others:
-                yield from self._waiting(self._others)
+                yield from self._waiting(self._in_order)
         yield from sorted(self._returned, key=self._place.__getitem__)
 
     def _waiting(self, queue: deque[str]) -> Iterator[str]:

@@ -135,7 +135,7 @@ def _canceled(state: State, now_s: float) -> State:
     if state.is_open:
         reason = "the robot gave up its order by itself"
         return _failed(_closed(state, now_s), "RobotDeploymentAborted", reason, now_s)
-    return changed(state, order="closed", returned=state.no_response and state.gone is None)
+    return changed(state, order="closed", returned=state.no_response)
 
 
 def _refused(state: State, now_s: float, timeout_s: float) -> State:

@@ -4,6 +4,7 @@ import pytest
 from helpers.small_rollouts import SmallRollout
 
 from prefect_robomaker.schemas.rollouts.events import (
+    CancelRefused,
     Failed,
     Fetched,
     Outage,
@@ -205,6 +206,9 @@ def test_an_order_of_an_earlier_rollout_is_answered_first() -> None:
     rollout.offer()
     assert rollout.cancellations() == {"r0": 900}
     assert rollout.ledger.unanswered() == {"r0": 900}
+
+    rollout.happen(CancelRefused(robot="r0", action_id=900), Fetched(robot="r0", action_id=900))
+    assert rollout.cancellations() == {"r0": 900}
 
     rollout.happen(Succeeded(robot="r0", action_id=900))  # it has the earlier version now, not this one
 

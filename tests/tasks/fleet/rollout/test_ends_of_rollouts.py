@@ -182,3 +182,26 @@ def test_orders_that_are_not_due_are_not_taken_in() -> None:
 
     assert rollout.number("r1") == 3
     assert rollout.ledger.open_orders == 1
+
+
+def test_no_more_orders_are_taken_in_than_the_concurrency_allows() -> None:
+    rollout = SmallRollout(4, concurrent_percentage=50)
+    rollout.happen(*(Offered(robot=f"r{number}", action_id=number + 1) for number in range(4)))
+
+    assert rollout.ledger.open_orders == 2
+    assert rollout.robot("r2").order == "none"
+
+
+def test_a_robot_that_was_away_and_is_canceled_under_way_counts_as_away() -> None:
+    rollout = SmallRollout(2)
+    rollout.offer()
+    rollout.succeed("r0")
+    rollout.wait(100)
+    rollout.give_up("r1")
+    rollout.offer()
+    rollout.fetch("r1")
+    rollout.happen(Stopped(why="superseded"))
+
+    assert rollout.cancellations() == {"r1": 3}
+    assert rollout.shown("r1") == ("NoResponse", "RobotDeploymentNoResponse")
+    assert rollout.ledger.unanswered() == {"r1": 3}
