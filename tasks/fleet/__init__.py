@@ -1,4 +1,4 @@
-"""Fleets and robots in the catalog.
+"""Fleets and robots in the catalog, what robots and server say to each other, and bundles that updaters install.
 
 May import: `schemas`, `tasks.catalog`, `tasks.service`.
 """

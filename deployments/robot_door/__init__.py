@@ -1,0 +1,14 @@
+"""The door for robots: hawkBit's Direct Device Integration over HTTP, so that SWUpdate and RAUC's client are robots.
+
+```
+request ── which robot and resource (addresses) ── whose token (OpenOrders) ── poll, order, feedback, download (door)
+                                                                   └── reports ──> a passed-in sink
+```
+
+It is an ASGI application without a framework: ten thousand robots that have nothing to do poll twice a minute. It
+knows no catalog; `tasks.fleet.ddi` has orders and documents, and what mounts it passes the rest in.
+
+May import: `schemas.wire`, `tasks.fleet.ddi`, `starlette`'s types and the standard library.
+"""
+
+__all__ = ["door", "downloads"]

@@ -1,0 +1,183 @@
+"""The table of robots in memory: hashes of their tokens, and the one order that each may have open.
+
+```
+            offer                 cancel
+  nothing ────────> open ─────────────────────> cancelling
+     ^               │  close                       │  close
+     └───────────────┴──────────────────────────────┘
+```
+
+A robot has at most one order. One that replaces it has to wait until the robot closed it, also when it was cancelled:
+SWUpdate is stuck for ever when an order is exchanged under it.
+"""
+
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from ....schemas.wire.errors import ResourceNotFoundException, StateConflictError
+from .feedback import Feedback
+from .orders import RobotOrder
+from .tokens import is_token
+
+MAX_FEEDBACKS = 1000
+"""Feedbacks of one order that are taken; one that ends it is always taken."""
+
+_NO_HASH = bytes(32)
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """What is known of one robot."""
+
+    token_hash: bytes
+    order: RobotOrder | None = None
+    """Its open order."""
+
+    is_cancelling: bool = False
+    """The robot is asked to give the order up."""
+
+    is_fetched: bool = False
+    """The robot read the order."""
+
+    feedbacks: int = 0
+    """How many there were about the order."""
+
+    is_expected: bool = False
+    """An order will follow soon, so the robot polls as often as with one."""
+
+    wants_attributes: bool = True
+    """The robot is asked to say what it is."""
+
+    last_action_id: int = 0
+    """The newest order it ever had here."""
+
+    last_feedback: Feedback | None = None
+    """What closed the last order."""
+
+    def has(self, action_id: int) -> bool:
+        """Whether that order is open."""
+        return self.order is not None and self.order.action_id == action_id
+
+
+class OpenOrders:
+    """The table; its methods may be called from any thread.
+
+    Each robot's state is one frozen value, which changes replace, so a poll reads it without waiting for a lock.
+    """
+
+    def __init__(self) -> None:
+        self._robots: dict[str, RobotState] = {}
+        self._lock = threading.Lock()
+
+    def enrol(self, robot: str, token_hash: bytes) -> None:
+        """Lets a robot in, by the hash of its token (`hash_token`); a robot that is in gets a new token."""
+        with self._lock:
+            known = self._robots.get(robot)
+            self._robots[robot] = replace(known, token_hash=token_hash) if known else RobotState(token_hash)
+
+    def expel(self, robot: str) -> None:
+        """Forgets a robot, its token and its order; of no effect on one that is not in."""
+        with self._lock:
+            self._robots.pop(robot, None)
+
+    def check_token(self, robot: str, token: bytes | None) -> RobotState | None:
+        """The state of a robot that shows its own token; `None`: it is unknown, or the token is not its own."""
+        state = self._robots.get(robot)
+        is_right = is_token(token or b"", state.token_hash if state else _NO_HASH)
+        return state if is_right and token else None
+
+    def state(self, robot: str) -> RobotState:
+        """What is known of a robot.
+
+        Raises:
+            ResourceNotFoundException: it is not in.
+        """
+        try:
+            return self._robots[robot]
+        except KeyError:
+            raise ResourceNotFoundException(f"robot {robot} is not enrolled") from None
+
+    def open(self) -> dict[str, RobotOrder]:
+        """All open orders by robot."""
+        with self._lock:
+            return {robot: state.order for robot, state in self._robots.items() if state.order is not None}
+
+    def offer(self, order: RobotOrder) -> None:
+        """Opens an order; of no effect if the same one is open.
+
+        Raises:
+            ResourceNotFoundException: the robot is not in.
+            StateConflictError: the robot has another order open, or had this one before.
+        """
+        with self._lock:
+            state = self.state(order.robot)
+            if state.order == order:
+                return
+            if state.order is not None:
+                raise StateConflictError(
+                    f"robot {order.robot} has order {state.order.action_id} open: "
+                    f"close it before order {order.action_id}, or cancel it and wait for the robot's answer"
+                )
+            if order.action_id <= state.last_action_id:
+                raise StateConflictError(
+                    f"robot {order.robot} had order {state.last_action_id} already: "
+                    f"order {order.action_id} needs a larger action id"
+                )
+            self._robots[order.robot] = replace(
+                state,
+                order=order,
+                is_cancelling=False,
+                is_fetched=False,
+                feedbacks=0,
+                last_action_id=order.action_id,
+                last_feedback=None,
+            )
+
+    def cancel(self, robot: str, action_id: int) -> bool:
+        """Asks a robot to give an order up; `False`: it is not open."""
+        return self._change(robot, action_id, is_cancelling=True)
+
+    def close(self, robot: str, action_id: int, feedback: Feedback | None = None) -> bool:
+        """Takes an order away; `False`: it is not open.
+
+        Args:
+            robot: whose order.
+            action_id: which one.
+            feedback: what the robot said last; the same once more is then no error.
+        """
+        return self._change(robot, action_id, order=None, is_cancelling=False, last_feedback=feedback)
+
+    def mark_fetched(self, robot: str, action_id: int) -> bool:
+        """Notes that the robot read its order; `False`: it is not open."""
+        return self._change(robot, action_id, is_fetched=True)
+
+    def count_feedback(self, robot: str, action_id: int) -> int:
+        """Counts a feedback about an open order; returns how many there were, 0: it is not open."""
+        with self._lock:
+            state = self._robots.get(robot)
+            if state is None or not state.has(action_id):
+                return 0
+            self._robots[robot] = replace(state, feedbacks=state.feedbacks + 1)
+            return state.feedbacks + 1
+
+    def expect(self, robots: Iterable[str], *, is_expected: bool = True) -> None:
+        """Says of robots that an order will follow soon, or does not any more; robots that are not in are ignored."""
+        with self._lock:
+            for robot in robots:
+                if (state := self._robots.get(robot)) is not None:
+                    self._robots[robot] = replace(state, is_expected=is_expected)
+
+    def ask_attributes(self, robot: str, *, wants_attributes: bool = True) -> None:
+        """Asks a robot to say what it is, or does not any more; a robot that is not in is ignored."""
+        with self._lock:
+            if (state := self._robots.get(robot)) is not None:
+                self._robots[robot] = replace(state, wants_attributes=wants_attributes)
+
+    def _change(self, robot: str, action_id: int, **changes: object) -> bool:
+        with self._lock:
+            state = self._robots.get(robot)
+            if state is None or not state.has(action_id):
+                return False
+            self._robots[robot] = replace(state, **changes)  # type: ignore[arg-type]
+            return True

@@ -1,0 +1,35 @@
+"""An order for one robot: which file it shall install, and what it shall launch."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ....schemas.operations.deployment_jobs import DeploymentLaunchConfig
+
+MAX_ACTION_ID = 2**31 - 1
+"""The largest action id: SWUpdate turns larger ones into this one, and texts into 0."""
+
+ROBOT_ID = r"[A-Za-z0-9][A-Za-z0-9._-]{0,254}"
+"""Pattern of robots' ids: updaters put them into addresses as they are."""
+
+RobotId = Annotated[str, Field(pattern=f"^{ROBOT_ID}$")]
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,254}$")]
+
+
+class RobotOrder(BaseModel):
+    """What one robot shall install and launch."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    action_id: int = Field(ge=1, le=MAX_ACTION_ID, strict=True, description="Number of the order, unique in the fleet.")
+    robot: RobotId = Field(description="Id of the robot.")
+    name: str = Field(min_length=1, max_length=255, description="Name of the application.")
+    version: str = Field(min_length=1, max_length=255, description="Its version.")
+    file_name: FileName = Field(description="Name of the file to install; SWUpdate takes only `.swu`.")
+    size_bytes: int = Field(ge=1, description="Length of the file, in bytes.")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="The file's SHA-256, in hexadecimal digits.")
+    sha1: str = Field(pattern="^[0-9a-f]{40}$", description="The file's SHA-1; SWUpdate requires it.")
+    md5: str = Field(pattern="^[0-9a-f]{32}$", description="The file's MD5.")
+    launch: DeploymentLaunchConfig | None = Field(
+        default=None, description="What is launched; updaters of others do not read it."
+    )
