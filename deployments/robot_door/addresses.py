@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 from starlette.types import Scope
 
 from ...schemas.wire.errors import ConfigurationError
-from ...tasks.fleet.ddi.orders import MAX_ACTION_ID, ROBOT_ID
+from ...tasks.fleet.ddi.orders import ROBOT_ID
 from .answers import DoorRefusal
 
 Resource = Literal["base", "order", "order_feedback", "cancel", "cancel_feedback", "attributes", "artifact"]
@@ -25,11 +25,11 @@ METHODS: dict[Resource, tuple[str, ...]] = {
 
 _REST = re.compile(
     r"(?P<base>)|(?P<attributes>/configData)"
-    r"|(?P<order>/deploymentBase/(?P<order_id>\d{1,10}))(?P<order_feedback>/feedback)?"
-    r"|(?P<cancel>/cancelAction/(?P<cancel_id>\d{1,10}))(?P<cancel_feedback>/feedback)?"
-    r"|(?P<artifact>/softwaremodules/(?P<artifact_id>\d{1,10})/artifacts/(?P<file>[^/]+))"
+    r"|(?P<order>/deploymentBase/(?P<order_id>[0-9]{1,10}))(?P<order_feedback>/feedback)?"
+    r"|(?P<cancel>/cancelAction/(?P<cancel_id>[0-9]{1,10}))(?P<cancel_feedback>/feedback)?"
+    r"|(?P<artifact>/softwaremodules/(?P<artifact_id>[0-9]{1,10})/artifacts/(?P<file>[^/]+))"
 )
-_HOST = re.compile(r"[A-Za-z0-9._-]{1,253}(:\d{1,5})?|\[[0-9A-Fa-f:.]{2,45}\](:\d{1,5})?")
+_HOST = re.compile(r"[A-Za-z0-9._-]{1,253}(:[0-9]{1,5})?|\[[0-9A-Fa-f:.]{2,45}\](:[0-9]{1,5})?")
 _TENANT = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
@@ -75,8 +75,6 @@ class Addresses:
             raise DoorRefusal(404, "there is nothing at this path")
         parts = found.groupdict()
         number = parts["order_id"] or parts["cancel_id"] or parts["artifact_id"] or "0"
-        if int(number) > MAX_ACTION_ID:
-            raise DoorRefusal(404, f"there is no order {number}")
         for resource in ("order_feedback", "cancel_feedback", "order", "cancel", "attributes", "artifact"):
             if parts[resource]:
                 return Address(parts["robot"], resource, int(number), parts["file"] or "")

@@ -10,7 +10,7 @@ from prefect_robomaker.tasks.fleet.ddi.tokens import hash_token
 TOKEN = "0123456789abcdef" * 4
 
 
-def robot_order(content: bytes = b"content", **changes: Any) -> RobotOrder:
+def robot_order(content: bytes = b"content", /, **changes: Any) -> RobotOrder:
     """An order for `robot1` with the file `app.swu`; keyword arguments are other members."""
     members = {
         "action_id": 8,

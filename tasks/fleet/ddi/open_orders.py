@@ -127,7 +127,6 @@ class OpenOrders:
             self._robots[order.robot] = replace(
                 state,
                 order=order,
-                is_cancelling=False,
                 is_fetched=False,
                 feedbacks=0,
                 last_action_id=order.action_id,

@@ -72,7 +72,7 @@ class Robots:
             raise self.sink_error
         self.heard.append(report)
 
-    def ask(self, method: str, path: str, body: bytes | list[bytes] = b"", **headers: str) -> Answer:
+    def ask(self, method: str, path: str, body: bytes | list[bytes] = b"", /, **headers: str) -> Answer:
         """Sends a request with the robot's token; keyword arguments are headers, an empty one takes a header away."""
         parts = [body] if isinstance(body, bytes) else list(body)
 

@@ -124,6 +124,12 @@ def test_long_details_keep_their_beginning() -> None:
     assert detail == ("abc" * 1000)[:512]
 
 
+def test_characters_that_databases_and_terminals_do_not_take_are_replaced() -> None:
+    sent = body(details=["a\0b\x1b[31m\ud800", "line\n\ttext é"])
+
+    assert parse_feedback(1, sent).details == ("a\ufffdb\ufffd[31m\ufffd", "line\n\ttext é")
+
+
 def test_attributes_are_texts_with_a_mode() -> None:
     read = parse_attributes(b'{"mode": "replace", "data": {"hw": "demo:1.0"}, "id": ""}')
 

@@ -123,7 +123,7 @@ class Table(RuleBasedStateMachine):
         self.orders: OpenOrders = table_of_robots(*ROBOTS)
         self.open: dict[str, int] = {}
         self.cancelling: set[str] = set()
-        self.newest = dict.fromkeys(ROBOTS, 0)
+        self.newest: dict[str, int] = dict.fromkeys(ROBOTS, 0)
 
     @rule(robot=ROBOT, number=IDS)
     def offer(self, robot: str, number: int) -> None:
