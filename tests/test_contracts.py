@@ -10,7 +10,7 @@ from contracts import FOLDERS, ROOT, check_contracts
 PLANTED = {
     # A flat module that belongs to no room, and does all that only owners may.
     "tasks/planted.py": (
-        "import apprise\nimport boto3\nimport botocore\nimport distributed, ray\n"
+        "import apprise\nimport boto3\nimport botocore\nimport cryptography\nimport distributed, ray\n"
         "import minio, mujoco, prefect, sqlalchemy\n"
     ),
     "schemas/planted.py": "from ..tasks import catalog\n",
@@ -38,6 +38,7 @@ BROKEN = {
     "Only flows, deployments, execution and the backend of work pools know Prefect": "tasks.planted -> prefect",
     "Only notifications know apprise": "tasks.planted -> apprise",
     "Only their backends know Dask and Ray": "tasks.planted -> distributed",
+    "Only fleets know cryptography": "tasks.planted -> cryptography",
     "Command line: commands over the work they share over output over inputs": (
         "inputs.planted -> prefect_robomaker.deployments.cli.main"
     ),

@@ -2,11 +2,15 @@
 
 import asyncio
 import json
+import threading
 from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
+import uvicorn
+from helpers.processes import wait_for
 from helpers.robot_orders import TOKEN, table_of_robots
 
 from prefect_robomaker.deployments.robot_door.door import DoorSettings, RobotDoor
@@ -123,6 +127,21 @@ class Robots:
 
         self.runner.run(self.door(scope, receive, send))
         return sent
+
+
+@contextmanager
+def server(door: RobotDoor) -> Iterator[int]:
+    """The port where uvicorn serves a door."""
+    config = uvicorn.Config(door, port=0, http="h11", ws="none", log_config=None, access_log=False)
+    running = uvicorn.Server(config)
+    thread = threading.Thread(target=running.run)
+    thread.start()
+    try:
+        wait_for(lambda: running.started, "the server")
+        yield running.servers[0].sockets[0].getsockname()[1]
+    finally:
+        running.should_exit = True
+        thread.join(30)
 
 
 @pytest.fixture

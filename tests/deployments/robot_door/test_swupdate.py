@@ -6,13 +6,11 @@ import tarfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
 
 import pytest
-import uvicorn
 from helpers.processes import wait_for
 from helpers.robot_orders import TOKEN, table_of_robots
 from helpers.swupdate_robot import SwupdateRobot, needs_swupdate, swupdate_robot
@@ -25,6 +23,8 @@ from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderFeedb
 from prefect_robomaker.tasks.fleet.swu.description import Release
 from prefect_robomaker.tasks.fleet.swu.signing import SigningKey, new_signing_key
 from prefect_robomaker.tasks.fleet.swu.wrapping import wrap
+
+from .conftest import server
 
 pytestmark = [pytest.mark.deep, needs_swupdate]
 
@@ -118,21 +118,6 @@ class Site:
         if start >= BEGUN_BYTES:
             self.flows.wait(1)
         return self._files[order.action_id][start : start + length]
-
-
-@contextmanager
-def server(door: RobotDoor) -> Iterator[int]:
-    """The port where uvicorn serves a door."""
-    config = uvicorn.Config(door, port=0, http="h11", ws="none", log_config=None, access_log=False)
-    running = uvicorn.Server(config)
-    thread = threading.Thread(target=running.run)
-    thread.start()
-    try:
-        wait_for(lambda: running.started, "the server")
-        yield running.servers[0].sockets[0].getsockname()[1]
-    finally:
-        running.should_exit = True
-        thread.join(30)
 
 
 @pytest.fixture
