@@ -16,5 +16,6 @@ May import: `schemas`.
 from .catalog import Catalog, Stored
 from .client_tokens import ClientToken
 from .records import NewResource, Page, Resource
+from .rollouts import StoredEvent, StoredRollout
 
-__all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource", "Stored"]
+__all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource", "Stored", "StoredEvent", "StoredRollout"]

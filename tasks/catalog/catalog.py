@@ -25,6 +25,7 @@ from .queries import (
     resource_of,
 )
 from .records import NewResource, Resource
+from .rollouts import CatalogRollouts
 from .tables import resources
 
 _MAX_ATTEMPTS = 100
@@ -36,7 +37,7 @@ Change = Changes | Mapping[str, Any]
 """What a document is changed to: a whole `Document`, or `Changes` of some members; a mapping is plain JSON."""
 
 
-class Catalog(CatalogLeases):
+class Catalog(CatalogLeases, CatalogRollouts):
     """Resources in a database; open with `Catalog.open`.
 
     Every method is one transaction, and raises `ServiceUnavailableException` when the database does

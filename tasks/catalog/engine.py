@@ -35,6 +35,7 @@ MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _add_labels,
     _add_lost_workers,
     label_worlds,
+    metadata.create_all,  # tables of rollouts
 )
 """Each brings the tables one version further; later ones are added at the end and never change.
 
