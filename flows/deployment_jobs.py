@@ -5,7 +5,7 @@ from typing import Any
 from ..schemas.operations.deployment_jobs import DeploymentApplicationConfigs, DeploymentConfig
 from ..schemas.operations.robots import FleetMaxResults
 from ..schemas.wire.common import Arn, ClientRequestToken, Filters, PaginationToken, TagMap
-from .steps import operation_flow, read, record, validate
+from .steps import carry_out, operation_flow, perform_flow, read, record, validate
 
 
 @operation_flow
@@ -17,8 +17,15 @@ def CreateDeploymentJob(
     deploymentConfig: DeploymentConfig | None = None,
     tags: TagMap | None = None,
 ) -> dict[str, Any]:
-    """Deploys an application to the robots of a fleet; the job stays Pending, since deployments do not act yet."""
-    return record("CreateDeploymentJob", validate("CreateDeploymentJob", locals()))
+    """Deploys an application to the robots of a fleet, in waves."""
+    job = record("CreateDeploymentJob", validate("CreateDeploymentJob", locals()))
+    return carry_out("CreateDeploymentJob", job["arn"])
+
+
+@perform_flow
+def PerformDeploymentJob(arn: str) -> dict[str, Any]:
+    """Carries the job of an ARN, made by CreateDeploymentJob or SyncDeploymentJob, to its end."""
+    return carry_out("CreateDeploymentJob", arn)
 
 
 @operation_flow
@@ -46,5 +53,6 @@ def CancelDeploymentJob(*, job: Arn) -> dict[str, Any]:
 
 @operation_flow
 def SyncDeploymentJob(*, clientRequestToken: ClientRequestToken, fleet: Arn) -> dict[str, Any]:
-    """Repeats a fleet's latest deployment; the job stays Pending, since deployments do not act yet."""
-    return record("SyncDeploymentJob", validate("SyncDeploymentJob", locals()))
+    """Repeats a fleet's latest deployment for its robots that are not in sync."""
+    job = record("SyncDeploymentJob", validate("SyncDeploymentJob", locals()))
+    return carry_out("SyncDeploymentJob", job["arn"])

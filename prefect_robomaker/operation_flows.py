@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .flows.deployment_jobs import CreateDeploymentJob as CreateDeploymentJob
     from .flows.deployment_jobs import DescribeDeploymentJob as DescribeDeploymentJob
     from .flows.deployment_jobs import ListDeploymentJobs as ListDeploymentJobs
+    from .flows.deployment_jobs import PerformDeploymentJob as PerformDeploymentJob
     from .flows.deployment_jobs import SyncDeploymentJob as SyncDeploymentJob
     from .flows.fleets import CreateFleet as CreateFleet
     from .flows.fleets import DeleteFleet as DeleteFleet
@@ -74,6 +75,7 @@ FLOWS: dict[str, tuple[str, ...]] = {
         "CreateDeploymentJob",
         "DescribeDeploymentJob",
         "ListDeploymentJobs",
+        "PerformDeploymentJob",
         "SyncDeploymentJob",
     ),
     "fleets": (
@@ -205,6 +207,7 @@ __all__ = [
     "ListWorldGenerationJobs",
     "ListWorldTemplates",
     "ListWorlds",
+    "PerformDeploymentJob",
     "PerformSimulationJob",
     "PerformSimulationJobBatch",
     "PerformWorldExportJob",

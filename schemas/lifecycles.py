@@ -217,7 +217,9 @@ DEPLOYMENT_JOB: Lifecycle[DeploymentStatus] = Lifecycle(
      └─────────────────┴────────────────┴── cancel ───> Canceled
 ```
 
-Deployments do not act yet, so only `fail` (the fleet is deleted) and `cancel` happen.
+`prepare`: what robots download is made. `start`: robots get their orders, wave by wave. `succeed`: each robot has
+ended, and fewer failed than the threshold. `fail` comes with a failure code. Neither `fail` nor `cancel` waits for
+robots: one that has begun may still report, which changes its own status only.
 """
 
 LIFECYCLES: Mapping[str, Lifecycle[Any]] = {

@@ -19,6 +19,8 @@
 | `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
+| `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
+| `ROBOMAKER_ROBOT_FOLDER` | folder on robots that applications are unpacked below | `/opt/robomaker` |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
 | `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
 | `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
@@ -119,7 +121,16 @@ class Settings(Model):
         default=None,
         description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
     )
-
+    robots_url: str | None = Field(
+        default=None,
+        pattern=r"^https?://[^/\s]+/?$",
+        description="Where robots reach the endpoint, without a path; None: as each of their requests says.",
+    )
+    robot_folder: str = Field(
+        default="/opt/robomaker",
+        pattern=r"^(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$",
+        description="Folder on robots that applications are unpacked below, an absolute path.",
+    )
     max_late_hours: int = Field(
         default=DEFAULT_MAX_LATE_HOURS, ge=1, description="How late a scheduled run may begin; a later one is skipped."
     )
@@ -161,7 +172,7 @@ class Settings(Model):
             values["notify"] = tuple(channels.split())
         if when := environ.get("ROBOMAKER_NOTIFY_WHEN"):
             values["notify_when"] = _notify_when(when)
-        for name in ("region", "account", "bucket", "backend"):
+        for name in ("region", "account", "bucket", "backend", "robots_url", "robot_folder"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
         if access_keys_file := environ.get("ROBOMAKER_ACCESS_KEYS_FILE"):

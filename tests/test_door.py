@@ -37,7 +37,7 @@ def test_its_names_are_these_and_the_flows_of_all_operations() -> None:
     performed = {entry.perform_name for entry in registry().values() if entry.run_job}
 
     assert set(prefect_robomaker.__all__) == NAMES | set(registry()) | performed
-    assert len(prefect_robomaker.__all__) == len(NAMES) + 57 + 4
+    assert len(prefect_robomaker.__all__) == len(NAMES) + 57 + 5
     assert set(prefect_robomaker.__all__) <= set(dir(prefect_robomaker))
 
 

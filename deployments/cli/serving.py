@@ -79,12 +79,18 @@ def _run_server(
     from ..endpoint.access_log import write_access_log
     from ..endpoint.application import make_application
     from ..endpoint.server import run_server
+    from ..robots.mounting import RobotsBeside
 
     if arguments.log_requests:
         write_access_log()
-    application = make_application(
-        Service.open(settings), access_keys=access_keys, on_submitted=on_submitted, worker_status=worker_status
-    )
+    service = Service.open(settings)
+
+    def tell(arn: str) -> None:
+        on_submitted(arn)
+        application.wake()
+
+    endpoint = make_application(service, access_keys=access_keys, on_submitted=tell, worker_status=worker_status)
+    application = RobotsBeside(endpoint, service)
 
     def announce(port: int) -> None:
         facts = {"url": _url(arguments.host, port), "pid": os.getpid(), **about}

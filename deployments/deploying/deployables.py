@@ -51,12 +51,15 @@ def deployment_name(flow: str) -> str:
 
 def operation_deployables() -> list[Deployable]:
     """The flows of all operations, and those that carry stored jobs to their end, by module and name."""
-    made = []
-    for entry in registry().values():
-        made.append(_of_operation(entry, entry.name, OPERATIONS[entry.name].description, "operation"))
+    entries = registry().values()
+    made = [_of_operation(entry, entry.name, OPERATIONS[entry.name].description, "operation") for entry in entries]
+    makers: dict[str, list[Operation]] = {}  # a deployment job has two
+    for entry in entries:
         if entry.run_job:
-            text = f"Carries the job of an ARN, made by {entry.name}, to its end."
-            made.append(_of_operation(entry, entry.perform_name, text, "perform"))
+            makers.setdefault(entry.perform_name, []).append(entry)
+    for flow, some in makers.items():
+        text = f"Carries the job of an ARN, made by {' or '.join(entry.name for entry in some)}, to its end."
+        made.append(_of_operation(some[0], flow, text, "perform"))
     return sorted(made, key=lambda each: each.entrypoint)
 
 

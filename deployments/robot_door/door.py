@@ -42,7 +42,10 @@ class DoorSettings:
     """Between two polls of a robot that has nothing to do; 10 % more or less, so that robots do not poll in step."""
 
     active_sleep_s: int = 1
-    """The same while an order is open, or expected."""
+    """The same while an order is open, or expected; more if these are more robots than may poll so often."""
+
+    active_polls_per_s: int = 250
+    """How many such robots may poll in a second."""
 
     last_seen_s: float = 10.0
     """How long is gathered when robots polled, before it is reported."""
@@ -155,9 +158,14 @@ class RobotDoor:
         state, robot = request.state, request.address.robot
         self._last_seen.note(robot, self._clock())
         is_active = state.order is not None or state.is_expected
-        sleep_s = self.settings.active_sleep_s if is_active else self.settings.idle_sleep_s
+        sleep_s = self._active_sleep_s() if is_active else self.settings.idle_sleep_s
         spread = 1 + _SPREAD * (2 * self._chance() - 1)
         await send_document(request.send, base_document(self._url(request), state, round(sleep_s * spread)))
+
+    def _active_sleep_s(self) -> float:
+        settings = self.settings
+        slowest_s = max(settings.active_sleep_s, settings.idle_sleep_s)
+        return min(slowest_s, max(settings.active_sleep_s, self._orders.active / settings.active_polls_per_s))
 
     async def _order(self, request: _Request) -> None:
         state, robot, action_id = request.state, request.address.robot, request.address.action_id

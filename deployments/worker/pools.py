@@ -5,6 +5,7 @@ from dataclasses import dataclass
 _BATCHES_AT_ONCE = 4
 _GENERATIONS_AT_ONCE = 2
 _EXPORTS_AT_ONCE = 2
+_DEPLOYMENTS_AT_ONCE = 20  # they wait for robots nearly all the time
 
 
 @dataclass(frozen=True)
@@ -33,4 +34,5 @@ def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
         # Each uses all processors.
         JobPool("world-generation-job", "CreateWorldGenerationJob", _GENERATIONS_AT_ONCE),
         JobPool("world-export-job", "CreateWorldExportJob", _EXPORTS_AT_ONCE),
+        JobPool("deployment-job", "CreateDeploymentJob", _DEPLOYMENTS_AT_ONCE),
     )

@@ -14,7 +14,36 @@ class RobotMembership(Changes):
     last_deployment_job: str | None = Field(default=None, description="ARN of the last deployment meant for it.")
 
 
-class RobotDocument(RobotMembership, Document):
+class RobotEnrolment(Changes):
+    """How a robot proves who it is."""
+
+    token_sha256: str | None = Field(
+        default=None, description="SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled."
+    )
+
+
+class RobotSighting(Changes):
+    """When a robot was there."""
+
+    last_seen_s: float | None = Field(
+        default=None, description="When it polled last, in seconds since the epoch, to a minute; absent: never."
+    )
+
+
+class RobotAttributes(Changes):
+    """What a robot says about itself."""
+
+    attributes: dict[str, str] | None = Field(default=None, description="Texts by name; absent: it said nothing.")
+
+
+class RobotInstallation(Changes):
+    """What a robot installed last."""
+
+    installed_name: str | None = Field(default=None, description="Name of the application; absent: none yet.")
+    installed_version: str | None = Field(default=None, description="Its version; absent: none yet.")
+
+
+class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttributes, RobotInstallation, Document):
     """A robot."""
 
     architecture: str = Field(description="Architecture of its computer.")
@@ -38,3 +67,6 @@ class DeploymentJobDocument(FailureChanges, Document):
         description="What is deployed: one `DeploymentApplicationConfig` on the wire."
     )
     deployment_config: Json = Field(description="How, with the defaults that hold and the ETag of the condition file.")
+    repeats: bool = Field(
+        default=False, description="Whether it repeats an earlier one, so that robots that are in sync are left alone."
+    )

@@ -1,7 +1,6 @@
 """Deployment jobs: an application brought to the robots of a fleet.
 
-Deployments are not carried out yet: a job is stored, checked and listed, and stays `Pending` until
-it is cancelled or its fleet is deleted.
+Robots get their orders in waves, by polling the service; `schemas/rollouts` has how a rollout goes.
 """
 
 from typing import Annotated, Literal
@@ -104,10 +103,11 @@ class DeploymentConfig(Shape):
     """How careful a deployment is."""
 
     concurrentDeploymentPercentage: Percentage | None = Field(
-        default=None, description="Share of the robots that is deployed to at the same time, in percent."
+        default=None, description="Share of the robots that is deployed to at the same time, in percent; absent: 20."
     )
     failureThresholdPercentage: Percentage | None = Field(
-        default=None, description="Share of the robots that has to fail for the deployment to stop, in percent."
+        default=None,
+        description="Share of the robots that has to fail for the deployment to stop, in percent; absent: 20.",
     )
     robotDeploymentTimeoutInSeconds: DeploymentTimeout | None = Field(
         default=None, description="How long one robot may take, in seconds, 60 to 604800; absent: 18000."
@@ -264,7 +264,8 @@ OPERATIONS = (
         CreateDeploymentJobRequest,
         CreateDeploymentJobResponse,
         _DEPLOYMENT_ERRORS,
-        "Deploys an application to the robots of a fleet; the job stays Pending, since deployments do not act yet.",
+        "Deploys an application to the robots of a fleet, in waves.",
+        is_job=True,
         deprecated=True,
     ),
     OperationShape(
@@ -297,7 +298,8 @@ OPERATIONS = (
         SyncDeploymentJobRequest,
         SyncDeploymentJobResponse,
         _DEPLOYMENT_ERRORS,
-        "Repeats a fleet's latest deployment; the job stays Pending, since deployments do not act yet.",
+        "Repeats a fleet's latest deployment for its robots that are not in sync.",
+        is_job=True,
         deprecated=True,
     ),
 )

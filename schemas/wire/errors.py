@@ -194,6 +194,14 @@ class LaunchError(RobomakerError):
         super().__init__(message)
 
 
+class DeploymentError(RobomakerError):
+    """An application cannot be brought to robots; `failure_code` is the deployment job's failure code."""
+
+    def __init__(self, message: str, failure_code: str) -> None:
+        self.failure_code = failure_code
+        super().__init__(message)
+
+
 class LaunchInterruptedError(LaunchError):
     """Something that starts runs was killed meanwhile; trying again helps."""
 

@@ -7,6 +7,7 @@ again and again, would kill workers for ever, through lack of memory or a defect
 from ...schemas.documents.base import FailureChanges
 from ...schemas.documents.simulation_jobs import Outcome
 from ...schemas.lifecycles import LIFECYCLES
+from ...schemas.rollouts.events import Stopped
 from ..service.service import Service
 from .job_leases import Lease
 
@@ -15,6 +16,7 @@ _MOST_OF_BATCHES = 10
 """The limit for a batch is higher: the job at fault in it reaches its own limit first."""
 
 _CODE = "InternalServiceError"
+_DEPLOYMENT_CODE = "InternalServerError"
 _EVENTS = ("terminate", "fail", "canceled")
 
 
@@ -30,7 +32,8 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
 def fail_job(lease: Lease, reason: str, service: Service) -> None:
     """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
     transitions = LIFECYCLES[lease.job.kind].transitions
-    changes = FailureChanges(failure_code=_CODE, failure_reason=reason)
+    is_deployment = lease.job.kind == "deployment-job"
+    changes = FailureChanges(failure_code=_DEPLOYMENT_CODE if is_deployment else _CODE, failure_reason=reason)
     if lease.job.kind == "simulation-job":
         changes = Outcome(status="Failed", failure_code=_CODE, failure_reason=reason).announced(finished=None)
     for job in service.catalog.children(lease.job.arn, kind="simulation-job"):
@@ -38,3 +41,6 @@ def fail_job(lease: Lease, reason: str, service: Service) -> None:
     for event in _EVENTS:
         if (lease.job.status, event) in transitions:
             lease.transition(event, changes)
+    if is_deployment:  # its robots are told with the next thing that one of them reports
+        now_s = service.clock().timestamp()
+        service.catalog.add_event(lease.job.arn, Stopped(why="canceled").to_json(), now_s)

@@ -8,7 +8,9 @@ the rest up to date.
 | status | when |
 | --- | --- |
 | `Available` | it is in no fleet |
-| `PendingNewDeployment` | it is in a fleet whose last deployment has not begun |
+| `PendingNewDeployment` | its fleet's last deployment has not begun, or its turn has not come |
+| `Deploying` | it has fetched its order |
+| `InSync`, `Failed`, `NoResponse` | that is how the last deployment to it ended |
 | `Registered` | it is in a fleet otherwise |
 """
 
@@ -18,17 +20,32 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from ...schemas.documents.base import FailureChanges
-from ...schemas.documents.fleets import FleetChanges, FleetDocument, RobotDocument, RobotMembership
-from ...schemas.lifecycles import is_terminal
+from ...schemas.documents.fleets import (
+    DeploymentJobDocument,
+    FleetChanges,
+    FleetDocument,
+    RobotDocument,
+    RobotMembership,
+)
+from ...schemas.rollouts.events import StopCause
+from ...schemas.rollouts.rollout import Rollout
 from ...schemas.wire.arns import ResourceArn
-from ...schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, ThrottlingException
+from ...schemas.wire.errors import (
+    InvalidParameterException,
+    ResourceNotFoundException,
+    StateConflictError,
+    ThrottlingException,
+)
 from ..catalog import Resource, Stored
 from ..service.service import Service
+from .rollout.statuses import robot_status
+from .stored_rollouts import stop
 
 FLEET = "deployment-fleet"
 ROBOT = "robot"
 DEPLOYMENT = "deployment-job"
 
+_NOT_BEGUN = ("Pending", "Preparing")
 _LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01
 _PAGE = 500
@@ -94,7 +111,8 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     """
     known = service.catalog.get(robot, kind=ROBOT)
     if RobotDocument.of(known).fleet != fleet.arn:
-        _register(robot, fleet, last_deployment(fleet.arn, service), service)
+        deployment = last_deployment(fleet.arn, service)
+        _register(known, fleet, deployment, _standings(deployment, service), service)
 
 
 def take_out_of_fleet(robot: str, service: Service) -> None:
@@ -111,36 +129,69 @@ def settle(fleet: Resource, service: Service) -> None:
     deployment = last_deployment(fleet.arn, service)
     if deployment is not None and FleetDocument.of(fleet).last_deployment_job != deployment.arn:
         service.catalog.update(fleet.arn, FleetChanges(last_deployment_job=deployment.arn))
+    rollout = _standings(deployment, service)
     for robot in robots_of(fleet.arn, service):
         with suppress(ResourceNotFoundException):  # robots may be deleted at any time
-            _register(robot.arn, fleet, deployment, service)
+            _register(robot, fleet, deployment, rollout, service)
 
 
-def end_deployment(job: Resource, event: str, service: Service, changes: FailureChanges | None = None) -> None:
+def end_deployment(job: Resource, why: StopCause, service: Service, changes: FailureChanges | None = None) -> None:
     """Ends a deployment job unless it has ended; the caller holds the lease of its fleet.
 
     Args:
         job: the job.
-        event: how, an event of its lifecycle.
+        why: what ends it.
         service: where it is stored.
-        changes: members of its document that are set with it.
+        changes: why it failed, where it fails; nothing: it is canceled.
     """
-    if not is_terminal(DEPLOYMENT, service.catalog.get(job.arn, kind=DEPLOYMENT).status):
-        service.catalog.transition(job.arn, event, document_changes=changes)
+    stop(job.arn, why, service)
+    # A job that prepares has no rollout, or gets it just now; its run sees that the job has ended.
+    with suppress(StateConflictError):
+        service.catalog.transition(job.arn, "fail" if changes else "cancel", document_changes=changes)
 
 
-def _register(robot: str, fleet: Resource, deployment: Resource | None, service: Service) -> None:
-    waits = deployment is not None and deployment.status == "Pending"
+def is_meant(robot: Resource, deployment: Resource) -> bool:
+    """Whether a deployment that has not begun is meant for a robot of its fleet."""
+    return robot.status != "InSync" or not DeploymentJobDocument.of(deployment).repeats
+
+
+def _standings(deployment: Resource | None, service: Service) -> Rollout | None:
+    """The rollout of a deployment, if it has begun."""
+    stored = None if deployment is None else service.catalog.rollout(deployment.arn)
+    return None if stored is None else Rollout.of_json(dict(stored.rollout))
+
+
+def _status(robot: Resource, fleet: Resource, deployment: Resource | None, rollout: Rollout | None) -> str:
+    """The status of a robot that is in a fleet, or about to be."""
+    if deployment is None:
+        return "Registered"
+    state = None if rollout is None else rollout.robots.get(robot.arn)
+    if rollout is not None and state is not None and state.gone is None:
+        return robot_status(state, active=rollout.status == "InProgress") or "Registered"
+    if rollout is None and deployment.status in _NOT_BEGUN and is_meant(robot, deployment):
+        return "PendingNewDeployment"
+    left_alone = robot.status == "InSync" and RobotDocument.of(robot).fleet == fleet.arn
+    return "InSync" if left_alone and DeploymentJobDocument.of(deployment).repeats else "Registered"
+
+
+def _register(
+    robot: Resource, fleet: Resource, deployment: Resource | None, rollout: Rollout | None, service: Service
+) -> None:
+    status = _status(robot, fleet, deployment, rollout)
+    waits = status == "PendingNewDeployment"
+    known = RobotDocument.of(robot)
+    meant = deployment.arn if deployment is not None and waits else known.last_deployment_job
+    if (robot.status, known.fleet, known.last_deployment_job) == (status, fleet.arn, meant):
+        return
 
     def registered(stored: Stored) -> RobotMembership:
         document = RobotDocument.model_validate(stored)
         if document.fleet not in (None, fleet.arn):
             raise InvalidParameterException(
-                f"robot: {robot} is registered with {document.fleet}; deregister it there first"
+                f"robot: {robot.arn} is registered with {document.fleet}; deregister it there first"
             )
         if deployment is not None and waits:
             return RobotMembership(last_deployment_job=deployment.arn, fleet=fleet.arn)
         return RobotMembership(fleet=fleet.arn)
 
-    status = "PendingNewDeployment" if waits else "Registered"
-    service.catalog.update(robot, registered, labels={"fleetName": [fleet.name]}, status=status)
+    service.catalog.update(robot.arn, registered, labels={"fleetName": [fleet.name]}, status=status)

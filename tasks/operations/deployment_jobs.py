@@ -1,8 +1,6 @@
 """Deployment jobs: an application brought to the robots of a fleet.
 
-Deployments do not act yet: nothing is brought to any robot. A request is checked like one that will be
-carried out and stored as `Pending`, where it stays until it is cancelled or its fleet is deleted; it is
-no job operation, since there is nothing to perform.
+A job is stored as `Pending`; `tasks/jobs/deployment_runs.py` carries it to its end.
 """
 
 from collections.abc import Mapping
@@ -20,30 +18,51 @@ from ...schemas.operations.deployment_jobs import (
     DeploymentConfig,
     DescribeDeploymentJobRequest,
     ListDeploymentJobsRequest,
-    S3Object,
     SyncDeploymentJobRequest,
 )
+from ...schemas.rollouts.plan import DEFAULT_CONCURRENT_PERCENTAGE, DEFAULT_THRESHOLD_PERCENTAGE
+from ...schemas.rollouts.rollout import Rollout
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
     ConcurrentDeploymentException,
     InvalidParameterException,
     ResourceNotFoundException,
-    StorageError,
 )
 from ..catalog import ClientToken, Resource
-from ..fleet.records import DEPLOYMENT, end_deployment, fleet_held, last_deployment, robots_of, settle
+from ..execution.claims import run_under_lease
+from ..fleet.records import (
+    DEPLOYMENT,
+    end_deployment,
+    fleet_held,
+    is_meant,
+    last_deployment,
+    robots_of,
+    settle,
+)
+from ..fleet.rollout.statuses import robot_deployments
+from ..jobs.deployment_runs import DeploymentRun
 from ..service.service import Service
 from ..simulations.planning.applications import find_application
 from .pages import page_of
 from .registry import Answer, operation
 
 _PAGE = 200
+_DEFAULTS = {
+    "concurrentDeploymentPercentage": DEFAULT_CONCURRENT_PERCENTAGE,
+    "failureThresholdPercentage": DEFAULT_THRESHOLD_PERCENTAGE,
+    "robotDeploymentTimeoutInSeconds": DEFAULT_ROBOT_TIMEOUT_S,
+}
 _FILTERS = {"status": "status", "fleetName": "fleetName"}
 
 
-@operation("CreateDeploymentJob")
+def perform_deployment_job(arn: str, service: Service) -> None:
+    """Prepares what robots download, and brings it to them."""
+    run_under_lease(arn, DEPLOYMENT, service, lambda lease: DeploymentRun(lease, service).run())
+
+
+@operation("CreateDeploymentJob", perform=perform_deployment_job, describe="DescribeDeploymentJob")
 def create_deployment_job(request: CreateDeploymentJobRequest, service: Service) -> Answer:
-    """Stores a deployment to the robots of a fleet; it stays `Pending`, since deployments do not act yet.
+    """Stores a deployment to the robots of a fleet.
 
     Refused are fleets without robots, and applications that none of the robots can run. A robot that
     cannot run it beside others that can is left to the deployment, which fails for that robot only.
@@ -52,17 +71,15 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
     job = service.find_by_client_token(token)
     if job is None:
         configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
-        document = DeploymentJobDocument(
-            deployment_application_configs=configs, deployment_config=_config(request, service)
-        )
+        document = DeploymentJobDocument(deployment_application_configs=configs, deployment_config=_config(request))
         with fleet_held(request.fleet, service) as fleet:
             job = service.find_by_client_token(token) or _stored(document, fleet, service, token, request.tags)
     return {**_summary(job), "tags": dict(job.tags)}
 
 
-@operation("SyncDeploymentJob")
+@operation("SyncDeploymentJob", perform=perform_deployment_job, describe="DescribeDeploymentJob")
 def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> Answer:
-    """Stores the fleet's latest deployment once more, however it ended, for the robots it has now."""
+    """Stores the fleet's latest deployment once more, however it ended, for its robots that are not in sync with it."""
     token = ClientToken.of("SyncDeploymentJob", request)
     job = service.find_by_client_token(token)
     if job is None:
@@ -73,12 +90,9 @@ def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> 
 
 @operation("DescribeDeploymentJob")
 def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> Answer:
-    """Tells how a deployment stands; one that waits names the robots it is meant for."""
+    """Tells how a deployment and each of its robots stand; one that waits names the robots it is meant for."""
     job = _job(request.job, service)
-    robots: list[dict[str, Any]] = []
-    if not is_terminal(DEPLOYMENT, job.status):
-        robots = [{"arn": robot.arn, "status": robot.status} for robot in robots_of(_fleet(job), service)]
-    return {**_summary(job), "robotDeploymentSummary": robots, "tags": dict(job.tags)}
+    return {**_summary(job), "robotDeploymentSummary": _robots(job, service), "tags": dict(job.tags)}
 
 
 @operation("ListDeploymentJobs")
@@ -97,9 +111,20 @@ def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service)
     if not is_terminal(DEPLOYMENT, job.status):
         # The fleet may be deleted meanwhile, which ends its deployment.
         with suppress(ResourceNotFoundException), fleet_held(_fleet(job), service) as fleet:
-            end_deployment(job, "cancel", service)
+            end_deployment(job, "canceled", service)
             settle(fleet, service)
     return CancelDeploymentJobResponse()
+
+
+def _robots(job: Resource, service: Service) -> list[Any]:
+    """How a deployment stands with each robot; empty if it ended before it began."""
+    if (stored := service.catalog.rollout(job.arn)) is not None:
+        rollout = Rollout.of_json(dict(stored.rollout))
+        return [each.to_wire() for each in robot_deployments(rollout, job.arn, service.clock().timestamp())]
+    if is_terminal(DEPLOYMENT, job.status):
+        return []
+    meant = (robot for robot in robots_of(_fleet(job), service) if is_meant(robot, job))
+    return [{"arn": robot.arn, "status": robot.status} for robot in meant]
 
 
 def _stored(
@@ -131,7 +156,8 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
     document = DeploymentJobDocument.of(last)
     document = DeploymentJobDocument(
         deployment_application_configs=document.deployment_application_configs,
-        deployment_config=document.deployment_config,
+        deployment_config=_obeyed(document.deployment_config),
+        repeats=True,
     )
     return _stored(document, fleet, service, token)
 
@@ -157,24 +183,19 @@ def _listed(words: set[Any]) -> str:
     return ", ".join(sorted(words))
 
 
-def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, Any]:
-    """The request's configuration with the timeout that holds and the ETag the condition file has now."""
-    config = request.deploymentConfig or DeploymentConfig()
-    wanted = {"robotDeploymentTimeoutInSeconds": DEFAULT_ROBOT_TIMEOUT_S, **config.to_wire()}
-    if config.downloadConditionFile is not None:
-        wanted["downloadConditionFile"] = _found(config.downloadConditionFile, service)
-    return wanted
+def _config(request: CreateDeploymentJobRequest) -> dict[str, Any]:
+    """The request's configuration with the defaults that hold."""
+    return _obeyed({**_DEFAULTS, **(request.deploymentConfig or DeploymentConfig()).to_wire()})
 
 
-def _found(file: S3Object, service: Service) -> dict[str, Any]:
-    place = f"deploymentConfig.downloadConditionFile: s3://{file.bucket}/{file.key}"
-    try:
-        etag = service.store.head(file.bucket, file.key).etag
-    except StorageError as error:
-        raise InvalidParameterException(f"{place} cannot be read ({error}); put the program there first") from error
-    if file.etag not in (None, etag):
-        raise InvalidParameterException(f"{place} has the ETag {etag!r}, not {file.etag!r}; leave etag out for any")
-    return {**file.to_wire(), "etag": etag}
+def _obeyed(config: dict[str, Any]) -> dict[str, Any]:
+    """The configuration, if robots are asked all that it wants them to be asked."""
+    if "downloadConditionFile" in config:
+        raise InvalidParameterException(
+            "deploymentConfig.downloadConditionFile: no robot can be asked this yet, and deploying without would not "
+            "be safe; leave it out, and let a script of the robot decide (docs/fleets.md)"
+        )
+    return config
 
 
 def _job(arn: str, service: Service) -> Resource:

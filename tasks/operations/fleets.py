@@ -90,7 +90,7 @@ def _empty(fleet: Resource, service: Service) -> None:
             failure_code="DeploymentFleetDoesNotExist",
             failure_reason=f"{fleet.arn} was deleted before the deployment ended",
         )
-        end_deployment(deployment, "fail", service, failure)
+        end_deployment(deployment, "fleet_deleted", service, failure)
     for robot in robots_of(fleet.arn, service):
         with suppress(ResourceNotFoundException):  # robots may be deleted at any time
             take_out_of_fleet(robot.arn, service)

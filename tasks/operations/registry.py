@@ -62,7 +62,7 @@ class Operation:
     @property
     def perform_name(self) -> str:
         """Name of the flow that performs a stored job."""
-        return "Perform" + self.name.removeprefix("Create").removeprefix("Start")
+        return "Perform" + self.name.removeprefix("Create").removeprefix("Start").removeprefix("Sync")
 
     def answer(self, data: Mapping[str, Any], service: Service) -> dict[str, Any]:
         """Checks the request, does the operation (for jobs: the submit half), and answers.

@@ -21,6 +21,7 @@ from ...schemas.wire.arns import ResourceArn, application_arn
 from ...schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ..catalog import Resource
 from ..fleet.records import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
+from ..fleet.stored_rollouts import note_departure
 from ..service.service import Service
 from .pages import page_of
 from .registry import Answer, operation
@@ -80,7 +81,10 @@ def delete_robot(request: DeleteRobotRequest, service: Service) -> DeleteRobotRe
     """Removes a robot; one that is not there is gone already."""
     robot = _checked(request.robot)
     with suppress(ResourceNotFoundException):
+        fleet = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet
         service.catalog.delete(robot)
+        if fleet is not None:
+            note_departure(robot, fleet, "deleted", service)
     return DeleteRobotResponse()
 
 
@@ -103,6 +107,7 @@ def deregister_robot(request: DeregisterRobotRequest, service: Service) -> Dereg
             raise InvalidParameterException(f"robot: {robot} is registered with {there}, not with {fleet.arn}")
         if there is not None:
             take_out_of_fleet(robot, service)
+            note_departure(robot, fleet.arn, "left", service)
     return DeregisterRobotResponse(fleet=request.fleet, robot=robot)
 
 

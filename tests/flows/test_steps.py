@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from helpers.deployed_robots import deployable, good, living
 from helpers.small_flat import ROLE
 from prefect import flow
 
@@ -68,6 +69,22 @@ def test_worlds_are_exported_and_the_archive_is_uploaded(
 
     assert job["status"] == "Completed"
     assert tasks == {"validate": 1, "record": 1, "export": 1, "upload": 1}
+
+
+def test_a_deployment_is_prepared_and_each_wave_is_a_task(shown_tasks: ShownTasks, service: Service) -> None:
+    with living(service) as yard:
+        for number in range(3):
+            yard.robot(f"r{number}", good)
+        half = {"concurrentDeploymentPercentage": 67}
+        order = yard.fleets.order(yard.arn, deployable(yard.fleets, "X86_64"), deploymentConfig=half)
+
+        job, tasks = shown_tasks("CreateDeploymentJob", 5, **order)
+        yard.robot("r3", good)
+        sync, sync_tasks = shown_tasks("SyncDeploymentJob", 4, fleet=yard.arn, clientRequestToken="sync")
+
+    assert job["status"] == sync["status"] == "Succeeded"
+    assert tasks == {"validate": 1, "record": 1, "prepare": 1, "wave-1-of-2": 1, "wave-2-of-2": 1}
+    assert sync_tasks == {"validate": 1, "record": 1, "prepare": 1, "wave-1-of-1": 1}
 
 
 def test_a_simulation_is_prepared_run_and_uploaded(shown_tasks: ShownTasks, order: Callable[..., Any]) -> None:

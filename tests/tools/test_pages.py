@@ -109,9 +109,9 @@ def test_what_is_listed_of_operations_names_operations_and_is_told() -> None:
 
 
 def test_what_people_wrote_around_a_table_stays() -> None:
-    page = with_tables("before\n<!-- made: missing -->\nold\n<!-- end -->\nafter\n")
+    page = with_tables("before\n<!-- made: differences -->\nold\n<!-- end -->\nafter\n")
 
-    assert page.startswith("before\n<!-- made: missing -->\n\n| ")
+    assert page.startswith("before\n<!-- made: differences -->\n\n| ")
     assert page.endswith("\n\n<!-- end -->\nafter\n")
     assert "\nold\n" not in page
     assert with_tables(page) == page

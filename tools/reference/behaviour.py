@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["differs", "decided", "not yet"]
+Kind = Literal["differs", "decided"]
 
 
 @dataclass(frozen=True)
@@ -12,7 +12,7 @@ class Behaviour:
 
     kind: Kind
     """`differs`: the service was otherwise; `decided`: the service's behaviour was not documented, or it was
-    written down in two ways; `not yet`: the service could, here it is to come."""
+    written down in two ways."""
 
     topic: str
     """What it is about, in a few words."""
@@ -35,8 +35,3 @@ def differs(topic: str, operations: str, *, known: str, here: str) -> Behaviour:
 def decided(topic: str, operations: str, *, known: str, here: str) -> Behaviour:
     """Something that had to be decided; operations are separated by spaces."""
     return Behaviour("decided", topic, tuple(operations.split()), known, here)
-
-
-def not_yet(topic: str, operations: str, *, known: str, here: str) -> Behaviour:
-    """Something that is missing; operations are separated by spaces."""
-    return Behaviour("not yet", topic, tuple(operations.split()), known, here)

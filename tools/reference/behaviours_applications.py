@@ -1,6 +1,6 @@
 """Behaviour of operations on applications, fleets, robots and tags that their shapes do not say."""
 
-from .behaviour import decided, differs, not_yet
+from .behaviour import decided, differs
 
 _CREATE = "CreateRobotApplication CreateSimulationApplication"
 _VERSION = "CreateRobotApplicationVersion CreateSimulationApplicationVersion"
@@ -113,11 +113,13 @@ APPLICATIONS = (
 )
 
 FLEETS = (
-    not_yet(
+    differs(
         "Deployments",
         f"{_DEPLOY} DescribeDeploymentJob",
-        known="An application was brought to the robots of a fleet, until 2022.",
-        here="A request is checked and stored, and stays `Pending` until it is cancelled or its fleet is deleted.",
+        known="Greengrass brought an application to the robots of a fleet, and started it, until 2022.",
+        here="Robots run an updater that polls `robomaker serve`, such as SWUpdate, see [Fleets](fleets.md). It "
+        "installs the application's archive; what it starts is its own affair, so `launchConfig` is "
+        "kept and shown, and not carried out. A `downloadConditionFile` is refused: no robot would be asked it.",
     ),
     differs(
         "Operations that had ended",
@@ -178,7 +180,7 @@ FLEETS = (
         "Defaults of a deployment",
         "CreateDeploymentJob",
         known="Five hours per robot; the two percentages' defaults were not found.",
-        here="`robotDeploymentTimeoutInSeconds` is told as 18000; percentages only if they were given.",
+        here="20 % of the robots at the same time, and 20 % failures end it; descriptions tell all three.",
     ),
     decided(
         "Two deployments of a fleet",
@@ -190,7 +192,8 @@ FLEETS = (
         "What is synchronised",
         "SyncDeploymentJob",
         known="The latest deployment is repeated for robots that lack it.",
-        here="The latest is requested once more, however it ended, for all robots there are now; without one: refused.",
+        here="The latest is requested once more, however it ended, for the robots whose status is not `InSync`; "
+        "without one: refused.",
     ),
     decided(
         "Cancelling a deployment that has ended",

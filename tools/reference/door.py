@@ -33,10 +33,12 @@ def flows_by_module() -> Mapping[str, Sequence[str]]:
     """Names of the flows of each module of `flows`: operations, and what carries their stored jobs to their end."""
     return {
         resource: sorted(
-            name
-            for entry in registry().values()
-            if entry.resource == resource
-            for name in ([entry.name, entry.perform_name] if entry.run_job else [entry.name])
+            {
+                name
+                for entry in registry().values()
+                if entry.resource == resource
+                for name in ([entry.name, entry.perform_name] if entry.run_job else [entry.name])
+            }
         )
         for resource in RESOURCES
     }

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
 
 from .behaviour import Kind
-from .behaviours import BEHAVIOURS, behaviours_of
+from .behaviours import BEHAVIOURS
 
 _MARK = re.compile(r"<!-- made: (?P<name>[a-z-]+) -->\n.*?<!-- end -->", re.DOTALL)
 
@@ -36,17 +36,8 @@ def _calls() -> str:
         lines.append(f"| **{title}** | |")
         for each in operations:
             link = f"[{each.name}](operations.md#{each.name.lower()})"
-            lines.append(f"| {link} | {each.description}{_remarks(each.name)} |")
+            lines.append(f"| {link} | {each.description} |")
     return "\n".join(lines)
-
-
-def _remarks(operation: str) -> str:
-    missing = [each.topic for each in behaviours_of(operation) if each.kind == "not yet"]
-    return f" *Not yet: {_listed(missing)}.*" if missing else ""
-
-
-def _listed(topics: list[str]) -> str:
-    return ", ".join(topic[0].lower() + topic[1:] if topic[1:2].islower() else topic for topic in topics)
 
 
 def _by_kind(kind: Kind, titles: tuple[str, str]) -> str:
@@ -63,5 +54,4 @@ _TABLES: Mapping[str, Callable[[], str]] = {
     "calls": _calls,
     "differences": lambda: _by_kind("differs", ("the service", "here")),
     "decisions": lambda: _by_kind("decided", ("what is known", "here")),
-    "missing": lambda: _by_kind("not yet", ("the service", "here, today")),
 }

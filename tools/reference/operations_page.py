@@ -51,7 +51,6 @@ _WIDEST = frozenset({f"{shape}:max" for shape in WIDEST})
 _KINDS: dict[Kind, str] = {
     "differs": "Differs from the service",
     "decided": "Decided here, since it was not clear",
-    "not yet": "Not yet",
 }
 
 

@@ -4,6 +4,8 @@
             offer                 cancel
   nothing ────────> open ─────────────────────> cancelling
      ^               │  close                       │  close
+     │               │ <────────────────────────────│
+     │               │            carry_on          │
      └───────────────┴──────────────────────────────┘
 ```
 
@@ -69,6 +71,8 @@ class OpenOrders:
     def __init__(self) -> None:
         self._robots: dict[str, RobotState] = {}
         self._lock = threading.Lock()
+        self.active = 0
+        """How many robots had an order, or were to expect one, when they were counted last."""
 
     def enrol(self, robot: str, token_hash: bytes) -> None:
         """Lets a robot in, by the hash of its token (`hash_token`); a robot that is in gets a new token."""
@@ -103,6 +107,11 @@ class OpenOrders:
         with self._lock:
             return {robot: state.order for robot, state in self._robots.items() if state.order is not None}
 
+    def count_active(self) -> None:
+        """Counts the robots that have an order, or are to expect one, into `active`."""
+        with self._lock:
+            self.active = sum(state.order is not None or state.is_expected for state in self._robots.values())
+
     def offer(self, order: RobotOrder) -> None:
         """Opens an order; of no effect if the same one is open.
 
@@ -136,6 +145,10 @@ class OpenOrders:
     def cancel(self, robot: str, action_id: int) -> bool:
         """Asks a robot to give an order up; `False`: it is not open."""
         return self._change(robot, action_id, is_cancelling=True)
+
+    def carry_on(self, robot: str, action_id: int) -> bool:
+        """Asks a robot no more to give an order up, since it refused; `False`: it is not open."""
+        return self._change(robot, action_id, is_cancelling=False)
 
     def close(self, robot: str, action_id: int, feedback: Feedback | None = None) -> bool:
         """Takes an order away; `False`: it is not open.

@@ -1,5 +1,6 @@
 """An order for one robot: which file it shall install, and what it shall launch."""
 
+import re
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,6 +15,11 @@ ROBOT_ID = r"[A-Za-z0-9][A-Za-z0-9._-]{0,254}"
 
 RobotId = Annotated[str, Field(pattern=f"^{ROBOT_ID}$")]
 FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,254}$")]
+
+
+def is_robot_id(text: str) -> bool:
+    """Whether updaters can have it as a robot's id."""
+    return re.fullmatch(ROBOT_ID, text) is not None
 
 
 class RobotOrder(BaseModel):

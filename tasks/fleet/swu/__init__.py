@@ -6,4 +6,4 @@ and the files. `wrapping.py` makes one, the rest its parts. Needs the extra `fle
 May import: `schemas.wire`.
 """
 
-__all__ = ["signing", "wrapping"]
+__all__ = ["description", "signing", "wrapping"]

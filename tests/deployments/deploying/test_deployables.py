@@ -37,7 +37,7 @@ def test_every_flow_of_an_operation_is_deployed_once_under_a_name_of_its_own() -
     performed = {entry.perform_name for entry in registry().values() if entry.run_job}
 
     assert {each.flow for each in found} == {*registry(), *performed}
-    assert len({each.name for each in found}) == len(found) == 61
+    assert len({each.name for each in found}) == len(found) == 62
     assert all(each.description.endswith(".") and each.tags[0] == "robomaker" for each in found)
     assert not any(":" in each.entrypoint for each in found), "a colon would be a file, which workers copy a folder for"
 

@@ -86,6 +86,8 @@ def test_a_robot_may_keep_an_order_that_it_shall_give_up(robots: Robots) -> None
     robots.orders.cancel("robot1", 8)
 
     assert robots.say(CANCEL, "rejected").status == 200
+    robots.orders.carry_on("robot1", 8)
+    assert list(robots.poll().links) == ["deploymentBase", "configData"]
     assert robots.say(ORDER, "closed", "success").status == 200
 
     assert robots.orders.open() == {}
@@ -224,6 +226,15 @@ def test_robots_poll_apart_and_often_while_there_is_something_to_do(
     assert sleep_of(robots) == "00:00:01"
     robots.orders.close("robot1", 8)
     assert sleep_of(robots) == idle
+
+
+def test_many_robots_with_orders_poll_less_often(make_robots: Callable[..., Robots]) -> None:
+    robots = make_robots(chance=0.5, settings=DoorSettings(active_polls_per_s=250))
+    robots.orders.offer(robot_order())
+
+    for active, sleep in [(1, "00:00:01"), (1000, "00:00:04"), (100_000, "00:00:30")]:
+        robots.orders.active = active
+        assert sleep_of(robots) == sleep
 
 
 def test_polls_are_reported_together(make_robots: Callable[..., Robots]) -> None:

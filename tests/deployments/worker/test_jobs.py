@@ -24,9 +24,9 @@ Order = Callable[..., dict[str, Any]]
 
 
 def test_there_is_a_lane_for_everything_that_is_performed() -> None:
-    performed = {entry.name for entry in registry().values() if entry.run_job}
+    performed = {entry.perform_name for entry in registry().values() if entry.run_job}
 
-    assert {pool.operation for pool in job_pools(3)} == performed
+    assert {registry()[pool.operation].perform_name for pool in job_pools(3)} == performed
     assert {pool.kind: pool.at_once for pool in job_pools(3)}["simulation-job"] == 3
 
 

@@ -1,4 +1,4 @@
-"""Deployment jobs: ordered, described, listed, repeated and cancelled; none acts yet."""
+"""Deployment jobs: asked for, described, listed, repeated and cancelled, before any has begun."""
 
 from typing import Any
 
@@ -6,6 +6,8 @@ import pytest
 from helpers.application_calls import BUCKET, Applications, at_once
 from helpers.fleet_calls import LAUNCH, Fleets
 
+from prefect_robomaker.schemas.documents.base import Changes
+from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument
 from prefect_robomaker.schemas.wire.errors import (
     ConcurrentDeploymentException,
     IdempotentParameterMismatchException,
@@ -16,6 +18,12 @@ from prefect_robomaker.tasks.service.service import Service
 
 PREFIX = "arn:aws:robomaker:us-east-1:000000000000"
 FIVE_HOURS_S = 18000
+
+
+class OlderConfig(Changes):
+    """The configuration of a job of an older release."""
+
+    deployment_config: dict[str, Any]
 
 
 @pytest.fixture
@@ -265,30 +273,21 @@ def test_at_least_one_robot_has_to_be_able_to_run_the_application(fleets: Fleets
 # The condition file
 
 
-def test_the_condition_file_is_kept_with_the_etag_it_has(fleets: Fleets, yard: str, application: str) -> None:
-    store = fleets.service.store
-    store.ensure_bucket(BUCKET)
-    store.put_bytes(BUCKET, "may.sh", b"exit 0")
-    etag = store.head(BUCKET, "may.sh").etag
+def test_a_condition_that_no_robot_is_asked_is_refused_and_not_ignored(
+    fleets: Fleets, yard: str, application: str
+) -> None:
     file = {"bucket": BUCKET, "key": "may.sh"}
 
-    job = fleets.deploy(yard, application, deploymentConfig={"downloadConditionFile": file})
-
-    assert job["deploymentConfig"]["downloadConditionFile"] == {**file, "etag": etag}
-    fleets.cancel(job["arn"])
-    store.put_bytes(BUCKET, "may.sh", b"exit 1")
-    again = fleets.call("SyncDeploymentJob", fleet=yard, clientRequestToken="again")
-    assert again["deploymentConfig"] == job["deploymentConfig"]
-    fleets.cancel(again["arn"])
-    with pytest.raises(InvalidParameterException, match=f"downloadConditionFile.*not '{etag}'"):
-        fleets.deploy(yard, application, "new", deploymentConfig={"downloadConditionFile": {**file, "etag": etag}})
-
-
-def test_a_condition_file_that_cannot_be_read_is_refused(fleets: Fleets, yard: str, application: str) -> None:
-    file = {"bucket": "nowhere", "key": "may.sh"}
-
-    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: s3://nowhere/may\.sh cannot be read"):
+    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: no robot can be asked this yet"):
         fleets.deploy(yard, application, deploymentConfig={"downloadConditionFile": file})
+
+    job = fleets.deploy(yard, application)
+    fleets.cancel(job["arn"])
+    document = DeploymentJobDocument.of(fleets.service.catalog.get(job["arn"]))
+    older = OlderConfig(deployment_config={**document.deployment_config, "downloadConditionFile": file})
+    fleets.service.catalog.update(job["arn"], older)
+    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: no robot can be asked this yet"):
+        fleets.call("SyncDeploymentJob", fleet=yard, clientRequestToken="again")
 
 
 # Repeating the latest

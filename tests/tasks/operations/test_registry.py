@@ -36,6 +36,7 @@ def test_job_operations_have_a_flow_that_performs_a_stored_job() -> None:
     jobs = {name for name, entry in registry().items() if entry.run_job}
 
     assert {find_perform_flow(name).name for name in jobs} == {
+        "PerformDeploymentJob",
         "PerformSimulationJob",
         "PerformSimulationJobBatch",
         "PerformWorldExportJob",

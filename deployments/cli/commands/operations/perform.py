@@ -11,6 +11,7 @@ _OPERATIONS = {
     "simulation-job-batch": "StartSimulationJobBatch",
     "world-generation-job": "CreateWorldGenerationJob",
     "world-export-job": "CreateWorldExportJob",
+    "deployment-job": "CreateDeploymentJob",
 }
 
 

@@ -200,7 +200,7 @@ def test_all_operations_are_deployed_one_by_one(robomaker: Robomaker, client: An
     ended = robomaker("deploy", "--operations", "--pool", pool)
 
     assert ended.code == 0, ended.err
-    assert len(ended.out.splitlines()) == 61
+    assert len(ended.out.splitlines()) == 62
     found = client.read_deployment_by_name("CreateWorldTemplate/create-world-template")
     assert found.work_pool_name == pool
     assert found.tags == ["robomaker", "operation", "world-templates"]

@@ -1,0 +1,81 @@
+"""List robots: status, installed version, and when each polled last.
+
+Newest first. A robot that has no token is not enrolled, and cannot poll.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from ....arguments import add_output
+
+if TYPE_CHECKING:
+    from ......tasks.service.service import Service
+
+_PAGE = 500
+_COLUMNS = ("robot", "status", "version", "last_seen", "fleet")
+
+Row = dict[str, str | bool | None]
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the robots."""
+    from ......schemas.settings import Settings
+    from ......tasks.service.service import Service
+
+    rows = list(_rows(Service.open(Settings.from_environment(os.environ))))
+    if arguments.output == "json":
+        sys.stdout.write(json.dumps({"schema_version": 1, "robots": rows}, indent=2) + "\n")
+    else:
+        sys.stdout.write(_table(rows))
+    return 0
+
+
+def _rows(service: "Service") -> Iterator[Row]:
+    from ......schemas.documents.fleets import RobotDocument
+    from ......schemas.wire.arns import ResourceArn
+    from ......tasks.fleet.records import FLEET, ROBOT
+
+    after = None
+    while True:
+        page = service.catalog.list(ROBOT, limit=_PAGE, after=after)
+        for robot in page.resources:
+            document = RobotDocument.of(robot)
+            installed = (document.installed_name, document.installed_version)
+            seen_s = document.last_seen_s
+            yield {
+                "robot": robot.name,
+                "status": robot.status,
+                "version": " ".join(filter(None, installed)) or None,
+                "last_seen": None if seen_s is None else datetime.fromtimestamp(int(seen_s), UTC).isoformat(),
+                "enrolled": document.token_sha256 is not None,
+                "fleet": document.fleet and ResourceArn.parse(document.fleet, FLEET).name,
+            }
+        if (after := page.next_token) is None:
+            return
+
+
+def _table(rows: list[Row]) -> str:
+    if not rows:
+        return "There are no robots; CreateRobot makes one.\n"
+    cells = [tuple(name.replace("_", " ") for name in _COLUMNS)]
+    cells += [tuple(_cell(row, name) for name in _COLUMNS) for row in rows]
+    widths = [max(len(line[column]) for line in cells) for column in range(len(_COLUMNS))]
+    return "".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() + "\n" for line in cells
+    )
+
+
+def _cell(row: Row, name: str) -> str:
+    if name == "last_seen" and row["last_seen"] is None:
+        return "never" if row["enrolled"] else "not enrolled"
+    return str(row[name] or "-")

@@ -1,0 +1,32 @@
+"""What robots of a rollout download: one file for each architecture."""
+
+from pydantic import Field
+
+from ..operations.deployment_jobs import DeploymentLaunchConfig
+from .stored import StoredPart
+
+
+class Artifact(StoredPart):
+    """A file that robots install, as orders describe it; it lies in the object store."""
+
+    bucket: str = Field(description="Its bucket.")
+    key: str = Field(description="Its key.")
+    file_name: str = Field(description="Its name in orders; SWUpdate takes only `.swu`.")
+    size_bytes: int = Field(ge=1, description="Its length, in bytes.")
+    sha256: str = Field(description="Its SHA-256, in hexadecimal digits.")
+    sha1: str = Field(description="Its SHA-1, in hexadecimal digits.")
+    md5: str = Field(description="Its MD5, in hexadecimal digits.")
+    name: str = Field(description="Name of the application in it.")
+    version: str = Field(description="Version of the application in it.")
+
+
+class Delivery(StoredPart):
+    """What each robot of a rollout gets; it does not change."""
+
+    artifacts: dict[str, Artifact] = Field(description="The files, by architecture.")
+    architectures: dict[str, str] = Field(description="The architecture of each robot that gets one, by ARN.")
+    launch: DeploymentLaunchConfig = Field(description="How the application is started.")
+
+    def by_robot(self) -> dict[str, Artifact]:
+        """The file of each robot, by ARN."""
+        return {robot: self.artifacts[architecture] for robot, architecture in self.architectures.items()}

@@ -1,0 +1,100 @@
+"""How the rollout of a deployment job begins: its plan, and orders of earlier rollouts that robots still have.
+
+A robot with an order that it has not answered gets that one's cancellation first. The rollout that begins waits for the
+answer; the earlier one has nothing to wait for then.
+"""
+
+from collections.abc import Collection, Iterable
+
+from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ...schemas.operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentApplicationConfig, DeploymentConfig
+from ...schemas.rollouts.artifacts import Artifact, Delivery
+from ...schemas.rollouts.events import Canceled, Stopped
+from ...schemas.rollouts.plan import (
+    DEFAULT_CONCURRENT_PERCENTAGE,
+    DEFAULT_THRESHOLD_PERCENTAGE,
+    PlannedRobot,
+    RolloutPlan,
+)
+from ..catalog import Resource
+from ..service.service import Service
+from .kept_rollouts import KeptRollout
+from .rollout.ledger import begin
+
+
+def plan_of(job: Resource, robots: Iterable[Resource], architectures: Collection[str]) -> RolloutPlan:
+    """The plan of a deployment.
+
+    Args:
+        job: its job.
+        robots: whom it is meant for, in the order in which their turn comes.
+        architectures: those that there is a file for; robots of others fail.
+    """
+    document = DeploymentJobDocument.of(job)
+    config = DeploymentConfig.model_validate(document.deployment_config)
+    (application,) = document.deployment_application_configs
+    return RolloutPlan(
+        robots=tuple(_planned(robot, architectures, application["applicationVersion"]) for robot in robots),
+        # Jobs from before deployments acted have no percentages.
+        concurrent_percentage=config.concurrentDeploymentPercentage or DEFAULT_CONCURRENT_PERCENTAGE,
+        threshold_percentage=config.failureThresholdPercentage or DEFAULT_THRESHOLD_PERCENTAGE,
+        robot_timeout_s=config.robotDeploymentTimeoutInSeconds or DEFAULT_ROBOT_TIMEOUT_S,
+    )
+
+
+def _planned(robot: Resource, architectures: Collection[str], version: str) -> PlannedRobot:
+    architecture = RobotDocument.of(robot).architecture
+    if architecture in architectures:
+        return PlannedRobot(arn=robot.arn)
+    reason = f"version {version} of the application has no source for {architecture}; add one in another version"
+    return PlannedRobot(arn=robot.arn, unfit_code="MissingRobotApplicationArchitecture", unfit_reason=reason)
+
+
+def delivery(job: Resource, robots: Iterable[Resource], artifacts: dict[str, Artifact]) -> Delivery:
+    """What robots get, of the files by architecture."""
+    (config,) = DeploymentJobDocument.of(job).deployment_application_configs
+    architectures = {robot.arn: RobotDocument.of(robot).architecture for robot in robots}
+    return Delivery(
+        artifacts=artifacts,
+        architectures={robot: each for robot, each in architectures.items() if each in artifacts},
+        launch=DeploymentApplicationConfig.model_validate(config).launchConfig,
+    )
+
+
+def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Service) -> KeptRollout:
+    """Begins the rollout of a job, or finds it begun; it takes over what robots have not answered.
+
+    Args:
+        job: the deployment job.
+        plan: what it will do.
+        gets: what robots get.
+        service: where it is stored.
+    """
+    earlier = _end_earlier(job, gets.architectures, service)
+    rollout = begin(plan, service.clock().timestamp(), earlier)
+    is_new = service.catalog.begin_rollout(job.arn, gets.to_json(), rollout.to_json())
+    kept = KeptRollout(job, service)
+    taken = {arn: state.earlier_action_id for arn, state in kept.rollout.robots.items() if state.earlier_action_id}
+    service.catalog.move_orders(list(taken.values()), job.arn)
+    for other in _others(job, service):
+        answered = other.give_away(taken)
+        if is_new and answered:  # between the reading of it and the moving
+            kept.fold(*(Canceled(robot=robot, action_id=taken[robot]) for robot in answered))
+    return kept
+
+
+def _end_earlier(job: Resource, robots: Collection[str], service: Service) -> dict[str, int]:
+    """Ends earlier rollouts of the fleet; orders that the given robots have not answered, by robot."""
+    unanswered: dict[str, int] = {}
+    for other in _others(job, service):
+        other.fold(*([Stopped(why="superseded")] if other.job.parent == job.parent else []))
+        unanswered |= other.unanswered()
+    meant = frozenset(robots)
+    return {robot: number for robot, number in unanswered.items() if robot in meant}
+
+
+def _others(job: Resource, service: Service) -> list[KeptRollout]:
+    """The open rollouts of other jobs."""
+    arns = [arn for arn in service.catalog.open_rollouts() if arn != job.arn]
+    found = service.catalog.get_many(arns)
+    return [KeptRollout(found[arn], service) for arn in arns if arn in found]

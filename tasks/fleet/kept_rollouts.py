@@ -1,0 +1,236 @@
+"""A stored rollout that takes in what happened: events from the catalog, time-outs, orders for those whose turn it is.
+
+Any process may do this, several at once: a rollout is stored only if no other changed it meanwhile, and events that
+count are removed with it. Normally the run of the deployment job does it; calls that stop a deployment do it at once,
+and once the job has ended, what a robot reports does it.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from pydantic import TypeAdapter
+
+from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.fleets import RobotDocument, RobotMembership
+from ...schemas.lifecycles import is_terminal
+from ...schemas.rollouts.artifacts import Delivery
+from ...schemas.rollouts.events import Canceled, Offered, Outage, RolloutEvent
+from ...schemas.rollouts.rollout import Rollout
+from ...schemas.wire.errors import ResourceNotFoundException, ServiceUnavailableException, StateConflictError
+from ..catalog import Resource, Stored, StoredEvent
+from ..service.service import Service
+from .rollout.ledger import Ledger
+from .rollout.statuses import robot_status
+
+_EVENT: TypeAdapter[RolloutEvent] = TypeAdapter(RolloutEvent)
+_ENDS = {"Succeeded": "succeed", "Failed": "fail", "Canceled": "cancel"}
+_MAX_ATTEMPTS = 100
+
+GAP_S = 60.0
+"""A rollout that was not watched for longer was not served, or nearly: robots could not do much in that time."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A rollout as it was read."""
+
+    revision: int
+    rollout: Rollout
+
+
+class KeptRollout:
+    """The rollout of a deployment job, for one thread.
+
+    Args:
+        job: the deployment job; it has a rollout.
+        service: where it is stored.
+
+    Raises:
+        ResourceNotFoundException: it has none.
+    """
+
+    def __init__(self, job: Resource, service: Service) -> None:
+        self.job = job
+        self._service = service
+        self._load()
+
+    @property
+    def rollout(self) -> Rollout:
+        """How it stands, as far as this object knows."""
+        return self._read.rollout
+
+    def fold(self, *events: RolloutEvent) -> bool:
+        """Takes in what waits in the catalog, these events, and time-outs; gives orders; stores it; ends the job.
+
+        Returns:
+            Whether anything happened.
+
+        Raises:
+            ServiceUnavailableException: the catalog does not answer; ask again.
+        """
+        happened = self._fold(events)
+        if self.rollout.status != "InProgress":
+            self._end_job()
+            happened = self._fold(()) or happened  # what was reported before the job had ended
+        return happened
+
+    def refresh(self) -> None:
+        """Reads it again, since another process has changed it."""
+        self._load()
+
+    def keep_alive(self) -> None:
+        """Stores that the rollout was watched until now, so that a later gap is known to be an outage."""
+        self._ledger.pass_time(self._now_s())
+        if not self._store(self._ledger, ()):
+            self._load()
+
+    def unanswered(self) -> dict[str, int]:
+        """Orders that were canceled and that robots may still carry out, by robot."""
+        return self._ledger.unanswered()
+
+    def give_away(self, orders: Mapping[str, int]) -> list[str]:
+        """Closes orders that another rollout waits for now.
+
+        Args:
+            orders: their numbers, by robot; those of others are left alone.
+
+        Returns:
+            The robots of them that have answered already.
+        """
+        for _ in range(_MAX_ATTEMPTS):
+            own = {robot: number for robot, number in orders.items() if self._last_order(robot) == number}
+            mine = self._ledger.unanswered()
+            for robot, number in own.items():
+                self._ledger.apply(Canceled(robot=robot, action_id=number), self._now_s())
+            if own.keys().isdisjoint(mine) or self._store(self._ledger, ()):
+                return [robot for robot in own if robot not in mine]
+            self._load()
+        raise _changed_by_others(self.job.arn)
+
+    def _last_order(self, robot: str) -> int | None:
+        state = self.rollout.robots.get(robot)
+        return None if state is None else (state.earlier_action_id or state.action_id)
+
+    def _fold(self, events: Sequence[RolloutEvent]) -> bool:
+        try:
+            for _ in range(_MAX_ATTEMPTS):
+                waiting = self._service.catalog.events(self.job.arn)
+                if not self._take_in(waiting, events):
+                    return False
+                if self._store(self._ledger, waiting):
+                    return True
+                self._load()
+        except BaseException:
+            self._load()  # without what was not stored
+            raise
+        raise _changed_by_others(self.job.arn)
+
+    def _take_in(self, waiting: Sequence[StoredEvent], events: Sequence[RolloutEvent]) -> bool:
+        """Brings the ledger up to now; whether anything happened."""
+        ledger, now_s = self._ledger, self._now_s()
+        wake_s, watched_s = ledger.due().wake_s, self._watched_s
+        for each in waiting:
+            watched_s = _bridge(ledger, watched_s, each.at_s)
+            ledger.apply(_EVENT.validate_python(each.event), each.at_s)
+        self._watched_s = _bridge(ledger, watched_s, now_s)
+        for event in events:
+            ledger.apply(event, now_s)
+        ledger.pass_time(now_s)
+        offered = self._offer(ledger, now_s)
+        return bool(waiting or events or offered) or (wake_s is not None and wake_s <= now_s)
+
+    def _offer(self, ledger: Ledger, now_s: float) -> bool:
+        offers = ledger.due().offers
+        numbers = self._service.catalog.number_orders(self.job.arn, len(offers)) if offers else []
+        for robot, number in zip(offers, numbers, strict=True):
+            ledger.apply(Offered(robot=robot, action_id=number), now_s)
+        return bool(offers)
+
+    def _store(self, ledger: Ledger, applied: Sequence[StoredEvent]) -> bool:
+        before, after = self.rollout, ledger.rollout()
+        numbers = [each.sequence for each in applied]
+        revision = self._read.revision
+        stored = self._service.catalog.replace_rollout(
+            self.job.arn, revision, after.to_json(), is_open=has_orders(after), applied=numbers
+        )
+        if stored:
+            self._read = _Read(revision + 1, after)
+            self._show(before, after)
+        return stored
+
+    def _show(self, before: Rollout, after: Rollout) -> None:
+        """Sets the statuses of robots that changed."""
+        active, was_active = after.status == "InProgress", before.status == "InProgress"
+        for robot, state in after.robots.items():
+            old = before.robots[robot]
+            if (old is state and active == was_active) or state.gone is not None:
+                continue
+            status = robot_status(state, active=active)
+            if status is not None and status != robot_status(old, active=was_active):
+                set_robot_status(robot, str(self.job.parent), status, self._service)
+
+    def _end_job(self) -> None:
+        rollout, catalog = self.rollout, self._service.catalog
+        if is_terminal(self.job.kind, catalog.standing(self.job.arn)[0]):
+            return
+        changes = FailureChanges(failure_code=rollout.failure_code, failure_reason=rollout.failure_reason)
+        with suppress(StateConflictError):  # another has just done so
+            catalog.transition(self.job.arn, _ENDS[rollout.status], document_changes=changes)
+
+    def _load(self) -> None:
+        stored = self._service.catalog.rollout(self.job.arn)
+        if stored is None:
+            raise ResourceNotFoundException(f"{self.job.arn} has no rollout")
+        self._read = _Read(stored.revision, Rollout.of_json(dict(stored.rollout)))
+        self._ledger = Ledger(self._read.rollout)
+        self._watched_s = self._read.rollout.now_s
+
+    def _now_s(self) -> float:
+        return self._service.clock().timestamp()
+
+
+def _bridge(ledger: Ledger, since_s: float, until_s: float) -> float:
+    """Has time-outs stand still while the service was not running; returns up to when the rollout was watched."""
+    if until_s - since_s > GAP_S:
+        ledger.apply(Outage(since_s=since_s), until_s)
+    return max(since_s, until_s)
+
+
+def _changed_by_others(job: str) -> ServiceUnavailableException:
+    return ServiceUnavailableException(f"the rollout of {job} is being changed by others; try again")
+
+
+def has_orders(rollout: Rollout) -> bool:
+    """Whether robots may have orders to carry out, or to give up, or may get some; a deleted robot answers none."""
+    return rollout.status == "InProgress" or any(
+        state.order not in ("none", "closed")
+        or state.earlier_action_id is not None
+        or (state.returned and rollout.takes_returns)
+        for state in rollout.robots.values()
+        if state.gone != "deleted"
+    )
+
+
+def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> None:
+    """Sets the status of a robot, unless it was deleted or is not in that fleet any more."""
+
+    def unchanged(stored: Stored) -> RobotMembership:
+        if RobotDocument.model_validate(stored).fleet != fleet:
+            raise ResourceNotFoundException(f"{robot} is not in {fleet}")
+        return RobotMembership()
+
+    with suppress(ResourceNotFoundException):
+        service.catalog.update(robot, unchanged, status=status)
+
+
+def delivery_of(job: str, service: Service) -> Delivery:
+    """What the robots of a job's rollout get.
+
+    Raises:
+        ResourceNotFoundException: the job has no rollout.
+    """
+    stored = service.catalog.rollout(job)
+    if stored is None:
+        raise ResourceNotFoundException(f"{job} has no rollout")
+    return Delivery.of_json(dict(stored.delivery))

@@ -1,0 +1,199 @@
+"""Keeps the table of open orders as the rollouts want it.
+
+A robot has one order at a time, and the oldest comes first: an order that is to be given up is there until the robot
+has answered, also when another rollout has one for it. What the robot closed in the table does not come back while the
+catalog is a moment behind.
+"""
+
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ...schemas.rollouts.artifacts import Artifact
+from ...schemas.rollouts.robots import OPEN, RobotDeploymentState
+from .ddi.open_orders import OpenOrders, RobotState
+from .ddi.orders import RobotOrder
+from .known_robots import KnownRobots
+from .stored_rollouts import OpenRollout
+from .translation import SaidBefore
+
+MAX_EXPECTED = 200
+"""How many robots of a rollout poll often because their turn comes soon."""
+
+OrderKey = tuple[str, int]
+"""A robot's id, and the number of its order."""
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    order: RobotOrder
+    is_cancelling: bool
+
+
+class OrderKeeper:
+    """Keeps the table; `sync` is called by one thread, the rest by any.
+
+    Args:
+        orders: the table.
+        robots: who is in it.
+    """
+
+    def __init__(self, orders: OpenOrders, robots: KnownRobots) -> None:
+        self._orders = orders
+        self._robots = robots
+        self._jobs: dict[OrderKey, str] = {}
+        self._said: dict[OrderKey, SaidBefore] = {}
+        self._ordered: dict[OrderKey, Artifact] = {}
+        self._artifacts: dict[str, Artifact] = {}
+        self._expected: frozenset[str] = frozenset()
+        self._closed: frozenset[OrderKey] = frozenset()
+        self._closed_before: frozenset[OrderKey] = frozenset()
+        self._lock = threading.Lock()
+
+    def sync(self, rollouts: Iterable[OpenRollout]) -> None:
+        """Brings the table up to date with the rollouts, those of older jobs first."""
+        wishes = _Wishes(self._robots)
+        for rollout in rollouts:
+            wishes.add(rollout)
+        opened = self._orders.open()
+        with self._lock:
+            kept = {(robot, order.action_id) for robot, order in opened.items()}
+            self._jobs = {key: job for key, job in self._jobs.items() if key in kept} | wishes.jobs
+            self._said = wishes.said | {key: said for key, said in self._said.items() if key in self._jobs}
+            self._ordered = {key: each for key, each in self._ordered.items() if key in kept} | wishes.ordered
+            self._artifacts = wishes.artifacts
+        self._closed_before, self._closed = self._closed, frozenset(wishes.closed)
+        for robot in opened.keys() | wishes.wanted.keys():
+            self._put(robot, wishes.wanted.get(robot, []))
+        self._expect(frozenset(wishes.expected))
+        self._orders.count_active()
+
+    def job(self, key: OrderKey) -> str | None:
+        """ARN of the deployment job that an order belongs to; `None`: it was deleted."""
+        return self._jobs.get(key)
+
+    def said(self, key: OrderKey) -> SaidBefore:
+        """What the robot said of an order so far."""
+        return self._said.get(key) or SaidBefore()
+
+    def remember(self, key: OrderKey, said: SaidBefore) -> None:
+        """Notes what the robot said of an order so far."""
+        with self._lock:
+            self._said[key] = said
+
+    def ordered(self, key: OrderKey) -> Artifact | None:
+        """What an order is to install; `None`: it is only there to be given up."""
+        return self._ordered.get(key)
+
+    def artifact(self, order: RobotOrder) -> Artifact | None:
+        """Where an order's file is stored; `None`: no rollout has it any more."""
+        return self._artifacts.get(order.sha256)
+
+    def files(self) -> frozenset[str]:
+        """The files that open rollouts have, by their SHA-256."""
+        return frozenset(self._artifacts)
+
+    def _put(self, robot: str, wanted: list[_Wanted]) -> None:
+        state = self._orders.state(robot)
+        if (order := state.order) is not None:
+            wish = next((each for each in wanted if each.order.action_id == order.action_id), None)
+            key = (robot, order.action_id)
+            if wish is None and key in self._closed:  # the robot said so to another server
+                # Twice in a row: of an order that a new rollout takes over, the old one may have been read without it.
+                if key in self._closed_before:
+                    self._orders.close(*key)
+            elif (is_cancelling := wish is None or wish.is_cancelling) != state.is_cancelling:
+                change = self._orders.cancel if is_cancelling else self._orders.carry_on
+                change(robot, order.action_id)
+            return
+        if (wish := _oldest(wanted, state)) is not None:
+            self._orders.offer(wish.order)
+            if wish.is_cancelling:
+                self._orders.cancel(robot, wish.order.action_id)
+
+    def _expect(self, expected: frozenset[str]) -> None:
+        self._orders.expect(self._expected - expected, is_expected=False)
+        self._orders.expect(expected - self._expected)
+        self._expected = expected
+
+
+def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
+    """The order that comes first, of those that the robot has not closed."""
+    fresh = [each for each in wanted if each.order.action_id > state.last_action_id]
+    return min(fresh, key=lambda each: each.order.action_id, default=None)
+
+
+class _Wishes:
+    """What rollouts want of the robots that are enrolled."""
+
+    def __init__(self, robots: KnownRobots) -> None:
+        self._robots = robots
+        self.wanted: dict[str, list[_Wanted]] = {}
+        self.closed: set[OrderKey] = set()
+        self.jobs: dict[OrderKey, str] = {}
+        self.said: dict[OrderKey, SaidBefore] = {}
+        self.artifacts: dict[str, Artifact] = {}
+        self.ordered: dict[OrderKey, Artifact] = {}
+        self.expected: list[str] = []
+
+    def add(self, rollout: OpenRollout) -> None:
+        self.artifacts |= {artifact.sha256: artifact for artifact in rollout.artifacts.values()}
+        waiting = 0
+        most = min(MAX_EXPECTED, rollout.rollout.plan.concurrency)
+        is_active = rollout.rollout.status == "InProgress" and not rollout.rollout.paused
+        for arn, state in rollout.rollout.robots.items():
+            robot = self._robots.id(arn)
+            if robot is None:
+                continue
+            self._add_robot(robot, rollout.artifacts.get(arn), state, rollout)
+            if is_active and waiting < most and state.order == "none" and not state.has_ended:
+                waiting += 1
+                self.expected.append(robot)
+
+    def _add_robot(
+        self, robot: str, artifact: Artifact | None, state: RobotDeploymentState, rollout: OpenRollout
+    ) -> None:
+        for number in (state.earlier_action_id, state.action_id):
+            if number is not None:
+                self.jobs[robot, number] = rollout.job
+        if artifact is None:
+            return
+        if state.earlier_action_id is not None:
+            self._want(robot, state.earlier_action_id, artifact, rollout, is_cancelling=True)
+        if state.action_id is None:
+            return
+        key = (robot, state.action_id)
+        self.ordered[key] = artifact
+        self.said[key] = SaidBefore(state.step is not None, state.step == "ExecutingPostLaunch")
+        if state.order in OPEN or state.order == "refused":
+            self._want(robot, state.action_id, artifact, rollout, is_cancelling=False)
+        elif state.order == "canceling":
+            self._want(robot, state.action_id, artifact, rollout, is_cancelling=True)
+        else:
+            self.closed.add(key)
+
+    def _want(
+        self, robot: str, action_id: int, artifact: Artifact, rollout: OpenRollout, *, is_cancelling: bool
+    ) -> None:
+        wanted = self.wanted.setdefault(robot, [])
+        for place, known in enumerate(wanted):
+            if known.order.action_id == action_id:  # one rollout's own, and one that the next waits for
+                wanted[place] = _Wanted(known.order, known.is_cancelling and is_cancelling)
+                return
+        # Of an order that is only there to be given up, nothing but the number is read.
+        wanted.append(_Wanted(_order(robot, action_id, artifact, rollout), is_cancelling))
+
+
+def _order(robot: str, action_id: int, artifact: Artifact, rollout: OpenRollout) -> RobotOrder:
+    return RobotOrder(
+        action_id=action_id,
+        robot=robot,
+        name=artifact.name,
+        version=artifact.version,
+        file_name=artifact.file_name,
+        size_bytes=artifact.size_bytes,
+        sha256=artifact.sha256,
+        sha1=artifact.sha1,
+        md5=artifact.md5,
+        launch=rollout.launch,
+    )

@@ -1,0 +1,120 @@
+"""Looks into the catalog again and again, so that robots and orders in memory are those that are stored."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+from ...schemas.wire.errors import RobomakerError
+from ..service.service import Service
+from .bundle_files import BundleFiles
+from .known_robots import KnownRobots
+from .order_keeping import OrderKeeper
+from .stored_rollouts import OpenRollout
+
+LOGGER = logging.getLogger("robomaker.robots")
+
+BUSY_S = 1.0
+"""Between two looks while a rollout is open."""
+
+IDLE_S = 2.0
+"""The same otherwise."""
+
+_SHARE = 10  # a look that takes long, in a large fleet, is followed by a pause ten times as long
+_ROBOTS_SHARE = 30  # robots are enrolled rarely, and reading ten thousand takes a quarter of a second
+
+
+ReadRollouts = Callable[[Service, Mapping[str, OpenRollout]], list[OpenRollout]]
+"""Reads the open rollouts; those that are known and have not changed need not be read again."""
+
+
+class OrderWatch:
+    """Looks, in a thread of its own.
+
+    Args:
+        service: where robots and rollouts are stored.
+        robots: who is enrolled.
+        keeper: keeps the orders.
+        files: those of the orders.
+        rollouts: reads the open rollouts: `stored_rollouts.open_rollouts`.
+    """
+
+    def __init__(
+        self,
+        service: Service,
+        robots: KnownRobots,
+        keeper: OrderKeeper,
+        files: BundleFiles,
+        rollouts: ReadRollouts,
+    ) -> None:
+        self._service = service
+        self._robots = robots
+        self._keeper = keeper
+        self._files = files
+        self._rollouts = rollouts
+        self._known: dict[str, OpenRollout] = {}
+        self._woken = threading.Event()
+        self._is_stopped = False
+        self._problem = ""
+        self._robots_due_s = 0.0
+        self._thread = threading.Thread(target=self._watch, name="robot-orders", daemon=True)
+
+    def start(self) -> None:
+        """Begins to look."""
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Looks at once: something has changed."""
+        self._woken.set()
+
+    def stop(self) -> None:
+        """Ends; returns when the last look is over."""
+        self._is_stopped = True
+        self._woken.set()
+        self._thread.join()
+
+    def look(self) -> bool:
+        """Looks once; returns whether a rollout is open.
+
+        Raises:
+            RobomakerError: the catalog does not answer.
+        """
+        self._refresh_robots()
+        rollouts = self._rollouts(self._service, self._known)
+        self._known = {rollout.job: rollout for rollout in rollouts}
+        self._keeper.sync(rollouts)
+        self._files.remove_others()
+        return bool(rollouts)
+
+    def _refresh_robots(self) -> None:
+        began_s = time.monotonic()
+        if began_s >= self._robots_due_s:
+            self._robots.refresh(self._service)
+            now_s = time.monotonic()
+            self._robots_due_s = now_s + max(IDLE_S, _ROBOTS_SHARE * (now_s - began_s))
+
+    def _watch(self) -> None:
+        while not self._is_stopped:
+            began = time.monotonic()
+            is_busy = self._tried()
+            took_s = time.monotonic() - began
+            self._woken.wait(max(BUSY_S if is_busy else IDLE_S, _SHARE * took_s))
+            self._woken.clear()
+
+    def _tried(self) -> bool:
+        try:
+            is_busy = self.look()
+        except RobomakerError as error:
+            self._tell(f"robots get no new orders: {error}")
+            return True
+        except Exception:
+            LOGGER.exception("robots get no new orders")
+            return True
+        self._tell("")
+        return is_busy
+
+    def _tell(self, problem: str) -> None:
+        """Logs a problem once, and that it is over."""
+        if problem != self._problem:
+            LOGGER.warning("%s", problem or "robots get orders again")
+        self._problem = problem

@@ -1,0 +1,148 @@
+"""Takes what robots say: of orders to their rollouts, of themselves to their documents."""
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from ...schemas.documents.fleets import RobotAttributes, RobotDocument, RobotInstallation, RobotSighting
+from ...schemas.rollouts.events import Progressed, Report, ReportedCode, Succeeded
+from ...schemas.wire.errors import (
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    RobomakerError,
+    StorageAccessDeniedError,
+)
+from ..service.service import Service
+from .ddi.feedback import Attributes
+from .ddi.orders import RobotOrder
+from .ddi.reports import AttributesSent, OrderFetched, RobotReport, RobotsSeen
+from .known_robots import KnownRobots
+from .order_keeping import OrderKeeper, OrderKey
+from .translation import OrderReport, event_of, heard
+
+SEEN_EVERY_S = 60.0
+"""How exactly it is kept when a robot polled last: ten thousand robots are 170 writes a second then."""
+
+PROGRESS_EVERY_S = 2.0
+"""How often it is reported how much of its file a robot was sent."""
+
+ReportEvent = Callable[[Service, str, Report, float], None]
+"""Takes in an event of a rollout: `stored_rollouts.report`."""
+
+
+class RobotReports:
+    """Takes reports, from any thread.
+
+    Args:
+        service: where rollouts and robots are stored.
+        robots: who they are.
+        keeper: knows their orders.
+        report: takes in events of rollouts.
+    """
+
+    def __init__(self, service: Service, robots: KnownRobots, keeper: OrderKeeper, report: ReportEvent) -> None:
+        self._service = service
+        self._robots = robots
+        self._keeper = keeper
+        self._report = report
+        self._seen: dict[str, float] = {}
+        self._sent: dict[OrderKey, float] = {}
+        self._lock = threading.Lock()
+
+    def take(self, report: RobotReport) -> None:
+        """Takes a report; it is stored when this returns.
+
+        Raises:
+            ServiceError: it could not be stored; the robot has to say it again.
+        """
+        match report:
+            case RobotsSeen():
+                self._take_seen(report.last_seen_s)
+            case AttributesSent():
+                self._service.catalog.update(
+                    self._arn(report.robot), lambda stored: _with_attributes(stored, report.attributes)
+                )
+            case _:
+                self._take_order_report(report)
+
+    def note_sent(self, order: RobotOrder, sent_bytes: int, now_s: float) -> None:
+        """Notes how much of its file a robot was sent; not exactly, and not more often than is useful.
+
+        Args:
+            order: whose file.
+            sent_bytes: up to which byte.
+            now_s: when, in seconds since the epoch.
+        """
+        key = (order.robot, order.action_id)
+        with self._lock:
+            if now_s - self._sent.setdefault(key, now_s) < PROGRESS_EVERY_S:
+                return
+            self._sent[key] = now_s
+        arn = self._robots.arn(order.robot)
+        if arn is None or self._keeper.said(key).installed:
+            return
+        percent = min(100.0, 100.0 * sent_bytes / order.size_bytes)
+        progress = Progressed(robot=arn, action_id=order.action_id, step="DownloadingExtracting", percent_done=percent)
+        self._pass_on(key, progress, now_s)
+
+    def note_withheld(self, order: RobotOrder, error: RobomakerError) -> None:
+        """Notes why a robot could not be sent its file, for when it gives up."""
+        codes: dict[type[RobomakerError], ReportedCode] = {
+            ObjectNotFoundError: "ResourceNotFound",
+            StorageAccessDeniedError: "BadPermissionError",
+        }
+        if (code := codes.get(type(error))) is not None:
+            key = (order.robot, order.action_id)
+            self._keeper.remember(key, replace(self._keeper.said(key), withheld=code))
+
+    def _take_order_report(self, report: OrderReport) -> None:
+        arn = self._arn(report.robot)
+        if isinstance(report, OrderFetched):
+            key = (report.robot, report.action_id)
+            known = self._keeper.said(key)
+        else:
+            key = (report.robot, report.feedback.action_id)
+            known = heard(self._keeper.said(key), report.feedback)
+        event = event_of(report, arn, known)
+        self._pass_on(key, event, report.at_s)
+        self._keeper.remember(key, known)
+        if isinstance(event, Succeeded):
+            self._note_installed(key, arn)
+
+    def _pass_on(self, key: OrderKey, event: Report, at_s: float) -> None:
+        if (job := self._keeper.job(key)) is not None:
+            self._report(self._service, job, event, at_s)
+
+    def _note_installed(self, key: OrderKey, arn: str) -> None:
+        artifact = self._keeper.ordered(key)
+        if artifact is not None:
+            installed = RobotInstallation(installed_name=artifact.name, installed_version=artifact.version)
+            self._service.catalog.update(arn, installed)
+
+    def _take_seen(self, seen: Mapping[str, float]) -> None:
+        for robot, at_s in seen.items():
+            if at_s - self._seen.get(robot, 0.0) < SEEN_EVERY_S or (arn := self._robots.arn(robot)) is None:
+                continue
+            try:
+                self._service.catalog.update(arn, RobotSighting(last_seen_s=at_s))
+            except ResourceNotFoundException:  # it was deleted meanwhile
+                continue
+            self._seen[robot] = at_s
+
+    def _arn(self, robot: str) -> str:
+        arn = self._robots.arn(robot)
+        if arn is None:
+            raise ResourceNotFoundException(f"robot {robot} is not enrolled any more")
+        return arn
+
+
+def _with_attributes(stored: dict[str, object], sent: Attributes) -> RobotAttributes:
+    before = RobotDocument.model_validate(stored).attributes or {}
+    match sent.mode:
+        case "replace":
+            after = sent.values
+        case "remove":
+            after = {name: value for name, value in before.items() if name not in sent.values}
+        case "merge":
+            after = before | sent.values
+    return RobotAttributes(attributes=after)

@@ -1,0 +1,240 @@
+"""The run of a deployment job: files are prepared, then robots get orders wave by wave until the rollout has ended.
+
+The rollout is in the catalog, and so is all that happens to it, so a run may stop at any moment and another goes on.
+"""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from math import ceil
+from typing import cast
+
+from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ...schemas.lifecycles import is_terminal
+from ...schemas.operations.deployment_jobs import DeploymentJobErrorCode
+from ...schemas.rollouts.events import Stopped
+from ...schemas.rollouts.robots import RobotDeploymentState
+from ...schemas.rollouts.rollout import Rollout
+from ...schemas.wire.common import shorten
+from ...schemas.wire.errors import (
+    DeploymentError,
+    ResourceNotFoundException,
+    ServiceUnavailableException,
+    StateConflictError,
+    ThrottlingException,
+)
+from ..catalog import Resource
+from ..execution.job_leases import Lease
+from ..execution.task_runs import step_runner
+from ..fleet.beginnings import begin_rollout, delivery, plan_of
+from ..fleet.kept_rollouts import KeptRollout
+from ..fleet.records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
+from ..fleet.stored_rollouts import stop
+from ..service.service import Progress, Service
+from ..simulations.planning.applications import find_application
+
+POLL_S = 0.5
+"""How often the run looks for what robots reported."""
+
+_LOOK_AT_APPLICATION_S = 5.0
+_KEEP_ALIVE_S = 30.0
+_MOST_WAVES = 100  # each is a task run
+
+_logger = logging.getLogger(__name__)
+
+
+class DeploymentRun:
+    """Carries a deployment job to its end.
+
+    Args:
+        lease: the right to change the job.
+        service: where it is stored.
+        sleep: waits, in seconds.
+    """
+
+    def __init__(self, lease: Lease, service: Service, sleep: Callable[[float], None] = time.sleep) -> None:
+        self._lease = lease
+        self._service = service
+        self._sleep = sleep
+        self._step = step_runner()
+        self._application_at_s = self._kept_alive_at_s = self._now_s()
+
+    def run(self) -> None:
+        """Prepares the deployment and rolls it out, from wherever it stands.
+
+        Raises:
+            ServiceUnavailableException: the catalog does not answer; run it again.
+        """
+        try:
+            self._carry_on()
+        except StateConflictError:
+            if self._lease.lost:
+                return  # another run goes on
+            if not self._has_ended():
+                raise
+            stop(self._job.arn, "canceled", self._service)  # it was ended while it prepared
+        self._settle()
+
+    def _carry_on(self) -> None:
+        if self._job.status == "Pending" and not self._is_canceled():
+            self._lease.transition("prepare")
+        if self._job.status == "Preparing" and not self._is_canceled():
+            self._prepare()
+        if self._is_canceled() and not stop(self._job.arn, "canceled", self._service):
+            self._lease.transition("cancel")
+        if self._lease.refreshed().status == "InProgress":
+            self._roll_out()
+
+    def _prepare(self) -> None:
+        try:
+            begun = self._step("prepare", self._begun)
+        except (StateConflictError, ServiceUnavailableException):
+            raise
+        except Exception as error:  # the job has to end whatever breaks
+            self._fail(*_failure(error, self._job))
+            return
+        self._lease.transition("start")
+        if begun is None:
+            self._lease.transition("succeed")
+
+    def _begun(self) -> KeptRollout | None:
+        """The rollout; none if each robot has the application already."""
+        from ..fleet.artifacts import prepare  # it needs the extra `fleet`
+
+        document = DeploymentJobDocument.of(self._job)
+        members = robots_of(str(self._job.parent), self._service)
+        robots = [robot for robot in reversed(members) if is_meant(robot, self._job)]
+        if not members:
+            raise DeploymentError("each robot left the fleet before the deployment began", "RobotDeploymentAborted")
+        if not robots and document.repeats:
+            return None
+        application = _application(self._job, self._service)
+        architectures = {RobotDocument.of(robot).architecture for robot in robots}
+        patient = self._service.patient(self._job.id, self._is_unwanted)
+        artifacts = prepare(application, architectures, patient)
+        plan = plan_of(self._job, robots, artifacts)
+        return begin_rollout(self._job, plan, delivery(self._job, robots, artifacts), self._service)
+
+    def _roll_out(self) -> None:
+        if self._service.catalog.rollout(self._job.arn) is None:  # it had nothing to do, and its worker died then
+            self._lease.transition("succeed")
+            return
+        self._settle()
+        kept = KeptRollout(self._job, self._service)
+        self._look(kept)
+        waves = waves_of(kept.rollout)
+        for number, robots in enumerate(waves, 1):
+            if not _is_over(kept.rollout, robots):
+                self._step(f"wave-{number}-of-{len(waves)}", lambda robots=robots: self._wait_for(kept, robots))
+        self._wait_for(kept, None)
+
+    def _wait_for(self, kept: KeptRollout, robots: Sequence[str] | None) -> None:
+        """Goes on until each of some robots has ended, or the whole rollout."""
+        while not _is_over(kept.rollout, robots):
+            self._sleep(POLL_S)
+            self._look(kept)
+
+    def _look(self, kept: KeptRollout) -> None:
+        """Takes in what happened.
+
+        Raises:
+            StateConflictError: the lease was lost.
+        """
+        if self._lease.lost:
+            raise StateConflictError(f"{self._job.arn}: another run goes on with it")
+        now_s = self._now_s()
+        events: list[Stopped] = []
+        if self._is_canceled():
+            events.append(Stopped(why="canceled"))
+        elif now_s - self._application_at_s >= _LOOK_AT_APPLICATION_S:
+            self._application_at_s = now_s
+            if not self._has_application():
+                events.append(Stopped(why="application_deleted"))
+        if kept.fold(*events):
+            self._service.report_progress(progress_of(kept.rollout))
+        elif self._has_ended():  # a call has stopped the rollout, and stored that
+            kept.refresh()
+        elif now_s - self._kept_alive_at_s < _KEEP_ALIVE_S:
+            return
+        else:
+            kept.keep_alive()
+        self._lease.forget_lost_workers()
+        self._kept_alive_at_s = now_s
+
+    def _fail(self, code: DeploymentJobErrorCode, reason: str) -> None:
+        self._lease.transition("fail", FailureChanges(failure_code=code, failure_reason=shorten(reason)))
+
+    def _settle(self) -> None:
+        """Brings the fleet's robots up to date, also where a run died before it could."""
+        gone_or_busy = suppress(ResourceNotFoundException, ThrottlingException)
+        with gone_or_busy, fleet_held(str(self._job.parent), self._service) as fleet:
+            settle(fleet, self._service)
+
+    def _has_application(self) -> bool:
+        with suppress(ResourceNotFoundException):
+            return bool(_application(self._job, self._service))
+        return False
+
+    def _is_unwanted(self) -> bool:
+        return self._lease.lost or self._has_ended() or self._is_canceled()
+
+    def _has_ended(self) -> bool:
+        return is_terminal(DEPLOYMENT, self._service.catalog.standing(self._job.arn)[0])
+
+    def _is_canceled(self) -> bool:
+        return self._service.catalog.cancel_requested(self._job.arn)
+
+    @property
+    def _job(self) -> Resource:
+        return self._lease.job
+
+    def _now_s(self) -> float:
+        return self._service.clock().timestamp()
+
+
+def waves_of(rollout: Rollout) -> list[tuple[str, ...]]:
+    """The robots that can get the application, in groups whose turn comes one after the other.
+
+    A group is as large as the number of robots that may have orders at the same time. The next group's first robots get
+    theirs as soon as some of the group have ended.
+    """
+    plan = rollout.plan
+    robots = [robot.arn for robot in plan.robots if robot.unfit_code is None]
+    size = max(plan.concurrency, ceil(len(robots) / _MOST_WAVES))
+    return [tuple(robots[start : start + size]) for start in range(0, len(robots), size)]
+
+
+def progress_of(rollout: Rollout) -> Progress:
+    """How many robots stand how."""
+    counts = Counter(_word(state) for state in rollout.robots.values())
+    return Progress(counts, len(rollout.robots))
+
+
+def _word(state: RobotDeploymentState) -> str:
+    if state.has_ended:
+        return state.outcome or "canceled"
+    return "deploying" if state.is_open else "waiting"
+
+
+def _is_over(rollout: Rollout, robots: Sequence[str] | None) -> bool:
+    if rollout.status != "InProgress":
+        return True
+    return robots is not None and all(rollout.robots[robot].has_ended for robot in robots)
+
+
+def _application(job: Resource, service: Service) -> Resource:
+    (config,) = DeploymentJobDocument.of(job).deployment_application_configs
+    return find_application(config["application"], "robot", config["applicationVersion"], service)
+
+
+def _failure(error: Exception, job: Resource) -> tuple[DeploymentJobErrorCode, str]:
+    reason = str(error) or type(error).__name__
+    if isinstance(error, DeploymentError):
+        return cast("DeploymentJobErrorCode", error.failure_code), reason
+    if isinstance(error, ResourceNotFoundException):
+        return "RobotApplicationDoesNotExist", reason
+    _logger.exception("deployment job %s broke", job.arn)
+    return "InternalServerError", reason

@@ -1,0 +1,60 @@
+"""robots enroll, robots list."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.tasks.fleet.ddi.tokens import hash_token
+
+ROVER = '{"name": "rover", "architecture": "ARM64", "greengrassGroupId": "g"}'
+
+
+@pytest.fixture
+def rover(robomaker) -> None:
+    robomaker("call", "CreateRobot", "--input", ROVER)
+
+
+def test_a_robot_is_told_all_that_its_updater_needs(robomaker, rover, monkeypatch) -> None:
+    monkeypatch.setenv("ROBOMAKER_ROBOTS_URL", "https://fleet.example.com/")
+
+    said = json.loads(robomaker("robots", "enroll", "rover", "-o", "json").out)
+
+    server = f"-t DEFAULT -u https://fleet.example.com -i rover -k {said['token']}"
+    assert said["swupdate"] == ["-k", "certificate.pem", "-H", "robot:1.0", "-u", server]
+    assert Path(said["certificate"]).read_text().startswith("-----BEGIN CERTIFICATE-----")
+    again = robomaker("robots", "enroll", "rover")
+    assert (again.code, "--rotate replaces it" in again.err) == (2, True)
+    shown = robomaker("robots", "enroll", "rover", "--rotate")
+    assert f"swupdate -k certificate.pem -H robot:1.0 -u '{server.rpartition(' ')[0]} " in shown.out
+    assert said["token"] not in shown.out
+    assert len(hash_token(said["token"])) == 32
+
+
+def test_robots_are_listed(robomaker, rover) -> None:
+    assert robomaker("robots", "list").out.splitlines() == [
+        "robot  status     version  last seen     fleet",
+        "rover  Available  -        not enrolled  -",
+    ]
+    robomaker("robots", "enroll", "rover")
+    (robot,) = json.loads(robomaker("robots", "list", "-o", "json").out)["robots"]
+    assert robot == {
+        "robot": "rover",
+        "status": "Available",
+        "version": None,
+        "last_seen": None,
+        "enrolled": True,
+        "fleet": None,
+    }
+
+
+def test_where_there_are_none_it_is_said(robomaker) -> None:
+    assert robomaker("robots", "list").out == "There are no robots; CreateRobot makes one.\n"
+
+
+@pytest.mark.parametrize("url", ["fleet.example.com", "https://fleet.example.com/path"])
+def test_an_address_that_is_none_is_refused(robomaker, rover, monkeypatch, url: str) -> None:
+    monkeypatch.setenv("ROBOMAKER_ROBOTS_URL", url)
+    refused = robomaker("robots", "enroll", "rover")
+    assert refused.code == 2
+    assert "ROBOMAKER_ROBOTS_URL" in refused.err

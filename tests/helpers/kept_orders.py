@@ -1,0 +1,69 @@
+"""Open rollouts as tests write them down, and the table of orders that is kept by them."""
+
+from typing import Any
+
+from helpers.robot_orders import table_of_robots
+from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentLaunchConfig
+from prefect_robomaker.schemas.rollouts.artifacts import Artifact
+from prefect_robomaker.schemas.rollouts.plan import PlannedRobot, RolloutPlan
+from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
+from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.tasks.fleet.known_robots import KnownRobots
+from prefect_robomaker.tasks.fleet.order_keeping import OrderKeeper
+from prefect_robomaker.tasks.fleet.stored_rollouts import OpenRollout
+
+LAUNCH = DeploymentLaunchConfig(packageName="courier", launchFile="drive.launch")
+ARTIFACT = Artifact(
+    bucket="robomaker",
+    key="robots/file.swu",
+    file_name="application.swu",
+    size_bytes=1000,
+    sha256="a" * 64,
+    sha1="b" * 40,
+    md5="c" * 32,
+    name="courier",
+    version="3",
+)
+
+
+class NamedRobots(KnownRobots):
+    """Robots whose ARNs are their ids with `arn:` before them."""
+
+    def arn(self, robot: str) -> str | None:
+        return f"arn:{robot}"
+
+    def id(self, arn: str) -> str | None:
+        return arn.removeprefix("arn:")
+
+
+class Table:
+    """A table of robots, and what keeps it."""
+
+    def __init__(self, *robots: str) -> None:
+        self.orders = table_of_robots(*robots)
+        self.robots = NamedRobots(self.orders)
+        self.keeper = OrderKeeper(self.orders, self.robots)
+
+    def sync(self, *rollouts: OpenRollout) -> None:
+        self.keeper.sync(rollouts)
+
+    def shown(self) -> dict[str, tuple[str, int]]:
+        """What robots are asked for, by id."""
+        states = {robot: self.orders.state(robot) for robot in self.orders.open()}
+        return {
+            robot: ("cancel" if state.is_cancelling else "deploy", state.last_action_id)
+            for robot, state in states.items()
+        }
+
+
+def open_rollout(job: str = "job", status: str = "InProgress", **robots: dict[str, Any]) -> OpenRollout:
+    """A rollout with robots, each by the members of its state."""
+    plan = RolloutPlan(robots=tuple(PlannedRobot(arn=f"arn:{robot}") for robot in robots), concurrent_percentage=50)
+    states = {f"arn:{robot}": RobotDeploymentState.model_validate(members) for robot, members in robots.items()}
+    rollout = Rollout.model_validate({"plan": plan, "robots": states, "began_s": 0, "now_s": 0, "status": status})
+    return OpenRollout(job, 1, rollout, dict.fromkeys(states, ARTIFACT), LAUNCH)
+
+
+def order(action_id: int, state: str = "offered", **members: Any) -> dict[str, Any]:
+    """The state of a robot with an order."""
+    return {"order": state, "action_id": action_id, **members}

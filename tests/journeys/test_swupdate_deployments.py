@@ -1,0 +1,92 @@
+"""Debian's `swupdate`, unmodified, takes a deployment job to its end at `robomaker serve`."""
+
+import io
+import json
+import subprocess
+import sys
+import tarfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.endpoint_process import Serve, Served
+from helpers.fleet_calls import Fleets
+from helpers.polling_robot import PollingRobot
+from helpers.processes import wait_for
+from helpers.swupdate_robot import SwupdateRobot, needs_swupdate, swupdate_robot
+
+from prefect_robomaker.tasks.service.service import Service
+
+pytestmark = [pytest.mark.deep, needs_swupdate]
+
+
+def archive(text: bytes) -> bytes:
+    """An application of one file."""
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w:gz") as tar:
+        member = tarfile.TarInfo("bin/program")
+        member.size = len(text)
+        tar.addfile(member, io.BytesIO(text))
+    return packed.getvalue()
+
+
+def robomaker(service: Service, *words: str) -> dict[str, Any]:
+    """What a command prints."""
+    said = subprocess.run(
+        [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words, "-o", "json"],
+        env={"ROBOMAKER_HOME": str(service.settings.home), "PATH": ""},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return json.loads(said.stdout)
+
+
+def summary(served: Served, job: str) -> Mapping[str, Any]:
+    """How the one robot of a job stands."""
+    (robot,) = served.call("DescribeDeploymentJob", {"job": job})["robotDeploymentSummary"]
+    return robot
+
+
+def confirm(robot: SwupdateRobot, site: PollingRobot, *, is_healthy: bool) -> None:
+    """What a health check on a robot does: it asks for the number of the order, and says how the version works."""
+    number = site.wait_for_link("deploymentBase").rpartition("/")[2]
+    robot.confirm(int(number), is_healthy=is_healthy)
+
+
+@pytest.mark.parametrize("is_healthy", [True, False])
+def test_a_deployment_installs_and_a_health_check_decides(
+    serve: Serve, service: Service, prefect_server: str, tmp_path: Path, is_healthy: bool
+) -> None:
+    fleets = Fleets(service)
+    fleet = fleets.fleet()
+    fleets.robot("rover", fleet)
+    enrolment = robomaker(service, "robots", "enroll", "rover")
+    service.store.ensure_bucket("apps")
+    service.store.put_bytes("apps", "courier.tar.gz", archive(b"drive"))
+    application = fleets.application("courier", sources=[{"s3Bucket": "apps", "s3Key": "courier.tar.gz"}])
+    robot_folder = tmp_path / "robot"
+    with serve(PREFECT_API_URL=prefect_server, ROBOMAKER_ROBOT_FOLDER=str(robot_folder)) as served:
+        port = int(served.url.rpartition(":")[2])
+        job = served.call("CreateDeploymentJob", fleets.order(fleet, application))["arn"]
+        site = PollingRobot(served.url, "rover", enrolment["token"])
+        wait_for(lambda: site.poll_status() == 200 and "deploymentBase" in site.links(), "an order", 120)
+        certificate = Path(enrolment["certificate"]).read_bytes()
+        with swupdate_robot("rover", enrolment["token"], port, certificate, revision="7.3") as robot:
+            robot.wait_until_installed()
+            assert (robot_folder / "courier" / "1" / "bin" / "program").read_bytes() == b"drive"
+            wait_for(
+                lambda: summary(served, job).get("progressDetail", {}).get("currentProgress") == "ExecutingPostLaunch",
+                "the progress",
+            )
+            assert summary(served, job)["status"] == "Deploying"
+            confirm(robot, site, is_healthy=is_healthy)
+            wanted = "Succeeded" if is_healthy else "Failed"
+            wait_for(lambda: served.call("DescribeDeploymentJob", {"job": job})["status"] == wanted, "the job's end")
+        end = summary(served, job)
+        assert end["status"] == ("InSync" if is_healthy else "Failed")
+        assert end.get("failureCode") == (None if is_healthy else "PostLaunchFileFailure")
+        assert end.get("failureReason") == (None if is_healthy else "health check failed")
+        (shown,) = robomaker(service, "robots", "list")["robots"]
+        assert shown["version"] == ("courier 1" if is_healthy else None)
