@@ -16,6 +16,7 @@ from ...schemas.rollouts.plan import (
     PlannedRobot,
     RolloutPlan,
 )
+from ...schemas.wire.errors import DeploymentError
 from ..catalog import Resource
 from ..service.service import Service
 from .kept_rollouts import KeptRollout
@@ -29,9 +30,14 @@ def plan_of(job: Resource, robots: Iterable[Resource], architectures: Collection
         job: its job.
         robots: whom it is meant for, in the order in which their turn comes.
         architectures: those that there is a file for; robots of others fail.
+
+    Raises:
+        DeploymentError: the job, which an older release stored, has a condition that no robot can be asked.
     """
     document = DeploymentJobDocument.of(job)
     config = DeploymentConfig.model_validate(document.deployment_config)
+    if config.downloadConditionFile is not None:
+        raise DeploymentError("no robot can be asked the downloadConditionFile yet", "DownloadConditionFailed")
     (application,) = document.deployment_application_configs
     return RolloutPlan(
         robots=tuple(_planned(robot, architectures, application["applicationVersion"]) for robot in robots),

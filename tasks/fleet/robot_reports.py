@@ -46,7 +46,7 @@ class RobotReports:
         self._keeper = keeper
         self._report = report
         self._seen: dict[str, float] = {}
-        self._sent: dict[OrderKey, float] = {}
+        self._sent: dict[str, float] = {}
         self._lock = threading.Lock()
 
     def take(self, report: RobotReport) -> None:
@@ -75,9 +75,9 @@ class RobotReports:
         """
         key = (order.robot, order.action_id)
         with self._lock:
-            if now_s - self._sent.setdefault(key, now_s) < PROGRESS_EVERY_S:
+            if now_s - self._sent.setdefault(order.robot, now_s) < PROGRESS_EVERY_S:
                 return
-            self._sent[key] = now_s
+            self._sent[order.robot] = now_s
         arn = self._robots.arn(order.robot)
         if arn is None or self._keeper.said(key).installed:
             return

@@ -4,10 +4,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from helpers.application_calls import Applications
+from prefect_robomaker.schemas.documents.base import Changes
+from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 LAUNCH = {"packageName": "my_robot", "launchFile": "drive.launch"}
+
+
+class _Config(Changes):
+    deployment_config: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -73,3 +79,8 @@ class Fleets:
 
     def cancel(self, job: str) -> None:
         assert self.call("CancelDeploymentJob", job=job) == {}
+
+    def give_condition(self, job: str, file: dict[str, str]) -> None:
+        """Gives a job a download condition, as it may have been stored by an older release."""
+        config = DeploymentJobDocument.of(self.service.catalog.get(job)).deployment_config
+        self.service.catalog.update(job, _Config(deployment_config={**config, "downloadConditionFile": file}))

@@ -251,6 +251,17 @@ def test_an_application_that_is_gone_before_fails_the_job(yard: Yard) -> None:
     assert yard.statuses() == {"r0": "Registered"}
 
 
+def test_a_condition_of_an_older_release_fails_the_job_and_is_not_ignored(yard: Yard) -> None:
+    yard.robot("r0", good)
+    arn = deployed(yard)
+    yard.fleets.give_condition(arn, {"bucket": "robomaker", "key": "may.sh"})
+
+    job = yard.run(arn)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "DownloadConditionFailed")
+    assert yard.offered == []
+
+
 def test_an_archive_that_is_gone_fails_the_job(yard: Yard) -> None:
     yard.robot("r0", good)
     arn = deployed(yard)

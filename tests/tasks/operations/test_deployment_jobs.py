@@ -6,8 +6,6 @@ import pytest
 from helpers.application_calls import BUCKET, Applications, at_once
 from helpers.fleet_calls import LAUNCH, Fleets
 
-from prefect_robomaker.schemas.documents.base import Changes
-from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument
 from prefect_robomaker.schemas.wire.errors import (
     ConcurrentDeploymentException,
     IdempotentParameterMismatchException,
@@ -18,12 +16,6 @@ from prefect_robomaker.tasks.service.service import Service
 
 PREFIX = "arn:aws:robomaker:us-east-1:000000000000"
 FIVE_HOURS_S = 18000
-
-
-class OlderConfig(Changes):
-    """The configuration of a job of an older release."""
-
-    deployment_config: dict[str, Any]
 
 
 @pytest.fixture
@@ -283,9 +275,7 @@ def test_a_condition_that_no_robot_is_asked_is_refused_and_not_ignored(
 
     job = fleets.deploy(yard, application)
     fleets.cancel(job["arn"])
-    document = DeploymentJobDocument.of(fleets.service.catalog.get(job["arn"]))
-    older = OlderConfig(deployment_config={**document.deployment_config, "downloadConditionFile": file})
-    fleets.service.catalog.update(job["arn"], older)
+    fleets.give_condition(job["arn"], file)
     with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: no robot can be asked this yet"):
         fleets.call("SyncDeploymentJob", fleet=yard, clientRequestToken="again")
 
