@@ -27,11 +27,12 @@ from urllib.parse import parse_qs, urlsplit
 from ....schemas.runs.plan import RunPlan
 from ..episode.results import Findings
 from ..rendering.views import BOTH, FOLLOW, TOP
+from ..states.checkpoint_files import write_whole
 from .live_frames import LiveFrames
 from .video_settings import VideoSettings
 
 LIVE_VIEW_FILE = "live-view.json"
-"""In the work folder: `{"url": …}`, while the page is there."""
+"""In the work folder: `{"url": …}`, while the page is there. It appears whole, for those who wait for it."""
 
 _ADDRESS = "127.0.0.1"
 _PAGE = Path(__file__).with_name("live_view.html")
@@ -85,7 +86,7 @@ class LiveView:
             return
         self.url = f"http://{_ADDRESS}:{server.server_address[1]}/"
         threading.Thread(target=server.serve, name="live view server", daemon=True).start()
-        self._file.write_text(json.dumps({"url": self.url, "pid": os.getpid()}))
+        write_whole(self._file, json.dumps({"url": self.url, "pid": os.getpid()}).encode())
         sys.stdout.write(f"Live view: {self.url}\n")
 
     def watch(self, environment: Any, time_s: float) -> None:

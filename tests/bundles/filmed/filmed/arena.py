@@ -1,4 +1,7 @@
-"""A ball falls onto a floor; after END_S seconds the run ends as END says."""
+"""A ball falls onto a floor; after END_S seconds the run ends as END says.
+
+Every step takes PAUSE_S seconds longer, until the file UNTIL is there.
+"""
 
 import os
 import signal
@@ -22,13 +25,14 @@ MODEL = """
 class Fall(control.Task):
     def __init__(self, variables):
         self.end, self.end_s = variables.get("END", "pass"), float(variables.get("END_S", "1"))
-        self.pause_s = float(variables.get("PAUSE_S", "0"))
+        self.pause_s, self.until = float(variables.get("PAUSE_S", "0")), variables.get("UNTIL")
 
     def initialize_episode(self, physics):
         pass
 
     def before_step(self, action, physics):
-        time.sleep(self.pause_s)
+        if self.until is None or not os.path.exists(self.until):
+            time.sleep(self.pause_s)
 
     def action_spec(self, physics):
         return mujoco.action_spec(physics)

@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -194,32 +195,35 @@ def test_a_port_that_is_taken_fails_nothing(make_plan: Any, capsys: pytest.Captu
     stepping.view.close("environment")
 
 
-def plan_of(make_plan: Any, run_id: str, **members: Any) -> RunPlan:
+def plan_of(make_plan: Any, run_id: str, arena: dict[str, str], **members: Any) -> RunPlan:
     def planned(role: ApplicationRole, name: str, **variables: str) -> ApplicationPlan:
         attribute = f"filmed.arena.{name}"
         return ApplicationPlan(role=role, name=name, attribute=attribute, path=FILMED, environment_variables=variables)
 
-    arena = planned("simulation", "make_environment", END_S="3", PAUSE_S="0.01")
+    simulation = planned("simulation", "make_environment", END_S="3", **arena)
     driver = planned("robot", "make_agent")
-    return make_plan(simulation_application=arena, robot_application=driver, run_id=run_id, **members)
+    return make_plan(simulation_application=simulation, robot_application=driver, run_id=run_id, **members)
 
 
-def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, make_plan: Any) -> None:
-    alone, watched = plan_of(make_plan, "alone"), plan_of(make_plan, "watched", live_view_port=0)
+def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, make_plan: Any, tmp_path: Path) -> None:
+    looked = tmp_path / "looked"
+    slowly = {"PAUSE_S": "0.1", "UNTIL": str(looked)}  # 15 s for the viewer, who needs less than one
+    alone, watched = plan_of(make_plan, "alone", {}), plan_of(make_plan, "watched", slowly, live_view_port=0)
     file = watched.work_dir / "live-view.json"
-    seen: list[tuple[int, bytes]] = []
 
-    def look() -> None:
+    def look() -> list[int]:
         while not file.exists():
-            time.sleep(0.01)
+            time.sleep(0.001)
         url = json.loads(file.read_text())["url"]
-        seen.extend((status, body) for status, _, body in (get(url, "/frame.jpg") for _ in range(2)))
+        try:
+            return [get(url, "/frame.jpg")[0] for _ in range(2)]
+        finally:
+            looked.touch()
 
-    viewer = threading.Thread(target=look, daemon=True)
-    viewer.start()
-    assert [launcher.run(plan, lambda: None).status for plan in (alone, watched)] == ["Completed"] * 2
-    viewer.join(5)
-    assert [status for status, _ in seen] == [200, 200]
+    with ThreadPoolExecutor(1) as viewer:
+        seen = viewer.submit(look)
+        assert [launcher.run(plan, lambda: None).status for plan in (alone, watched)] == ["Completed"] * 2
+        assert seen.result() == [200, 200]
     results = [json.loads((plan.output_dir / "result.json").read_text()) for plan in (alone, watched)]
     assert results[0]["metrics"] == results[1]["metrics"]
     assert results[0]["state_digest"] == results[1]["state_digest"] != None  # noqa: E711
