@@ -20,8 +20,10 @@ pytest_plugins = [
     "helpers.swing_fixtures",
 ]
 pytest.register_assert_rewrite("helpers")
-# A busy machine does not make a change wrong.
-hypothesis.settings.register_profile("robomaker", deadline=None)
+# A busy machine does not make a change wrong, nor do examples of chance: whole runs take the same ones each time.
+# `--hypothesis-profile=search` takes others, as `.ci/quick` does: what it finds becomes an example of its test.
+hypothesis.settings.register_profile("robomaker", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("search", deadline=None, derandomize=False)
 hypothesis.settings.load_profile("robomaker")
 
 
