@@ -6,6 +6,7 @@ Every step takes PAUSE_S seconds longer, until the file UNTIL is there.
 import os
 import signal
 import time
+from pathlib import Path
 
 from dm_control import mujoco
 from dm_control.rl import control
@@ -25,13 +26,14 @@ MODEL = """
 class Fall(control.Task):
     def __init__(self, variables):
         self.end, self.end_s = variables.get("END", "pass"), float(variables.get("END_S", "1"))
-        self.pause_s, self.until = float(variables.get("PAUSE_S", "0")), variables.get("UNTIL")
+        self.pause_s = float(variables.get("PAUSE_S", "0"))
+        self.until = Path(variables["UNTIL"]) if "UNTIL" in variables else None
 
     def initialize_episode(self, physics):
         pass
 
     def before_step(self, action, physics):
-        if self.until is None or not os.path.exists(self.until):
+        if self.until is None or not self.until.exists():
             time.sleep(self.pause_s)
 
     def action_spec(self, physics):
