@@ -3,7 +3,7 @@
 import errno
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -36,23 +36,41 @@ def regular_files(folder: Path) -> list[FolderFile]:
         StorageError: the folder is none or cannot be read, or holds something that is neither a regular
             file nor a folder: a symbolic link could name any file of this machine.
     """
+
+    def refuse(path: Path, why: str) -> None:
+        raise StorageError(f"{str(path)[:200]} {why}")
+
+    return files_told(folder, refuse)
+
+
+def files_told(folder: Path, tell: Callable[[Path, str], None]) -> list[FolderFile]:
+    """All files below a folder that can be stored, ordered by name.
+
+    Args:
+        folder: where they are.
+        tell: told of everything else: where it is, and what is wrong with it.
+
+    Raises:
+        StorageError: the folder is none or cannot be read.
+    """
     with os_failures(f"read the folder {folder}"):
-        return sorted(_walk(folder, "", MAX_DEPTH), key=lambda file: os.fsencode(file.name))
+        return sorted(_walk(folder, "", MAX_DEPTH, tell), key=lambda file: os.fsencode(file.name))
 
 
-def _walk(folder: Path, prefix: str, depth: int) -> Iterator[FolderFile]:
+def _walk(folder: Path, prefix: str, depth: int, tell: Callable[[Path, str], None]) -> Iterator[FolderFile]:
     if depth == 0:
-        raise StorageError(f"{str(folder)[:100]}… is nested more than {MAX_DEPTH} folders deep; no store could hold it")
+        tell(folder, f"is nested more than {MAX_DEPTH} folders deep; no store could hold it")
+        return
     with os.scandir(folder) as entries:
         for entry in entries:
             name = prefix + entry.name
             if entry.is_dir(follow_symlinks=False):
-                yield from _walk(Path(entry.path), f"{name}/", depth - 1)
+                yield from _walk(Path(entry.path), f"{name}/", depth - 1, tell)
             elif entry.is_file(follow_symlinks=False):
                 yield FolderFile(name, Path(entry.path))
             else:
                 kind = "a symbolic link" if entry.is_symlink() else "neither a regular file nor a folder"
-                raise StorageError(f"{entry.path} is {kind}; only regular files and folders can be stored")
+                tell(Path(entry.path), f"is {kind}; only regular files and folders can be stored")
 
 
 def open_regular(path: Path) -> BufferedReader:

@@ -1,4 +1,4 @@
-"""Publishing a folder as a whole: all files first, then the manifest that names them.
+"""Publishing files as a whole: all files first, then the manifest that names them.
 
 An interrupted publication leaves no manifest, and objects that no manifest names do not count. Use a
 prefix of its own for every attempt: two publications under one prefix write over each other's files,
@@ -25,7 +25,7 @@ from ...schemas.wire.errors import (
 )
 from .base import ObjectInfo, ObjectStore
 from .failures import os_failures
-from .folders import FolderFile, open_regular, regular_files, version_of
+from .folders import FolderFile, open_regular, version_of
 from .naming import check_key, join_key
 from .parallel import run_all
 
@@ -36,15 +36,14 @@ def publish(
     store: ObjectStore,
     bucket: str,
     prefix: str,
-    folder: Path,
+    files: Sequence[FolderFile],
     *,
     about: Mapping[str, JsonValue],
     created_at: datetime,
-    more: Sequence[FolderFile] = (),
     stored: Sequence[ManifestFile] = (),
     resumes: bool = False,
 ) -> Manifest:
-    """Stores all files of a folder, and last the manifest that makes them count.
+    """Stores files, and last the manifest that makes them count.
 
     Publishing the same content with the same `about` again succeeds and returns the manifest that is
     there, so an interrupted or repeated step can simply be run again.
@@ -53,10 +52,9 @@ def publish(
         store: where to.
         bucket: where to; it has to exist.
         prefix: the files' keys start with it, then a slash; may be empty.
-        folder: what to publish; no process may write to it any more.
+        files: what to publish, under names that differ; no process may write to them any more.
         about: what the files belong to, for the manifest.
         created_at: the time of publication, with its time zone, for the manifest.
-        more: files of other folders; their names differ from those in the folder and from each other.
         stored: what is under the prefix already, and belongs to it.
         resumes: whether an earlier attempt may have stored a part; what is there with the same content is not
             stored again.
@@ -64,14 +62,13 @@ def publish(
     Raises:
         ObjectExistsError: something else is published under this prefix.
         ChecksumMismatchError: a file changed meanwhile.
-        StorageError: a file cannot be read or stored, or is a symbolic link.
+        StorageError: a file cannot be read or stored.
     """
-    files = sorted([*regular_files(folder), *more], key=lambda file: os.fsencode(file.name))
     keys = {file.name: join_key(prefix, file.name) for file in files}
     for key in keys.values():
         check_key(key)
     if MANIFEST_NAME in keys:
-        raise StorageError(f"{folder / MANIFEST_NAME} is in the way: the manifest gets this name")
+        raise StorageError(f"{keys[MANIFEST_NAME]} is in the way: the manifest gets this name")
     versions = [version_of(file.path) for file in files]
     described = sorted([*run_all(_described, files), *stored], key=lambda file: os.fsencode(file.path))
     manifest = Manifest(created_at=created_at, about=dict(about), files=described)
@@ -89,9 +86,8 @@ def store_unfinished(
     store: ObjectStore,
     bucket: str,
     prefix: str,
-    folder: Path,
+    files: Sequence[FolderFile],
     *,
-    more: Sequence[FolderFile] = (),
     resumes: bool = False,
 ) -> None:
     """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
@@ -100,14 +96,13 @@ def store_unfinished(
         store: where to.
         bucket: where to; it has to exist.
         prefix: the files' keys start with it, then a slash; may be empty.
-        folder: what to store.
-        more: files of other folders.
+        files: what to store.
         resumes: see `publish`.
 
     Raises:
-        StorageError: a file cannot be read or stored, or is a symbolic link.
+        StorageError: a file cannot be read or stored.
     """
-    keys = {join_key(prefix, file.name): file.path for file in [*regular_files(folder), *more]}
+    keys = {join_key(prefix, file.name): file.path for file in files}
     keys.pop(join_key(prefix, MANIFEST_NAME), None)
     store.put_files(bucket, split_stored(store, bucket, keys)[1] if resumes else keys)
 

@@ -20,6 +20,7 @@ from ..service.patient_store import at_once, patiently
 from ..service.service import Service
 from ..simulations.outputs.output_places import prepare_bucket
 from ..storage import publish
+from ..storage.folders import regular_files
 from ..worldforge.seeds import GENERATOR_VERSION, seeds_for
 from .builders import WorldBuilders
 from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
@@ -83,7 +84,14 @@ def _store(service: Service, job: Resource, index: int, world_arn: str, folder: 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
     """Stores a world bundle under its content's own prefix; equal bundles are stored once."""
     prepare_bucket(service, service.settings.bucket)
-    publish(service.store, service.settings.bucket, prefix, folder, about={"kind": "world"}, created_at=created_at)
+    publish(
+        service.store,
+        service.settings.bucket,
+        prefix,
+        regular_files(folder),
+        about={"kind": "world"},
+        created_at=created_at,
+    )
 
 
 def world_seeds(job: WorldGenerationJobDocument, index: int) -> tuple[int, int]:

@@ -88,12 +88,6 @@ def attack(hostile: Callable[..., dict[str, Any]], service: Service, simulate: S
         ("hostile.arena.CyclicResult", None, SIMULATION, ("run_result()", "JSON", "Circular")),
         ("hostile.arena.deleting", None, OURS, ("writing the outputs", "No such file")),
         ("hostile.arena.replacing", None, OURS, ("writing the outputs",)),
-        ("hostile.arena.linking", None, OURS, ("innocent.txt is a symbolic link", "regular files")),
-        ("hostile.arena.linking_folders", None, OURS, ("everything is a symbolic link",)),
-        ("hostile.arena.piping", None, OURS, ("pipe is neither a regular file nor a folder",)),
-        ("hostile.arena.forging", None, OURS, ("manifest.json is in the way",)),
-        ("hostile.arena.naming", None, OURS, ("UTF-8",)),
-        ("hostile.arena.digging", None, OURS, ("deep",)),
         (None, "hostile.arena.no_agent", ROBOT, ("agent is of type str", "function of a time step")),
         (None, "hostile.arena.agnt", ROBOT, ("no agnt", "did you mean agent")),
     ],
@@ -123,6 +117,33 @@ def test_what_only_looks_bad_completes_and_is_published_whole(attack: Callable[.
     assert ended.job["status"] == "Completed", ended.job.get("failureReason")
     assert ended.manifest is not None
     assert {"result.json", "recording.mcap", "logs/stdout.log"} <= {file.path for file in ended.manifest.files}
+    ended.check_nothing_runs()
+
+
+@pytest.mark.parametrize(
+    ("environment", "left_out"),
+    [
+        ("linking", "'innocent.txt' is not stored: it is a symbolic link"),
+        ("linking_folders", "'everything' is not stored: it is a symbolic link"),
+        ("piping", "'pipe' is not stored: it is neither a regular file nor a folder"),
+        ("forging", "'manifest.json' is not stored: it has the name of the manifest"),
+        ("naming", r"'\udcff\udcfe' is not stored: it has a name that no store takes"),
+        ("digging", "is not stored: it is nested more than 100 folders deep"),
+    ],
+)
+def test_what_cannot_be_stored_is_left_out_by_name_and_all_else_is_stored(
+    attack: Callable[..., Attack], environment: str, left_out: str
+) -> None:
+    ended = attack(f"hostile.arena.{environment}")
+    assert ended.job["status"] == "Completed"
+    assert ended.manifest is not None
+    assert {file.path for file in ended.manifest.files} >= {"result.json", "recording.mcap", "logs/stdout.log"}
+    (notes,) = (
+        item.key for item in ended.service.store.list("results", "attack/") if item.key.endswith("logs/uploads.log")
+    )
+    text = ended.service.store.get_bytes("results", notes).decode()
+    assert left_out in text
+    assert "root:" not in text
     ended.check_nothing_runs()
 
 

@@ -24,6 +24,7 @@ from ...storage.naming import check_key, join_key
 from .distinct_names import Found, distinct
 from .output_places import output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
+from .storable_files import storable_files
 from .upload_configurations import Upload, uploads_of
 from .upload_files import link_or_copy, visit_matches
 
@@ -160,14 +161,15 @@ class RunOutputs:
     ) -> None:
         store = service.store
         prepare_bucket(service, self.bucket)
+        files = [*storable_files(self.output_dir, self.prefix).files, *uploaded]
         if not finished:
-            store_unfinished(store, self.bucket, self.prefix, self.output_dir, more=uploaded, resumes=resumes)
+            store_unfinished(store, self.bucket, self.prefix, files, resumes=resumes)
             return
         publish(
             store,
             self.bucket,
             self.prefix,
-            self.output_dir,
+            files,
             about={
                 "job": self._job.arn,
                 "run": self._run_id,
@@ -175,8 +177,7 @@ class RunOutputs:
                 **about,
             },
             created_at=self._service.clock(),
-            more=uploaded,
-            stored=rolled_files(self._folder, [file.name for file in (*uploaded, *regular_files(self.output_dir))]),
+            stored=rolled_files(self._folder, [file.name for file in files]),
             resumes=resumes,
         )
 
@@ -200,8 +201,9 @@ class RunOutputs:
             if folder.is_dir():
                 found = regular_files(folder)
                 files += [Found(f"{upload.name}/{file.name}", file.path, upload in rolling) for file in found]
-        outputs = [file.name for file in regular_files(self.output_dir)]
-        return self._named(outputs, files, staged / "notes.log", notes)
+        outputs = storable_files(self.output_dir, self.prefix)
+        names = [file.name for file in outputs.files]
+        return self._named(names, files, staged / "notes.log", [*outputs.notes, *notes])
 
     def _named(self, outputs: list[str], files: list[Found], notes_file: Path, notes: list[str]) -> list[FolderFile]:
         stored = {file.path for file in rolled_files(self._folder, later=[])}

@@ -19,6 +19,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import publish, read_manifest
+from prefect_robomaker.tasks.storage.folders import regular_files
 
 Order = Callable[..., dict[str, Any]]
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]
@@ -201,7 +202,7 @@ def test_outputs_that_were_stored_just_in_time_are_found_from_another_machine(
     output = runs_of(service, died_publishing) / RUN / "output"
     prefix = f"simulation-jobs/{died_publishing['name']}/{RUN}"
     service.store.ensure_bucket("robomaker")
-    publish(service.store, "robomaker", prefix, output, about={}, created_at=service.clock())
+    publish(service.store, "robomaker", prefix, regular_files(output), about={}, created_at=service.clock())
     runs_of(service, died_publishing).rename(service.folder("elsewhere") / "job")
 
     job = perform(service, died_publishing)
@@ -216,7 +217,7 @@ def test_a_store_that_does_not_answer_for_a_moment_loses_no_outputs(
     output = runs_of(service, died_publishing) / RUN / "output"
     service.store.ensure_bucket("robomaker")
     prefix = f"simulation-jobs/{died_publishing['name']}/{RUN}"
-    publish(service.store, "robomaker", prefix, output, about={}, created_at=service.clock())
+    publish(service.store, "robomaker", prefix, regular_files(output), about={}, created_at=service.clock())
     get_bytes, refusals = service.store.get_bytes, iter([StorageUnavailableError("503 Slow Down")])
 
     def at_first_not(*arguments: Any) -> bytes:

@@ -24,6 +24,7 @@ from prefect_robomaker.tasks.retention import removal
 from prefect_robomaker.tasks.retention.collection import collect, plan_collection
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish
+from prefect_robomaker.tasks.storage.folders import regular_files
 
 BUCKET = "their-own-bucket"
 RESULT = RunResult(
@@ -61,7 +62,7 @@ def job(service: Service, tmp_path: Path) -> Callable[..., Resource]:
         for name, content in {"result.json": RESULT, "recording.mcap": b"x" * 1000, "logs/a.log": b"said"}.items():
             (outputs / name).parent.mkdir(parents=True, exist_ok=True)
             (outputs / name).write_bytes(content)
-        publish(service.store, BUCKET, place.prefix, outputs, about={}, created_at=service.clock())
+        publish(service.store, BUCKET, place.prefix, regular_files(outputs), about={}, created_at=service.clock())
         location = {"s3Bucket": BUCKET, "s3Prefix": "nights"}
         document = SimulationJobDocument(request={"outputLocation": location}, seed=1, run_id=run_id, outputs=place)
         if of is not None:

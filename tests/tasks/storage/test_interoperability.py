@@ -11,6 +11,7 @@ from minio import Minio
 
 from prefect_robomaker.schemas.runs.manifest import Manifest
 from prefect_robomaker.tasks.storage import publish
+from prefect_robomaker.tasks.storage.folders import regular_files
 from prefect_robomaker.tasks.storage.s3 import S3Store
 
 
@@ -35,7 +36,14 @@ def test_published_files_are_found_by_another_client(s3_server: S3Server, bucket
     (tmp_path / "logs" / "stdout.log").write_text("hello\n")
     (tmp_path / "größe.bin").write_bytes(bytes(range(256)))
 
-    publish(store(s3_server), bucket, "job/run", tmp_path, about={"job": "sim-1"}, created_at=datetime.now(UTC))
+    publish(
+        store(s3_server),
+        bucket,
+        "job/run",
+        regular_files(tmp_path),
+        about={"job": "sim-1"},
+        created_at=datetime.now(UTC),
+    )
 
     client = other(s3_server)
     keys = {item.object_name for item in client.list_objects(bucket, prefix="job/run/", recursive=True)}

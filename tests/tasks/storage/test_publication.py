@@ -24,6 +24,7 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.storage import fetch, publish, read_manifest, unpublish
 from prefect_robomaker.tasks.storage.base import ObjectInfo, ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.folders import regular_files
 
 NOW = datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC)
 ABOUT = {"job": "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1", "seed": 7, "status": "Completed"}
@@ -71,7 +72,7 @@ class _Wrapped:
 def test_what_is_published_is_fetched_whole(
     store: ObjectStore, bucket: str, outputs: Path, tmp_path: Path, prefix: str
 ):
-    manifest = publish(store, bucket, prefix, outputs, about=ABOUT, created_at=NOW)
+    manifest = publish(store, bucket, prefix, regular_files(outputs), about=ABOUT, created_at=NOW)
     assert [file.path for file in manifest.files] == ["logs/agent.log", "logs/empty.log", "result.json", "ünï.txt"]
     assert (manifest.about, manifest.created_at) == (ABOUT, NOW)
     assert read_manifest(store, bucket, prefix) == manifest
@@ -81,8 +82,8 @@ def test_what_is_published_is_fetched_whole(
 
 
 def test_publishing_again_gives_the_first_manifest(disk: DirectoryStore, outputs: Path):
-    first = publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
-    again = publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW + timedelta(hours=1))
+    first = publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
+    again = publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW + timedelta(hours=1))
     assert again == first
 
 
@@ -90,14 +91,14 @@ def test_publishing_again_gives_the_first_manifest(disk: DirectoryStore, outputs
 def test_something_else_under_the_prefix_is_neither_replaced_nor_touched(
     disk: DirectoryStore, outputs: Path, tmp_path: Path, what: str
 ):
-    publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     about = ABOUT
     if what == "content":
         (outputs / "result.json").write_bytes(b"[]")
     else:
         about = {**ABOUT, "seed": 8}
     with pytest.raises(ObjectExistsError, match="run"):
-        publish(disk, "outputs", "run", outputs, about=about, created_at=NOW)
+        publish(disk, "outputs", "run", regular_files(outputs), about=about, created_at=NOW)
     fetch(disk, "outputs", "run", tmp_path / "fetched")
     assert content_of(tmp_path / "fetched") == CONTENT
 
@@ -112,11 +113,11 @@ def test_a_failure_midway_leaves_no_manifest_and_can_be_repeated(
         raise StorageError("the connection broke")
 
     with pytest.raises(StorageError, match="broke"):
-        publish(wrapped(store, put_files=put_some), bucket, "run", outputs, about=ABOUT, created_at=NOW)
+        publish(wrapped(store, put_files=put_some), bucket, "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     with pytest.raises(ObjectNotFoundError):
         fetch(store, bucket, "run", tmp_path / "fetched")
     assert not (tmp_path / "fetched").exists()
-    publish(store, bucket, "run", outputs, about=ABOUT, created_at=NOW)
+    publish(store, bucket, "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     fetch(store, bucket, "run", tmp_path / "fetched")
 
 
@@ -126,7 +127,7 @@ def test_a_lost_answer_to_the_last_write_is_no_failure(disk: DirectoryStore, out
         raise ObjectExistsError("as a repeated request finds what the first one wrote")
 
     store = wrapped(disk, put_bytes=put_but_lose_the_answer)
-    assert publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW) == read_manifest(
+    assert publish(store, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW) == read_manifest(
         disk, "outputs", "run"
     )
 
@@ -136,7 +137,7 @@ def test_of_two_different_publications_at_once_one_gets_the_manifest(store: Obje
 
     def try_to_publish(folder: Path) -> bool:
         try:
-            publish(store, bucket, "race", folder, about=ABOUT, created_at=NOW)
+            publish(store, bucket, "race", regular_files(folder), about=ABOUT, created_at=NOW)
         except ObjectExistsError:
             return False
         return True
@@ -158,7 +159,7 @@ def test_links_and_pipes_are_refused_before_anything_is_stored(disk: DirectorySt
         odd = outputs / "logs" / name
         make(odd)
         with pytest.raises(StorageError, match=name):
-            publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+            publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
         odd.unlink()
     assert list(disk.list("outputs")) == []
 
@@ -169,13 +170,13 @@ def test_names_that_cannot_be_published_are_named_before_anything_is_stored(
 ):
     (outputs / os.fsdecode(name)).write_bytes(b"")
     with pytest.raises(StorageError, match=r"manifest|slash|utf8"):
-        publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+        publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     assert list(disk.list("outputs")) == []
 
 
 def test_a_missing_folder_is_named(disk: DirectoryStore, tmp_path: Path):
     with pytest.raises(StorageError, match="no-such-folder"):
-        publish(disk, "outputs", "run", tmp_path / "no-such-folder", about=ABOUT, created_at=NOW)
+        publish(disk, "outputs", "run", regular_files(tmp_path / "no-such-folder"), about=ABOUT, created_at=NOW)
 
 
 def test_a_file_that_changes_meanwhile_is_no_publication(disk: DirectoryStore, outputs: Path):
@@ -186,7 +187,14 @@ def test_a_file_that_changes_meanwhile_is_no_publication(disk: DirectoryStore, o
         return done
 
     with pytest.raises(StorageError, match=r"agent\.log changed"):
-        publish(wrapped(disk, put_files=put_then_write), "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+        publish(
+            wrapped(disk, put_files=put_then_write),
+            "outputs",
+            "run",
+            regular_files(outputs),
+            about=ABOUT,
+            created_at=NOW,
+        )
     with pytest.raises(ObjectNotFoundError):
         read_manifest(disk, "outputs", "run")
 
@@ -194,7 +202,7 @@ def test_a_file_that_changes_meanwhile_is_no_publication(disk: DirectoryStore, o
 def test_objects_without_a_place_in_the_manifest_do_not_count(
     store: ObjectStore, bucket: str, outputs: Path, tmp_path: Path
 ):
-    publish(store, bucket, "run", outputs, about=ABOUT, created_at=NOW)
+    publish(store, bucket, "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     store.put_bytes(bucket, "run/stray", b"stray")
     fetch(store, bucket, "run", tmp_path / "fetched")
     assert content_of(tmp_path / "fetched") == CONTENT
@@ -204,7 +212,7 @@ def test_objects_without_a_place_in_the_manifest_do_not_count(
 def test_damaged_content_is_found_and_nothing_appears(
     store: ObjectStore, bucket: str, outputs: Path, tmp_path: Path, damaged: bytes
 ):
-    publish(store, bucket, "run", outputs, about=ABOUT, created_at=NOW)
+    publish(store, bucket, "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     store.put_bytes(bucket, "run/result.json", damaged)
     with pytest.raises(ChecksumMismatchError, match=r"result\.json"):
         fetch(store, bucket, "run", tmp_path / "new" / "fetched")
@@ -212,7 +220,7 @@ def test_damaged_content_is_found_and_nothing_appears(
 
 
 def test_without_verification_only_sizes_are_compared(disk: DirectoryStore, outputs: Path, tmp_path: Path):
-    publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     disk.put_bytes("outputs", "run/result.json", b"[]")
     fetch(disk, "outputs", "run", tmp_path / "fetched", verify=False)
     disk.put_bytes("outputs", "run/result.json", b"longer")
@@ -221,7 +229,7 @@ def test_without_verification_only_sizes_are_compared(disk: DirectoryStore, outp
 
 
 def test_a_missing_object_leaves_no_folder(disk: DirectoryStore, outputs: Path, tmp_path: Path):
-    publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     disk.delete("outputs", "run/result.json")
     with pytest.raises(ObjectNotFoundError, match=r"result\.json"):
         fetch(disk, "outputs", "run", tmp_path / "new" / "fetched")
@@ -229,7 +237,7 @@ def test_a_missing_object_leaves_no_folder(disk: DirectoryStore, outputs: Path, 
 
 
 def test_a_folder_with_something_in_it_is_not_fetched_into(disk: DirectoryStore, outputs: Path, tmp_path: Path):
-    publish(disk, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     taken = filled(tmp_path / "taken", {"mine": b"mine"})
     with pytest.raises(StorageError, match="taken"):
         fetch(disk, "outputs", "run", taken)
@@ -260,7 +268,7 @@ def test_a_full_disk_leaves_no_manifest(small_disk: Path, tmp_path: Path):
     store.ensure_bucket("outputs")
     filled(tmp_path / "large", {"a": b"x", "b": bytes(900_000), "c": bytes(900_000)})
     with pytest.raises(StorageFullError):
-        publish(store, "outputs", "run", tmp_path / "large", about=ABOUT, created_at=NOW)
+        publish(store, "outputs", "run", regular_files(tmp_path / "large"), about=ABOUT, created_at=NOW)
     with pytest.raises(ObjectNotFoundError):
         read_manifest(store, "outputs", "run")
 
@@ -271,9 +279,11 @@ def test_a_killed_publisher_leaves_no_manifest_or_a_whole_publication(tmp_path: 
     program = (
         "import sys; from datetime import UTC, datetime; from pathlib import Path;"
         "from prefect_robomaker.tasks.storage import publish;"
+        "from prefect_robomaker.tasks.storage.folders import regular_files;"
         "from prefect_robomaker.tasks.storage.directory import DirectoryStore;"
         "store = DirectoryStore(Path(sys.argv[1], 'objects')); store.ensure_bucket('outputs');"
-        "publish(store, 'outputs', 'run', Path(sys.argv[1], 'outputs'), about={}, created_at=datetime.now(UTC))"
+        "files = regular_files(Path(sys.argv[1], 'outputs'));"
+        "publish(store, 'outputs', 'run', files, about={}, created_at=datetime.now(UTC))"
     )
     process = subprocess.Popen([sys.executable, "-c", program, str(tmp_path)])
     run = tmp_path / "objects" / "outputs" / "run"
@@ -291,7 +301,7 @@ def test_a_killed_publisher_leaves_no_manifest_or_a_whole_publication(tmp_path: 
     else:
         with pytest.raises(ObjectNotFoundError):
             read_manifest(store, "outputs", "run")
-    publish(store, "outputs", "run", tmp_path / "outputs", about={}, created_at=NOW)
+    publish(store, "outputs", "run", regular_files(tmp_path / "outputs"), about={}, created_at=NOW)
     assert len(fetch(store, "outputs", "run", tmp_path / "after").files) == 40
 
 
@@ -305,15 +315,15 @@ def test_who_may_not_know_that_nothing_is_published_yet_publishes(disk: Director
             raise StorageAccessDeniedError("access denied") from error
 
     store: Any = wrapped(disk, get_bytes=get_bytes)
-    made = publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    made = publish(store, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
 
-    assert made == publish(store, "outputs", "run", outputs, about=ABOUT, created_at=NOW)
+    assert made == publish(store, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     assert made == read_manifest(disk, "outputs", "run")
 
 
 def test_what_is_removed_is_gone_and_nothing_beside_it(store: ObjectStore, bucket: str, outputs: Path):
     for prefix in ("runs/1", "runs/11"):
-        publish(store, bucket, prefix, outputs, about=ABOUT, created_at=NOW)
+        publish(store, bucket, prefix, regular_files(outputs), about=ABOUT, created_at=NOW)
     beside = [info.key for info in store.list(bucket, "runs/11")]
 
     for _ in range(2):
@@ -324,5 +334,5 @@ def test_what_is_removed_is_gone_and_nothing_beside_it(store: ObjectStore, bucke
         read_manifest(store, bucket, "runs/1")
     with pytest.raises(StorageError, match="everything in"):
         unpublish(store, bucket, "/")
-    publish(store, bucket, "runs/1", outputs, about=ABOUT, created_at=NOW)
+    publish(store, bucket, "runs/1", regular_files(outputs), about=ABOUT, created_at=NOW)
     assert read_manifest(store, bucket, "runs/1").about == ABOUT

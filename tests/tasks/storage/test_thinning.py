@@ -9,6 +9,7 @@ import pytest
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
 from prefect_robomaker.tasks.storage import publish, read_manifest, removed_before, thin, unpublish
 from prefect_robomaker.tasks.storage.base import ObjectStore
+from prefect_robomaker.tasks.storage.folders import regular_files
 
 FILES = {"result.json": b"{}", "recording.mcap": b"x" * 1000, "logs/stdout.log": b"said", "video.mp4": b"y" * 500}
 KEPT = {"result.json"}
@@ -39,7 +40,7 @@ def published(store: ObjectStore, bucket: str, tmp_path: Path) -> str:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     unpublish(store, bucket, "sim-1/run-1")
-    publish(store, bucket, "sim-1/run-1", folder, about={"job": "sim-1"}, created_at=datetime.now(UTC))
+    publish(store, bucket, "sim-1/run-1", regular_files(folder), about={"job": "sim-1"}, created_at=datetime.now(UTC))
     store.put_bytes(bucket, "sim-1/run-10/other", b"not ours")
     return "sim-1/run-1"
 
