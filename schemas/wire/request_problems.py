@@ -5,6 +5,7 @@ import re
 import types
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -14,7 +15,12 @@ from .json_values import is_list, is_mapping, is_object
 
 Location = tuple[str | int, ...]
 
+_MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that takes two seconds
 _LEAST_LIKENESS = 0.6
+_MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
+MAX_PROBLEMS = 100
+"""How many problems of a request are told: more help none, and take long to find words for."""
+
 _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 """Of a name in camel or snake case."""
 
@@ -59,17 +65,24 @@ def _likeness(word: str, other: str) -> float:
 
 
 def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestProblem]:
-    """Translates the validator's findings.
+    """Translates the validator's findings, the first `MAX_PROBLEMS` of them; a last one counts those left out.
 
     Args:
         error: what validation raised.
         model: the model it was validated against.
     """
-    found = [_without_tags(details, model) for details in error.errors(include_url=False)]
+    count = error.error_count()
+    if count > _MOST_FINDINGS:
+        return [RequestProblem((), f"has {count} problems, too many to look for words for any of them")]
+    findings = error.errors(include_url=False)
+    found = [_without_tags(details, model) for details in findings[:MAX_PROBLEMS]]
     misspelt = misspelt_members(found)
-    return [
+    problems = [
         _problem(details, model) for details in found if details["type"] != "missing" or details["loc"] not in misspelt
     ]
+    if (more := len(findings) - MAX_PROBLEMS) > 0:
+        problems.append(RequestProblem((), f"{more} more problems are not listed"))
+    return problems
 
 
 def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]:
@@ -121,9 +134,12 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
 def _shown(value: object) -> str:
     """A value as the one who wrote it knows it."""
     if is_object(value):
-        return f"a mapping with {_shortened(', '.join(map(str, value)))}" if value else "an empty mapping"
-    if is_list(value) and (not value or any(isinstance(each, list | dict) for each in value)):
-        return f"a list of {len(value)}" if value else "an empty list"
+        some = _shortened(", ".join(map(str, islice(value, _MOST_SHOWN))))
+        return f"a mapping with {some}" if value else "an empty mapping"
+    if is_list(value):
+        if len(value) > _MOST_SHOWN or any(isinstance(each, list | dict) for each in value):
+            return f"a list of {len(value)}"
+        return _shortened(repr(value)) if value else "an empty list"
     words = {None: "null", True: "true", False: "false"}
     return words[value] if value is None or isinstance(value, bool) else _shortened(repr(value))
 

@@ -15,6 +15,7 @@ from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest
+from prefect_robomaker.tasks.storage.folders import regular_files
 from prefect_robomaker.tasks.worlds.bundles import bundle_held, bundle_label
 
 Generate = Callable[..., dict[str, Any]]
@@ -31,7 +32,14 @@ def add_world(service: Service, tmp_path: Path) -> Callable[..., str]:
 
     def add(number: int, **labels: str) -> str:
         service.store.ensure_bucket("robomaker")
-        publish(service.store, PLACE.bucket, PLACE.prefix, folder, about={"kind": "world"}, created_at=service.clock())
+        publish(
+            service.store,
+            PLACE.bucket,
+            PLACE.prefix,
+            regular_files(folder),
+            about={"kind": "world"},
+            created_at=service.clock(),
+        )
         name = f"generation-{number:012}/world-1"
         world = Resource.new(
             arn=service.arn("world", name),

@@ -17,6 +17,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import world_bundle
 from prefect_robomaker.tasks.storage import ObjectStore, publish, read_manifest
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.folders import regular_files
 
 BUCKET = "outputs"
 BUNDLE = StoredPlace(bucket=BUCKET, prefix="worlds/a")
@@ -78,7 +79,7 @@ def test_only_files_that_did_not_arrive_are_stored_again(
 ) -> None:
     shaky = Shaky(directory, breaks_at="/c")
 
-    manifest = publish(patient(shaky), BUCKET, "run", folder, about={}, created_at=service.clock())
+    manifest = publish(patient(shaky), BUCKET, "run", regular_files(folder), about={}, created_at=service.clock())
 
     assert shaky.stored == {"run/a": 1, "run/b": 1, "run/c": 1, "run/d": 1}
     assert read_manifest(directory, BUCKET, "run") == manifest
@@ -101,7 +102,7 @@ def test_a_file_of_the_same_size_and_another_content_is_stored_again(
     shaky = Shaky(directory, breaks_at="nothing")
 
     store: Any = shaky
-    publish(store, BUCKET, "run", folder, about={}, created_at=service.clock(), resumes=True)
+    publish(store, BUCKET, "run", regular_files(folder), about={}, created_at=service.clock(), resumes=True)
 
     assert shaky.stored == {"run/a": 1, "run/c": 1, "run/d": 1}
     assert directory.get_bytes(BUCKET, "run/a") == b"a" * 1000
