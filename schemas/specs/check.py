@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
+from heapq import heappop, heappush
 from pathlib import PurePath
 from typing import Any, get_args
 
@@ -11,9 +12,9 @@ from pydantic import ValidationError
 from ..operations.registry import OPERATIONS, operation_shape
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
-from ..wire.request_problems import nearest, problems_of
+from ..wire.request_problems import nearest, problems_of, some
 from .inputs import InputCheck
-from .model import REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
+from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
 from .reference_kinds import ANYTHING, Kind, Structure
 from .rooms import room_problems
 from .text import Location, MappingNode, Node, ScalarNode, child, key_place, parse, path_text, plain, value_place
@@ -106,6 +107,8 @@ class _Check:
         """Finds all problems; without any, gives the checked specification."""
         self._check_document()
         nodes = self._step_nodes()
+        if len(nodes) > MAX_STEPS:
+            raise SpecError(self._problems)
         # A single step has nothing to refer to.
         scope = {} if self._hidden else {name: self._output_kind(node) for name, node in nodes.items()}
         steps = {
@@ -175,7 +178,7 @@ class _Check:
             name=name,
             operation=operation,
             input=request,
-            needs=tuple(each for each in scope if each in needs),
+            needs=tuple(each for each in scope if each in needs) if needs else (),
             if_exists=if_exists,
             location=self._shown((*location, "input")),
             place=place,
@@ -187,7 +190,7 @@ class _Check:
         found: set[str] = set()
         for position, each in enumerate(named if is_list(named) else []):
             if isinstance(each, str) and each not in scope:
-                hint = nearest(each, scope) or f"; there are {', '.join(scope)}"
+                hint = nearest(each, scope) or f"; there are {some(scope)}"
                 self._report(("steps", name, "needs", position), f"there is no step {each!r}{hint}")
             elif isinstance(each, str):
                 found.add(each)
@@ -196,8 +199,9 @@ class _Check:
     def _order(self, steps: Mapping[str, CheckedStep]) -> tuple[str, ...]:
         """The steps, each after those it needs, otherwise as in the file."""
         graph = {name: [each for each in step.needs if each in steps] for name, step in steps.items()}
+        sorter = TopologicalSorter(graph)
         try:
-            TopologicalSorter(graph).prepare()
+            sorter.prepare()
         except CycleError as error:
             circle = list(reversed(error.args[1]))
             message = (
@@ -205,9 +209,14 @@ class _Check:
             )
             self._report(("steps", circle[0]), message, at_key=True)
             return ()
+        place = {name: number for number, name in enumerate(graph)}
+        ready: list[tuple[int, str]] = []
         order: list[str] = []
-        while len(order) < len(graph):
-            order.append(next(name for name in graph if name not in order and set(graph[name]) <= set(order)))
+        while sorter.is_active():
+            for name in sorter.get_ready():
+                heappush(ready, (place[name], name))
+            order.append(heappop(ready)[1])
+            sorter.done(order[-1])
         return tuple(order)
 
 

@@ -35,6 +35,9 @@ _SPEC_NAME = r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}"
 SpecName = Annotated[str, text(1, 100, _SPEC_NAME)]
 IfExists = Literal["fail", "reuse", "update"]
 
+MAX_STEPS = 1000
+"""Steps of a specification; each is a flow run. Many jobs are a batch's requests, or a campaign's, in one step."""
+
 FOR_EACH = "forEach"
 FOR_EACH_KEYS = (FOR_EACH, "as", "value")
 INDEX = "index"
@@ -77,7 +80,9 @@ class Spec(Model):
     version: Literal[1] = Field(description="Version of this form; 1.")
     name: SpecName = Field(description="The pipeline's name, part of the run's folder and the report's title.")
     description: str = Field(default="", description="What it is for, in words.")
-    steps: dict[StepName, Step] = Field(min_length=1, description="The steps by name, in any order.")
+    steps: dict[StepName, Step] = Field(
+        min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
+    )
 
 
 @dataclass(frozen=True)

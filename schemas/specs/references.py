@@ -16,7 +16,8 @@ import jmespath
 from jmespath.exceptions import JMESPathError
 
 from ..wire.json_values import is_mapping
-from ..wire.request_problems import nearest
+from ..wire.request_problems import nearest, some
+from .bounded_search import TooMuchWorkError, bounded_search
 from .reference_kinds import TEXT, Anything, Kind, Record, Scalar
 from .reference_typing import ReferenceMistake, infer
 
@@ -44,7 +45,7 @@ class Reference:
         if unknown := sorted(self.names() - scope.keys()):
             hint = nearest(unknown[0], scope)
             if not hint:
-                hint = f"; there are {', '.join(scope)}" if scope else "; this file has no steps to refer to"
+                hint = f"; there are {some(scope)}" if scope else "; this file has no steps to refer to"
             raise ReferenceMistake(f"there is no step or variable {unknown[0]!r}{hint}")
         return infer(self.tree, Record(scope))
 
@@ -55,9 +56,11 @@ class Reference:
             ReferenceMistake: there is nothing, or it cannot be evaluated.
         """
         try:
-            found = jmespath.search(self.expression, scope)
+            found = bounded_search(self.tree, scope)
         except JMESPathError as error:
             raise ReferenceMistake(f"{self.expression}: {_first_line(error)}") from error
+        except TooMuchWorkError:
+            raise ReferenceMistake(f"{self.expression}: it makes too much; use less of what it refers to") from None
         if found is None:
             raise ReferenceMistake(f"{self.expression} gives nothing: the output has no such value")
         return found

@@ -55,6 +55,12 @@ def nearest(word: str, words: Iterable[str]) -> str:
     return f"; did you mean {close!r}?" if likeness >= _LEAST_LIKENESS else ""
 
 
+def some(words: Iterable[str]) -> str:
+    """Words as a list for a message, the first of many."""
+    first = list(islice(words, _MOST_SHOWN + 1))
+    return ", ".join(first) if len(first) <= _MOST_SHOWN else f"{', '.join(first[:_MOST_SHOWN])}, …"
+
+
 def _likeness(word: str, other: str) -> float:
     """Similarity of two names, 0 to 1, ignoring case; `max_range` and `range_max` are alike."""
     parts, others = _PART.findall(word), _PART.findall(other)
@@ -134,8 +140,10 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
 def _shown(value: object) -> str:
     """A value as the one who wrote it knows it."""
     if is_object(value):
-        some = _shortened(", ".join(map(str, islice(value, _MOST_SHOWN))))
-        return f"a mapping with {some}" if value else "an empty mapping"
+        names = ", ".join(map(str, islice(value, _MOST_SHOWN)))
+        if len(value) > _MOST_SHOWN:
+            return f"a mapping with {names[:70]}… ({len(value)} members)"
+        return f"a mapping with {_shortened(names)}" if value else "an empty mapping"
     if is_list(value):
         if len(value) > _MOST_SHOWN or any(isinstance(each, list | dict) for each in value):
             return f"a list of {len(value)}"

@@ -7,10 +7,11 @@ May import: `schemas`.
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
-from .publication import fetch, publish, read_manifest, split_stored, store_unfinished, unpublish
+from .publication import MANIFEST_NAME, fetch, publish, read_manifest, split_stored, store_unfinished, unpublish
 from .thinning import removed_before, thin
 
 __all__ = [
+    "MANIFEST_NAME",
     "ArchiveLimits",
     "ObjectInfo",
     "ObjectStore",

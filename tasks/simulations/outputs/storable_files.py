@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ....schemas.wire.common import shorten
 from ....schemas.wire.errors import StorageError
+from ...storage import MANIFEST_NAME
 from ...storage.folders import FolderFile, files_told
 from ...storage.naming import check_key, join_key
-from ...storage.publication import MANIFEST_NAME
 
 
 @dataclass(frozen=True)

@@ -317,3 +317,29 @@ def test_the_schema_takes_the_examples(path: Path, schema: jsonschema.Draft20201
 def test_the_schema_finds_mistakes(before: str, after: str, schema: jsonschema.Draft202012Validator) -> None:
     assert list(schema.iter_errors(plain(parse(GOOD, "s")))) == []
     assert list(schema.iter_errors(plain(parse(GOOD.replace(before, after, 1), "s"))))
+
+
+def many_steps(count: int) -> str:
+    lines = (f"  s{number}: {{operation: ListRobots{needs(number)}}}\n" for number in range(count))
+    return f"version: 1\nname: many\nsteps:\n{''.join(lines)}"
+
+
+def needs(number: int) -> str:
+    return f", needs: [s{number - 1}]" if number % 2 else ""
+
+
+def test_a_thousand_steps_are_read_and_stand_in_file_order() -> None:
+    assert load_spec(many_steps(1000), "x.yaml").order == tuple(f"s{number}" for number in range(1000))
+
+
+def test_more_steps_than_a_thousand_are_one_problem() -> None:
+    (problem,) = problems(many_steps(1001))
+    assert problem.startswith("s.yaml:4:3: steps: is a mapping with s0, s1, ")
+    assert problem.endswith("… (1001 members); its length may be at most 1000")
+
+
+def test_of_many_steps_a_message_names_some() -> None:
+    text = many_steps(200) + "  other: {operation: ListRobots, needs: [quite_another]}\n"
+    (problem,) = problems(text)
+    assert "there is no step 'quite_another'; there are s0, s1, " in problem
+    assert problem.endswith("s49, …")

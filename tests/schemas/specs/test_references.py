@@ -159,3 +159,9 @@ def test_what_fits_where() -> None:
     assert not fits(ListOf(WHOLE_NUMBER), ListOf(TEXT))
     assert not fits(BOOLEAN, WHOLE_NUMBER)
     assert not fits(Record({"a": WHOLE_NUMBER}), MapOf(TEXT))
+
+
+def test_what_doubles_is_a_mistake_when_it_is_evaluated() -> None:
+    template = parse_template("${{ worlds | " + " | ".join(["[@,@]"] * 40) + " }}")
+    with pytest.raises(ReferenceMistake, match="it makes too much; use less of what it refers to"):
+        template.value(VALUES)
