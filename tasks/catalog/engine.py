@@ -1,9 +1,11 @@
 """Opening the catalog's database: connections, transactions, migrations."""
 
 import os
+import re
 import sqlite3
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -78,16 +80,24 @@ def _checked(url: str) -> URL:
     try:
         parsed = make_url(url)
     except ArgumentError as error:
+        shown = re.sub("//[^/]*@", "//…@", url)  # without a password
         raise ConfigurationError(
-            f"the catalog URL {url!r} is no database URL; write sqlite:////path/to/catalog.db or postgresql://…"
+            f"the catalog URL {shown!r} is no database URL; write sqlite:////path/to/catalog.db or postgresql://…"
         ) from error
     if parsed.get_backend_name() == "sqlite":
         if parsed.database in (None, "", ":memory:"):
             raise ConfigurationError(f"the catalog URL {url!r} names no file; write sqlite:////path/to/catalog.db")
         # SQLAlchemy 2.0 leaves the path as it is quoted in the URL.
         parsed = parsed.set(database=unquote(str(parsed.database)))
-        Path(str(parsed.database)).parent.mkdir(parents=True, exist_ok=True)
+        _make_file(Path(str(parsed.database)))
     return parsed
+
+
+def _make_file(path: Path) -> None:
+    """Makes an empty file that only its user may read, as SQLite does then beside it; one that is there stays."""
+    path.parent.mkdir(0o700, parents=True, exist_ok=True)
+    with suppress(OSError):  # opening it says what is wrong
+        os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
 
 
 def _connect(url: URL) -> Engine:

@@ -7,13 +7,15 @@ from ...schemas.wire.errors import ConfigurationError
 
 
 def prepare_home(settings: Settings) -> None:
-    """Creates the data home unless it exists.
+    """Creates the data home unless it exists; only its user may look into one that is made here.
+
+    One that exists keeps its mode: people share some on purpose.
 
     Raises:
         ConfigurationError: it is no folder, or cannot be created or written to.
     """
     try:
-        settings.home.mkdir(parents=True, exist_ok=True)
+        settings.home.mkdir(0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigurationError(_advice(settings, f"cannot be created: {error.strerror}")) from error
     if not os.access(settings.home, os.W_OK | os.X_OK):

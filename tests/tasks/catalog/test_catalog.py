@@ -415,6 +415,7 @@ def test_a_catalog_outlives_its_program(url: str, clock: Any, make_resource: Mak
     ("url", "expected"),
     [
         ("catalog.db", "'catalog.db' is no database URL; write sqlite:////"),
+        ("postgresql//me:secret@host:port/x", "'postgresql//…@host:port/x' is no database URL"),
         ("sqlite://", "names no file"),
         ("sqlite:///:memory:", "names no file"),
         ("nosuch://host/db", "needs a driver that is not installed"),
