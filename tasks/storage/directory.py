@@ -2,7 +2,8 @@
 
 `<root>/<bucket>/<key>` is the object; `<root>/.incoming` holds what is being written. A write goes to
 `.incoming`, reaches the disk, and only then gets its name, by one step that either happens or does
-not. A key cannot be both an object and the folder of other objects (`a` and `a/b`).
+not. A key cannot be both an object and the folder of other objects (`a` and `a/b`). The root and buckets may be links
+to other disks; links below a bucket are neither objects nor folders of some: they could lead anywhere.
 """
 
 import hashlib
@@ -132,6 +133,8 @@ class DirectoryStore:
         """Lists objects whose keys start with `prefix`, in key order."""
         check_prefix(prefix)
         folder = self._bucket_path(bucket)
+        if _link_above(folder, folder / f"{prefix}_"):
+            return
         with os_failures(f"list {bucket}/{prefix}"):
             for key in _keys(folder, prefix):
                 with suppress(ObjectNotFoundError):  # deleted since its name was read
@@ -142,6 +145,7 @@ class DirectoryStore:
         path = self._path(bucket, key)
         bucket_path = self._bucket_path(bucket)
         with os_failures(f"delete {bucket}/{key}"):
+            _refuse_link(bucket_path, path)
             with suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
                 path.unlink()
             for folder in path.parents:
@@ -154,7 +158,8 @@ class DirectoryStore:
 
     def local_path(self, bucket: str, key: str) -> Path | None:
         """The object's own file, to be read only."""
-        return self._path(bucket, key)
+        path = self._path(bucket, key)
+        return None if _link_above(self._root / bucket, path) else path
 
     def _path(self, bucket: str, key: str) -> Path:
         check_bucket(bucket)
@@ -178,6 +183,8 @@ class DirectoryStore:
         path = self._path(bucket, key)
         with os_failures(f"read {bucket}/{key}"):
             try:
+                if _link_above(self._root / bucket, path):
+                    raise self._not_found(bucket, key)
                 source = open_regular(path)
             except FileNotFoundError:
                 raise self._not_found(bucket, key) from None
@@ -216,6 +223,7 @@ class DirectoryStore:
         path = self._root / bucket / key
         for _ in range(_RACES):
             try:
+                _refuse_link(self._root / bucket, path)
                 _make_folders(path.parent, self._root / bucket)
                 if create_only:
                     path.hardlink_to(temporary)  # unlike renaming, fails where something is
@@ -267,6 +275,21 @@ def _keys(folder: Path, prefix: str) -> Iterator[str]:
             yield from _keys(folder, start + name)
         else:
             yield start + name
+
+
+def _link_above(top: Path, path: Path) -> Path | None:
+    """The first symbolic link among the folders between `top` and a file, which may be absent."""
+    folder = top
+    for name in path.relative_to(top).parts[:-1]:
+        folder = folder / name
+        if folder.is_symlink():
+            return folder
+    return None
+
+
+def _refuse_link(top: Path, path: Path) -> None:
+    if link := _link_above(top, path):
+        raise StorageError(f"{link} is a symbolic link; remove it: nothing is stored or deleted behind links")
 
 
 def _make_folders(folder: Path, top: Path) -> None:

@@ -64,6 +64,32 @@ def test_links_pipes_and_folders_are_no_objects(store: DirectoryStore, tmp_path:
             store.get_bytes(BUCKET, key)
 
 
+def test_folders_that_are_links_lead_nowhere(store: DirectoryStore, tmp_path: Path):
+    secrets = tmp_path / "secrets"
+    secrets.mkdir()
+    (secrets / "key").write_bytes(b"secret")
+    (tmp_path / "objects" / BUCKET / "run").symlink_to(secrets)
+    for key in ("run/key", "run/deeper/key"):
+        with pytest.raises(ObjectNotFoundError):
+            store.get_bytes(BUCKET, key)
+        assert store.local_path(BUCKET, key) is None
+    assert [list(store.list(BUCKET, prefix)) for prefix in ("", "run/", "run/k")] == [[], [], []]
+    for change in (lambda: store.put_bytes(BUCKET, "run/new", b""), lambda: store.delete(BUCKET, "run/key")):
+        with pytest.raises(StorageError, match="run is a symbolic link; remove it"):
+            change()
+    assert [(path.name, path.read_bytes()) for path in secrets.iterdir()] == [("key", b"secret")]
+
+
+def test_buckets_may_lie_on_other_disks(tmp_path: Path):
+    (tmp_path / "disk" / "large").mkdir(parents=True)
+    (tmp_path / "objects").symlink_to(tmp_path / "disk")
+    (tmp_path / "disk" / "outputs").symlink_to(tmp_path / "disk" / "large")
+    store = DirectoryStore(tmp_path / "objects")
+    store.put_bytes("outputs", "run/a", b"a")
+    assert store.get_bytes("outputs", "run/a") == b"a"
+    assert [info.key for info in store.list("outputs")] == ["run/a"]
+
+
 def test_writing_over_a_link_replaces_the_link_not_its_target(store: DirectoryStore, tmp_path: Path):
     (tmp_path / "target").write_bytes(b"untouched")
     (tmp_path / "objects" / BUCKET / "link").symlink_to(tmp_path / "target")
