@@ -15,6 +15,7 @@ from ...schemas.wire.errors import ConfigurationError
 from ...tasks.service.home import prepare_home
 from ..endpoint.access_keys import read_access_keys
 from ..endpoint.origins import is_loopback
+from ..endpoint.tls import TlsFiles
 from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
 from .prefect_server import pages, use_server
@@ -31,6 +32,7 @@ def serve(arguments: argparse.Namespace) -> int:
             f"--host is {arguments.host!r}, which others can reach, and every client can run programs here; "
             "set ROBOMAKER_ACCESS_KEYS_FILE to a file of access keys first (docs/serving.md)"
         )
+    tls = TlsFiles.checked(arguments.tls_certificate, arguments.tls_key)
     _check_port(arguments.host, arguments.port)
     prefect_url = None if arguments.execute_jobs == "none" else use_server(settings).removesuffix("/api")
     about = {
@@ -40,23 +42,27 @@ def serve(arguments: argparse.Namespace) -> int:
         "prefect_url": prefect_url,
     }
     _end_on_hang_up()
-    _serve(arguments, settings, access_keys, about)
+    _serve(arguments, settings, access_keys, tls, about)
     return 0
 
 
 def _serve(
-    arguments: argparse.Namespace, settings: Settings, access_keys: Mapping[str, str] | None, about: dict[str, Any]
+    arguments: argparse.Namespace,
+    settings: Settings,
+    access_keys: Mapping[str, str] | None,
+    tls: TlsFiles | None,
+    about: dict[str, Any],
 ) -> None:
     if arguments.execute_jobs == "none":
         status = {"state": "elsewhere"}
-        _run_server(arguments, settings, access_keys, about, lambda _: None, lambda: status)
+        _run_server(arguments, settings, access_keys, tls, about, lambda _: None, lambda: status)
         return
     prepare_home(settings)
     variables = {**_variables_of_jobs(arguments), "ROBOMAKER_MAX_JOBS": str(about["max_jobs"])}
     worker = WorkerProcess(settings, variables)
     worker.start()
     try:
-        _run_server(arguments, settings, access_keys, about, worker.wake, worker.status)
+        _run_server(arguments, settings, access_keys, tls, about, worker.wake, worker.status)
     except KeyboardInterrupt:
         worker.kill()
         raise
@@ -70,6 +76,7 @@ def _run_server(
     arguments: argparse.Namespace,
     settings: Settings,
     access_keys: Mapping[str, str] | None,
+    tls: TlsFiles | None,
     about: dict[str, Any],
     on_submitted: Callable[[str], None],
     worker_status: Callable[[], Mapping[str, object]],
@@ -93,10 +100,10 @@ def _run_server(
     application = RobotsBeside(endpoint, service)
 
     def announce(port: int) -> None:
-        facts = {"url": _url(arguments.host, port), "pid": os.getpid(), **about}
+        facts = {"url": _url(arguments, port), "pid": os.getpid(), **about}
         _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
 
-    run_server(application, arguments.host, arguments.port, ready=announce)
+    run_server(application, arguments.host, arguments.port, ready=announce, tls=tls)
 
 
 def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
@@ -106,7 +113,7 @@ def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
     """
     if not arguments.port:
         return {}
-    return {"AWS_ENDPOINT_URL_ROBOMAKER": _url(arguments.host, arguments.port), "AWS_DATA_PATH": data_path(os.environ)}
+    return {"AWS_ENDPOINT_URL_ROBOMAKER": _url(arguments, arguments.port), "AWS_DATA_PATH": data_path(os.environ)}
 
 
 def _stop(worker: WorkerProcess) -> None:
@@ -171,10 +178,12 @@ def _check_port(host: str, port: int) -> None:
             ) from error
 
 
-def _url(host: str, port: int) -> str:
+def _url(arguments: argparse.Namespace, port: int) -> str:
     """What clients on this machine reach it by."""
+    host = str(arguments.host)
+    scheme = "http" if arguments.tls_certificate is None else "https"
     name = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)  # noqa: S104 - is told apart
-    return f"http://{name}:{port}"
+    return f"{scheme}://{name}:{port}"
 
 
 def _end_on_hang_up() -> None:

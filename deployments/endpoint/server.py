@@ -13,6 +13,7 @@ from starlette.types import ASGIApp
 
 from ...schemas.wire.errors import ConfigurationError
 from .origins import is_address, is_loopback
+from .tls import TlsFiles
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 
@@ -25,7 +26,9 @@ GRACE_S = 30
 _BACKLOG = 512
 
 
-def run_server(application: ASGIApp, host: str, port: int, *, ready: Callable[[int], None]) -> None:
+def run_server(
+    application: ASGIApp, host: str, port: int, *, ready: Callable[[int], None], tls: TlsFiles | None = None
+) -> None:
     """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
 
     Args:
@@ -33,6 +36,7 @@ def run_server(application: ASGIApp, host: str, port: int, *, ready: Callable[[i
         host: name or address to listen at.
         port: where; 0: any that is free.
         ready: told the port once requests are answered.
+        tls: what HTTPS needs; `None`: HTTP.
 
     Raises:
         ConfigurationError: nothing can listen there.
@@ -56,6 +60,8 @@ def run_server(application: ASGIApp, host: str, port: int, *, ready: Callable[[i
             proxy_headers=False,
             timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=GRACE_S,
+            ssl_certfile=tls and tls.certificate,
+            ssl_keyfile=tls and tls.key,
         )
         server = _Server(config, listener, ready)
         server.run(sockets=[listener])

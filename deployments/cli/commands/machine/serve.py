@@ -13,6 +13,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1)")
     parser.add_argument("--port", type=int, default=8057, help="port to listen at; 0: any (default: 8057)")
     parser.add_argument(
+        "--tls-certificate", metavar="FILE", help="PEM file with a certificate chain: answer over HTTPS"
+    )
+    parser.add_argument("--tls-key", metavar="FILE", help="PEM file with the certificate's private key")
+    parser.add_argument(
         "--execute",
         dest="execute_jobs",
         choices=("here", "none"),
