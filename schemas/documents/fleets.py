@@ -49,6 +49,11 @@ class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttribu
     architecture: str = Field(description="Architecture of its computer.")
     greengrass_group_id: str = Field(description="Its Greengrass group.")
 
+    @property
+    def installed(self) -> str | None:
+        """What it installed last, such as `courier 1`; nothing: it has installed nothing."""
+        return " ".join(filter(None, (self.installed_name, self.installed_version))) or None
+
 
 class FleetChanges(Changes):
     """What changes of a fleet."""

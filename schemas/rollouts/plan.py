@@ -32,6 +32,9 @@ class PlannedRobot(StoredPart):
     """A robot that a rollout is meant for."""
 
     arn: str = Field(description="ARN of the robot.")
+    installed: str | None = Field(
+        default=None, description="Application and version that it had before, such as `courier 1`; absent: none."
+    )
     unfit_code: UnfitCode | None = Field(
         default=None, description="Why it cannot get the application; absent: it can. It fails, and counts for nothing."
     )

@@ -60,7 +60,11 @@ class RobotDeploymentState(StoredPart):
     download_from_s: TimeS | None = Field(default=None, description="When the download was first reported.")
     heard_s: TimeS | None = Field(default=None, description="When it last reported anything about its order.")
     deadline_s: TimeS | None = Field(default=None, description="When its open order times out.")
+    offered_s: TimeS | None = Field(default=None, description="When it got its latest order.")
     started_s: TimeS | None = Field(default=None, description="When it fetched its latest order.")
+    step_times: dict[RobotDeploymentStep, TimeS] = Field(
+        default={}, description="When it first reported each step of its latest order, to a tenth of a second."
+    )
     finished_s: TimeS | None = Field(default=None, description="When its outcome was decided.")
     failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     failure_reason: str | None = Field(default=None, description="The same in words.")

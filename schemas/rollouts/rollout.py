@@ -13,6 +13,13 @@ RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
 """Statuses of a deployment job that a rollout has; what comes before is preparation."""
 
 
+class Pause(StoredPart):
+    """A time in which no robot got an order, since a person wanted it so."""
+
+    from_s: TimeS = Field(description="When it began.")
+    until_s: TimeS | None = Field(default=None, description="When the rollout was resumed; absent: not yet.")
+
+
 class Rollout(StoredPart):
     """A rollout as it is stored."""
 
@@ -25,6 +32,7 @@ class Rollout(StoredPart):
     failure_reason: str | None = Field(default=None, description="The same in words.")
     ended_s: TimeS | None = Field(default=None, description="When it ended; absent: not yet.")
     paused: bool = Field(default=False, description="Whether no robot gets an order for now.")
+    pauses: tuple[Pause, ...] = Field(default=(), description="When it was paused, the latest hundred times.")
     takes_returns: bool = Field(
         default=True, description="Whether robots that were away and return get an order, also after its end."
     )

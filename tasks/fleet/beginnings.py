@@ -49,11 +49,13 @@ def plan_of(job: Resource, robots: Iterable[Resource], architectures: Collection
 
 
 def _planned(robot: Resource, architectures: Collection[str], version: str) -> PlannedRobot:
-    architecture = RobotDocument.of(robot).architecture
+    document = RobotDocument.of(robot)
+    architecture, installed = document.architecture, document.installed
     if architecture in architectures:
-        return PlannedRobot(arn=robot.arn)
+        return PlannedRobot(arn=robot.arn, installed=installed)
     reason = f"version {version} of the application has no source for {architecture}; add one in another version"
-    return PlannedRobot(arn=robot.arn, unfit_code="MissingRobotApplicationArchitecture", unfit_reason=reason)
+    code = "MissingRobotApplicationArchitecture"
+    return PlannedRobot(arn=robot.arn, installed=installed, unfit_code=code, unfit_reason=reason)
 
 
 def delivery(job: Resource, robots: Iterable[Resource], artifacts: dict[str, Artifact]) -> Delivery:

@@ -5,10 +5,8 @@ The rollout is in the catalog, and so is all that happens to it, so a run may st
 
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from math import ceil
 from typing import cast
 
 from ...schemas.documents.base import FailureChanges
@@ -16,7 +14,6 @@ from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.deployment_jobs import DeploymentJobErrorCode
 from ...schemas.rollouts.events import Stopped
-from ...schemas.rollouts.robots import RobotDeploymentState
 from ...schemas.rollouts.rollout import Rollout
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import (
@@ -32,6 +29,7 @@ from ..execution.task_runs import step_runner
 from ..fleet.beginnings import begin_rollout, delivery, plan_of
 from ..fleet.kept_rollouts import KeptRollout
 from ..fleet.records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
+from ..fleet.rollout.waves import counts_of, waves_of
 from ..fleet.stored_rollouts import stop
 from ..service.service import Progress, Service
 from ..simulations.planning.applications import find_application
@@ -41,7 +39,6 @@ POLL_S = 0.5
 
 _LOOK_AT_APPLICATION_S = 5.0
 _KEEP_ALIVE_S = 30.0
-_MOST_WAVES = 100  # each is a task run
 
 _logger = logging.getLogger(__name__)
 
@@ -195,28 +192,9 @@ class DeploymentRun:
         return self._service.clock().timestamp()
 
 
-def waves_of(rollout: Rollout) -> list[tuple[str, ...]]:
-    """The robots that can get the application, in groups whose turn comes one after the other.
-
-    A group is as large as the number of robots that may have orders at the same time. The next group's first robots get
-    theirs as soon as some of the group have ended.
-    """
-    plan = rollout.plan
-    robots = [robot.arn for robot in plan.robots if robot.unfit_code is None]
-    size = max(plan.concurrency, ceil(len(robots) / _MOST_WAVES))
-    return [tuple(robots[start : start + size]) for start in range(0, len(robots), size)]
-
-
 def progress_of(rollout: Rollout) -> Progress:
     """How many robots stand how."""
-    counts = Counter(_word(state) for state in rollout.robots.values())
-    return Progress(counts, len(rollout.robots))
-
-
-def _word(state: RobotDeploymentState) -> str:
-    if state.has_ended:
-        return state.outcome or "canceled"
-    return "deploying" if state.is_open else "waiting"
+    return Progress(counts_of(rollout), len(rollout.robots))
 
 
 def _is_over(rollout: Rollout, robots: Sequence[str] | None) -> bool:

@@ -1,4 +1,4 @@
-"""Renders a report, or a specification's history, as one HTML file."""
+"""Renders a report, a specification's history, or a deployment, as one HTML file."""
 
 import base64
 import hashlib
@@ -12,9 +12,11 @@ from markupsafe import Markup
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
+from ...schemas.rollouts.report import DeploymentReport
 from . import wording
 from .nights.changes import change_in_words, shared_since, since_in_words
 from .nights.view import view_history
+from .rollouts.view import view_rollout
 from .view import view_report
 
 _FOLDER = Path(__file__).parent
@@ -43,6 +45,15 @@ def render_history(history: History, folder: Path) -> str:
         folder: the folder the page will be in, which its links to reports start from.
     """
     return _page("history.html.j2", ("report.css", "history.css"), view_history(history, folder))
+
+
+def render_deployment(report: DeploymentReport) -> str:
+    """Renders the report of a deployment as one HTML document that loads nothing from anywhere.
+
+    Args:
+        report: what to show.
+    """
+    return _page("rollout.html.j2", ("report.css", "rollout.css"), view_rollout(report))
 
 
 def _page(template: str, styles: Sequence[str], page: object) -> str:
@@ -80,6 +91,19 @@ def write_history(history: History, path: Path) -> Path:
         The path.
     """
     return _write(render_history(history, path.absolute().parent), path)
+
+
+def write_deployment(report: DeploymentReport, path: Path) -> Path:
+    """Renders the report of a deployment into a file, which appears only when it is whole.
+
+    Args:
+        report: what to show.
+        path: the file; its folder is made if needed.
+
+    Returns:
+        The path.
+    """
+    return _write(render_deployment(report), path)
 
 
 def _write(page: str, path: Path) -> Path:

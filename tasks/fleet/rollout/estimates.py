@@ -14,9 +14,12 @@ def with_progress(state: State, event: Progressed, now_s: float) -> State:
     A download that begins, or begins again after a loss of power, is measured from there.
     """
     step = event.step or state.step
+    times = state.step_times
+    if step is not None and step not in times:
+        times = {**times, step: round(now_s, 1)}
     if step != _DOWNLOAD or event.percent_done is None:
-        return state.model_copy(update={"step": step})
-    news = {"step": step, "percent_done": event.percent_done, "percent_at_s": now_s}
+        return state.model_copy(update={"step": step, "step_times": times})
+    news = {"step": step, "step_times": times, "percent_done": event.percent_done, "percent_at_s": now_s}
     if state.percent_done is None or state.step != _DOWNLOAD or event.percent_done < state.percent_done:
         news |= {"download_from_percent": event.percent_done, "download_from_s": now_s}
     return state.model_copy(update=news)

@@ -32,6 +32,7 @@ from ....schemas.rollouts.rollout import Rollout
 from .deadlines import Deadlines
 from .line import Line, waits, waits_again
 from .orders import changed, offered, reported, revoked, timed_out, withdrawn
+from .pauses import with_pause
 from .thresholds import Tally, Verdict
 
 _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
@@ -175,7 +176,8 @@ class Ledger:
             case Stopped():
                 self._stopped(event)
             case Paused() | Resumed():
-                self._set(paused=isinstance(event, Paused))
+                pauses = with_pause(self._rollout.pauses, event, self._now_s)
+                self._set(paused=isinstance(event, Paused), pauses=pauses)
             case Offered():
                 self._offer(event)
             case Outage():

@@ -50,12 +50,11 @@ def _rows(service: "Service") -> Iterator[Row]:
         page = service.catalog.list(ROBOT, limit=_PAGE, after=after)
         for robot in page.resources:
             document = RobotDocument.of(robot)
-            installed = (document.installed_name, document.installed_version)
             seen_s = document.last_seen_s
             yield {
                 "robot": robot.name,
                 "status": robot.status,
-                "version": " ".join(filter(None, installed)) or None,
+                "version": document.installed,
                 "last_seen": None if seen_s is None else datetime.fromtimestamp(int(seen_s), UTC).isoformat(),
                 "enrolled": document.token_sha256 is not None,
                 "fleet": document.fleet and ResourceArn.parse(document.fleet, FLEET).name,

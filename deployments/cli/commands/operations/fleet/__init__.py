@@ -1,0 +1,3 @@
+"""Fleets: how deployments stand, and what happens next."""
+
+__all__: list[str] = []

@@ -1,0 +1,26 @@
+"""What the report of a deployment is made from."""
+
+from pydantic import Field
+
+from ..operations.deployment_jobs import DeploymentConfig, DeploymentJobErrorCode, DeploymentStatus
+from .artifacts import Delivery
+from .rollout import Rollout
+from .stored import StoredPart, TimeS
+
+
+class DeploymentReport(StoredPart):
+    """A deployment as it stands, or stood at its end."""
+
+    job: str = Field(description="ARN of the deployment job.")
+    fleet: str = Field(description="Name of its fleet.")
+    application: str = Field(description="Name of the application.")
+    version: str = Field(description="Version of the application.")
+    status: DeploymentStatus = Field(description="Status of the job.")
+    failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+    created_s: TimeS = Field(description="When it was ordered.")
+    now_s: TimeS = Field(description="When the report is written.")
+    config: DeploymentConfig = Field(description="How careful it is.")
+    delivery: Delivery | None = Field(default=None, description="What robots get; absent: it was not prepared.")
+    rollout: Rollout | None = Field(default=None, description="How each robot stands; absent: it has not begun.")
+    waves: tuple[tuple[str, ...], ...] = Field(default=(), description="ARNs of the robots of each wave, in order.")

@@ -1,0 +1,79 @@
+"""The report of a deployment, from what the catalog has of it."""
+
+from contextlib import suppress
+from pathlib import Path
+
+from ....schemas.documents.fleets import DeploymentJobDocument
+from ....schemas.operations.deployment_jobs import DeploymentConfig
+from ....schemas.rollouts.artifacts import Delivery
+from ....schemas.rollouts.report import DeploymentReport
+from ....schemas.rollouts.rollout import Rollout
+from ....schemas.wire.arns import ResourceArn
+from ....schemas.wire.errors import InvalidParameterException
+from ...catalog import Resource
+from ...reporting import write_deployment
+from ...service.service import Service
+from ..rollout.waves import waves_of
+
+_FOLDER = "deployments"
+
+
+def report_path(job: Resource, service: Service) -> Path:
+    """Where the report of a deployment job is written, in the data home."""
+    return service.folder(_FOLDER) / f"{job.id}.html"
+
+
+def write_report(job: Resource, service: Service, path: Path | None = None) -> Path:
+    """Writes the report of a deployment as it stands now.
+
+    Args:
+        job: the deployment job.
+        service: where it is stored.
+        path: the file; absent: `report_path`.
+
+    Returns:
+        The file.
+
+    Raises:
+        ServiceUnavailableException: the catalog does not answer.
+    """
+    return write_deployment(report_of(job, service), path or report_path(job, service))
+
+
+def report_of(job: Resource, service: Service) -> DeploymentReport:
+    """What the report of a deployment job says."""
+    document = DeploymentJobDocument.of(job)
+    stored = service.catalog.rollout(job.arn)
+    rollout = None if stored is None else Rollout.of_json(dict(stored.rollout))
+    application, version = deployed_by(job)
+    return DeploymentReport.model_validate(
+        {
+            "job": job.arn,
+            "fleet": fleet_name(job),
+            "application": application,
+            "version": version,
+            "status": job.status,
+            "failure_code": document.failure_code,
+            "failure_reason": document.failure_reason,
+            "created_s": job.created_at.timestamp(),
+            "now_s": service.clock().timestamp(),
+            "config": DeploymentConfig.model_validate(document.deployment_config),
+            "delivery": None if stored is None else Delivery.of_json(dict(stored.delivery)),
+            "rollout": rollout,
+            "waves": () if rollout is None else tuple(waves_of(rollout)),
+        }
+    )
+
+
+def deployed_by(job: Resource) -> tuple[str, str]:
+    """Name and version of the application that a deployment job deploys; the name is that of its ARN."""
+    (config,) = DeploymentJobDocument.of(job).deployment_application_configs
+    name = str(config["application"])
+    with suppress(InvalidParameterException):
+        name = ResourceArn.parse(name).name
+    return name, str(config["applicationVersion"])
+
+
+def fleet_name(job: Resource) -> str:
+    """Name of the fleet that a deployment job is for."""
+    return ResourceArn.parse(str(job.parent)).name
