@@ -47,7 +47,7 @@ class DoorSettings:
     active_polls_per_s: int = 250
     """How many such robots may poll in a second."""
 
-    last_seen_s: float = 10.0
+    last_seen_s: float = 3.0
     """How long is gathered when robots polled, before it is reported."""
 
     tenant: str = "DEFAULT"

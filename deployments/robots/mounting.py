@@ -16,7 +16,7 @@ from ...tasks.fleet.known_robots import KnownRobots
 from ...tasks.fleet.order_keeping import OrderKeeper
 from ...tasks.fleet.order_watch import OrderWatch
 from ...tasks.fleet.robot_reports import RobotReports
-from ...tasks.fleet.stored_rollouts import open_rollouts, report
+from ...tasks.fleet.stored_rollouts import report, served_rollouts
 from ...tasks.service.service import Service
 from ..robot_door.door import DoorSettings, RobotDoor
 from ..robot_door.downloads import reader_of_files
@@ -43,7 +43,7 @@ class RobotsBeside:
         keeper = OrderKeeper(orders, robots)
         files = BundleFiles(service, keeper)
         self._reports = RobotReports(service, robots, keeper, report)
-        self._watch = OrderWatch(service, robots, keeper, files, open_rollouts)
+        self._watch = OrderWatch(service, robots, keeper, files, served_rollouts)
         self._read_file = reader_of_files(files.path_of)
         self._door = RobotDoor(
             orders,

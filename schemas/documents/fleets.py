@@ -26,7 +26,7 @@ class RobotSighting(Changes):
     """When a robot was there."""
 
     last_seen_s: float | None = Field(
-        default=None, description="When it polled last, in seconds since the epoch, to a minute; absent: never."
+        default=None, description="When it polled last, in seconds since the epoch, to a few seconds; absent: never."
     )
 
 

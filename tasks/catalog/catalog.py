@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, and_, delete, func, insert, select, update
+from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from ...schemas.documents.base import Changes, Document
@@ -16,6 +16,7 @@ from ...schemas.wire.errors import InvalidParameterException, LimitExceededExcep
 from .client_tokens import ClientToken, find_resource, store_token
 from .leases import CatalogLeases
 from .queries import (
+    COLUMNS,
     changed_one,
     check_free,
     insert_labels,
@@ -29,6 +30,13 @@ from .rollouts import CatalogRollouts
 from .tables import resources
 
 _MAX_ATTEMPTS = 100
+_CHUNK = 500  # of ARNs in one query
+
+_CHANGED_DOCUMENT = (
+    update(resources)
+    .where(resources.c.arn == bindparam("meant"))
+    .values(document=bindparam("changed"), revision=resources.c.revision + 1)
+)
 
 Stored = dict[str, Any]
 """A document as it is stored."""
@@ -204,6 +212,32 @@ class Catalog(CatalogLeases, CatalogRollouts):
             }
 
         return self._change(arn, owner, compute)
+
+    def update_many(self, changes: Mapping[str, Changes]) -> None:
+        """Changes the documents of many resources at once, in one transaction.
+
+        Args:
+            changes: the members that are set, by ARN; resources that do not exist are left out.
+        """
+        if not changes:
+            return
+        now, arns = self._now(), sorted(changes)
+        with self._transaction(self._writer) as connection:
+            for start in range(0, len(arns), _CHUNK):
+                # In the same order for all callers, so that none waits for another that waits for it.
+                some = resources.c.arn.in_(arns[start : start + _CHUNK])
+                query = select(*COLUMNS).where(some).order_by(resources.c.sequence).with_for_update()
+                rows = connection.execute(query).mappings().all()
+                values = [
+                    {
+                        "meant": row["arn"],
+                        "changed": _changed(upgraded(row["kind"], row["document"], row["arn"]), change),
+                    }
+                    for row in rows
+                    if (change := changes[row["arn"]])
+                ]
+                if values:
+                    connection.execute(_CHANGED_DOCUMENT.values(updated_at=now), values)
 
     def set_tags(self, arn: str, tags: Mapping[str, str]) -> Resource:
         """Adds tags to a resource's, and replaces the values of those it has; no update of the resource itself.

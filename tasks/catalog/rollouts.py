@@ -152,6 +152,12 @@ class CatalogRollouts(CatalogReader):
         except IntegrityError:
             raise not_found(job) from None
 
+    def jobs_with_events(self) -> list[str]:
+        """ARNs of the jobs with events that are not part of their rollouts yet."""
+        query = select(rollout_events.c.job).distinct()
+        with self._transaction(self._engine) as connection:
+            return sorted(connection.scalars(query))
+
     def events(self, job: str) -> tuple[StoredEvent, ...]:
         """What is not part of a job's rollout yet, in the order in which it was stored; the first thousand."""
         columns = (rollout_events.c.sequence, rollout_events.c.at_s, rollout_events.c.event)

@@ -44,6 +44,19 @@ class OpenRollout:
     """How the application is started."""
 
 
+def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:
+    """The same as `open_rollouts`, once what robots reported of deployments that have ended was taken in.
+
+    No run takes that in any more. It is done for all reports together, since each time the whole rollout is read.
+    """
+    catalog = service.catalog
+    for job in catalog.get_many(catalog.jobs_with_events()).values():
+        if is_terminal(job.kind, job.status):
+            with suppress(ResourceNotFoundException):  # it was deleted meanwhile
+                KeptRollout(job, service).fold()
+    return open_rollouts(service, known)
+
+
 def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:
     """The rollouts whose robots may have orders to carry out or to give up, also those of jobs that have ended.
 
@@ -70,7 +83,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
 
 
 def report(service: Service, job: str, event: Report, at_s: float) -> None:
-    """Takes in what a robot reported; once it returns, that is stored.
+    """Takes in what a robot reported; once it returns, that is stored. `served_rollouts` acts on it after the job's end.
 
     Args:
         service: where the rollout is stored.
@@ -82,7 +95,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
         ServiceUnavailableException: the catalog does not answer; the robot has to say it again.
     """
     with suppress(ResourceNotFoundException):
-        _note(service, job, event, at_s, event.action_id)
+        service.catalog.add_event(job, event.to_json(), at_s, order=event.action_id)
 
 
 def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> None:
@@ -104,9 +117,9 @@ def stop(job: str, why: StopCause, service: Service) -> bool:
     return True
 
 
-def _note(service: Service, job: str, event: RolloutEvent, at_s: float, order: int | None = None) -> None:
+def _note(service: Service, job: str, event: RolloutEvent, at_s: float) -> None:
     catalog = service.catalog
-    meant = catalog.add_event(job, event.to_json(), at_s, order=order)
-    found = catalog.get(meant)
+    catalog.add_event(job, event.to_json(), at_s)
+    found = catalog.get(job)
     if is_terminal(found.kind, found.status):  # no run takes it in
         KeptRollout(found, service).fold()

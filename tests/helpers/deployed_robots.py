@@ -12,7 +12,7 @@ from typing import Any
 from helpers.fleet_calls import Fleets
 from prefect_robomaker.schemas.rollouts.events import Canceled, Failed, Fetched, Progressed, Report, Succeeded
 from prefect_robomaker.tasks.execution.claims import run_under_lease
-from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts, report
+from prefect_robomaker.tasks.fleet.stored_rollouts import report, served_rollouts
 from prefect_robomaker.tasks.jobs.deployment_runs import DeploymentRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -70,7 +70,7 @@ class Yard:
         self.act()
 
     def act(self) -> None:
-        for each in open_rollouts(self.service):
+        for each in served_rollouts(self.service):
             states = each.rollout.robots
             self.most_open = max(self.most_open, sum(state.is_open for state in states.values()))
             for robot, state in states.items():
@@ -83,6 +83,7 @@ class Yard:
                 else:
                     assert robot in each.artifacts
                     self.behaviours[robot](self, each.job, robot, number)
+        served_rollouts(self.service)
 
     def turn(self, number: int) -> int:
         """How often the robot has acted on an order before."""

@@ -87,9 +87,7 @@ def simulate(
     return ledger.rollout()
 
 
-def _life(
-    robot: str, number: int, now_s: float, rng: random.Random, *, bad: bool
-) -> list[tuple[float, RolloutEvent]]:
+def _life(robot: str, number: int, now_s: float, rng: random.Random, *, bad: bool) -> list[tuple[float, RolloutEvent]]:
     at_s = now_s + rng.uniform(0.5, 6)
     life: list[tuple[float, RolloutEvent]] = [(at_s, Fetched(robot=robot, action_id=number))]
     for step, longest_s in zip(_STEPS, (2, 30, 5, 4, 8), strict=True):

@@ -58,6 +58,7 @@ def test_events_wait_in_order_until_they_are_applied(catalog: Catalog, jobs: lis
     assert catalog.replace_rollout(jobs[0], 1, {}, is_open=True, applied=applied)
 
     assert [each.event["number"] for each in catalog.events(jobs[0])] == [2]
+    assert catalog.jobs_with_events() == sorted(jobs)
     assert [each.event["number"] for each in catalog.events(jobs[1])] == [9]
 
 
