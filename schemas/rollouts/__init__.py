@@ -6,4 +6,4 @@ A rollout is stored as one JSON document. Times are seconds since the epoch.
 May import: `schemas.operations` (statuses and codes of deployments), `schemas.wire`.
 """
 
-__all__ = ["artifacts", "events", "plan", "report", "robots", "rollout", "stored"]
+__all__ = ["artifacts", "events", "plan", "report", "robots", "rollout", "standings", "stored"]

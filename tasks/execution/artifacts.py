@@ -50,9 +50,14 @@ def artifact_key(*words: str) -> str:
 
 def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Shows simulation jobs as a table; does nothing outside a flow run."""
+    show_table(key, rows, "Simulation jobs")
+
+
+def show_table(key: str, rows: Sequence[Mapping[str, Any]], description: str) -> None:
+    """Shows a table, of the task run that is under way if there is one; does nothing outside a flow run."""
     if rows and FlowRunContext.get():
-        with _logged("jobs"):
-            create_table_artifact(key=key, table=[dict(row) for row in rows], description="Simulation jobs")
+        with _logged(description):
+            create_table_artifact(key=key, table=[dict(row) for row in rows], description=description)
 
 
 def show_summary(key: str, markdown: str) -> None:

@@ -29,10 +29,12 @@ from ..execution.task_runs import step_runner
 from ..fleet.beginnings import begin_rollout, delivery, plan_of
 from ..fleet.kept_rollouts import KeptRollout
 from ..fleet.records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
-from ..fleet.rollout.waves import counts_of, waves_of
+from ..fleet.rollout.counts import counts_of
+from ..fleet.rollout.waves import waves_of
 from ..fleet.stored_rollouts import stop
 from ..service.service import Progress, Service
 from ..simulations.planning.applications import find_application
+from .deployment_artifacts import report_end, show_wave
 
 POLL_S = 0.5
 """How often the run looks for what robots reported."""
@@ -74,6 +76,7 @@ class DeploymentRun:
                 raise
             stop(self._job.arn, "canceled", self._service)  # it was ended while it prepared
         self._settle()
+        report_end(self._service.catalog.get(self._job.arn), self._service)
 
     def _carry_on(self) -> None:
         if self._job.status == "Pending" and not self._is_canceled():
@@ -122,11 +125,17 @@ class DeploymentRun:
         self._settle()
         kept = KeptRollout(self._job, self._service)
         self._look(kept)
-        waves = waves_of(kept.rollout)
+        waves = waves_of(kept.rollout.plan)
         for number, robots in enumerate(waves, 1):
             if not _is_over(kept.rollout, robots):
-                self._step(f"wave-{number}-of-{len(waves)}", lambda robots=robots: self._wait_for(kept, robots))
+                self._step(
+                    f"wave-{number}-of-{len(waves)}", lambda wave=(number, robots): self._roll_out_wave(kept, *wave)
+                )
         self._wait_for(kept, None)
+
+    def _roll_out_wave(self, kept: KeptRollout, number: int, robots: Sequence[str]) -> None:
+        self._wait_for(kept, robots)
+        show_wave(self._job, kept.rollout, number, robots)
 
     def _wait_for(self, kept: KeptRollout, robots: Sequence[str] | None) -> None:
         """Goes on until each of some robots has ended, or the whole rollout."""

@@ -134,5 +134,5 @@ def report_of(rollout: Rollout, fleet: str = "yard", now_s: float = 0.0) -> Depl
             launch=launch,
         ),
         rollout=rollout,
-        waves=tuple(waves_of(rollout)),
+        waves=tuple(waves_of(rollout.plan)),
     )

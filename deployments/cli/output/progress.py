@@ -28,12 +28,16 @@ def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream
         stream: where to write; absent: standard error.
     """
     out: TextIO = sys.stderr if stream is None else stream
-    animated = out.isatty() and not _truthy(environ.get("CI")) and environ.get("TERM") != "dumb"
-    if not animated:
+    if not is_animated(out, environ):
         return PlainWatcher(steps, out)
     from .live_progress import LiveWatcher
 
     return LiveWatcher(steps, out)
+
+
+def is_animated(stream: TextIO, environ: Mapping[str, str]) -> bool:
+    """Whether progress may be redrawn: on a terminal, unless `CI` or a dumb `TERM` say otherwise."""
+    return stream.isatty() and not _truthy(environ.get("CI")) and environ.get("TERM") != "dumb"
 
 
 def _truthy(value: str | None) -> bool:

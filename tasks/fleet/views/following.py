@@ -9,6 +9,7 @@ from ...catalog import Resource
 from ...service.service import Service
 from ..records import DEPLOYMENT
 from ..rollout.waves import waves_of
+from .standings import rollout_of
 
 LOOK_S = 1.0
 """How often it is looked."""
@@ -61,9 +62,5 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
 
 
 def _look(job: Resource, service: Service) -> Look:
-    stored = service.catalog.rollout(job.arn)
-    at_s = service.clock().timestamp()
-    if stored is None:
-        return Look(job, at_s)
-    rollout = Rollout.of_json(dict(stored.rollout))
-    return Look(job, at_s, rollout, waves_of(rollout))
+    rollout, at_s = rollout_of(job, service), service.clock().timestamp()
+    return Look(job, at_s) if rollout is None else Look(job, at_s, rollout, waves_of(rollout.plan))

@@ -60,7 +60,7 @@ def report_of(job: Resource, service: Service) -> DeploymentReport:
             "config": DeploymentConfig.model_validate(document.deployment_config),
             "delivery": None if stored is None else Delivery.of_json(dict(stored.delivery)),
             "rollout": rollout,
-            "waves": () if rollout is None else tuple(waves_of(rollout)),
+            "waves": () if rollout is None else tuple(waves_of(rollout.plan)),
         }
     )
 

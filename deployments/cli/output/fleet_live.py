@@ -1,0 +1,85 @@
+"""A deployment on a terminal: one block that is redrawn while it goes on, and stays at its end."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from ....schemas.rollouts.rollout import Rollout
+from ....schemas.wire.arns import ResourceArn
+from ....tasks.fleet.rollout.estimates import remaining_s
+from ....tasks.fleet.views.following import Look
+from ....tasks.fleet.views.standings import deployment_standing
+from .durations import duration
+from .fleet_text import deployment_lines
+from .fleet_watch import robot_line
+
+_BAR_WIDTH = 40
+_MOST_ROBOTS = 12
+_MOST_FAILURES = 5
+_PARTS = (("succeeded", "green", "━"), ("failed", "red", "✗"), ("canceled", "yellow", "╌"), ("deploying", "cyan", "╾"))
+
+
+@contextmanager
+def live_block(stream: TextIO) -> Iterator[Callable[[Look], None]]:
+    """Draws looks onto a terminal while it is entered."""
+    console = Console(file=stream, highlight=False)
+    with Live(console=console, auto_refresh=False, transient=False) as live:
+        yield lambda look: live.update(render(look), refresh=True)
+
+
+def render(look: Look) -> Group:
+    """The block: the deployment, a bar, the robots that deploy, the latest failures."""
+    standing = deployment_standing(look.job, look.rollout)
+    fleet = ResourceArn.parse(str(look.job.parent)).name
+    lines = [Text.assemble((fleet, "bold"), f", for {duration(look.at_s - look.job.created_at.timestamp())}")]
+    lines += deployment_lines(standing)
+    if look.rollout is None:
+        return Group(*lines)
+    bar = _bar(standing.counts, standing.robots)
+    return Group(*lines[:2], bar, *lines[2:], _deploying(look, look.rollout), *_failures(look.rollout))
+
+
+def _bar(counts: dict[str, int], total: int) -> Text:
+    """A bar whose parts differ in sign and colour; each part that is not empty is seen."""
+    bar, left = Text(), _BAR_WIDTH
+    for word, style, sign in _PARTS:
+        count = counts.get(word, 0)
+        width = min(left, max(1, round(_BAR_WIDTH * count / max(total, 1)))) if count else 0
+        bar.append(sign * width, style=style)
+        left -= width
+    bar.append("·" * left, style="dim")
+    done = sum(counts.get(word, 0) for word in ("succeeded", "failed", "canceled"))
+    return bar.append(f"  {done:,}/{total:,}")
+
+
+def _deploying(look: Look, rollout: Rollout) -> Table:
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(overflow="ellipsis", no_wrap=True, max_width=30)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    busy = [(robot, state) for robot, state in rollout.robots.items() if state.is_open]
+    for robot, state in busy[:_MOST_ROBOTS]:
+        percent = (
+            "" if state.percent_done is None or state.step != "DownloadingExtracting" else f"{state.percent_done:.0f} %"
+        )
+        left_s = remaining_s(state, look.at_s)
+        left = "" if left_s is None else f", {duration(left_s)} to go"
+        said = robot_line(state, active=True) or ""
+        table.add_row(Text(ResourceArn.parse(robot).name), Text(said, style="cyan"), Text(f"{percent}{left}"))
+    if len(busy) > _MOST_ROBOTS:
+        table.add_row(Text(f"… and {len(busy) - _MOST_ROBOTS:,} more", style="dim"))
+    return table
+
+
+def _failures(rollout: Rollout) -> Iterator[Text]:
+    failed = [(state.finished_s or 0.0, robot, state) for robot, state in rollout.robots.items() if state.failure_code]
+    for _, robot, state in sorted(failed, key=lambda each: each[0])[-_MOST_FAILURES:]:
+        reason = f": {state.failure_reason.splitlines()[0]}" if state.failure_reason else ""
+        text = Text(f"✗ {ResourceArn.parse(robot).name}: {state.failure_code}{reason}", style="red")
+        text.truncate(200, overflow="ellipsis")
+        yield text

@@ -1,0 +1,149 @@
+"""A deployment that is followed: one line for each change, or a block on a terminal."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TextIO
+
+from ....schemas import exit_codes
+from ....schemas.documents.fleets import DeploymentJobDocument
+from ....schemas.rollouts.robots import RobotDeploymentState
+from ....schemas.rollouts.rollout import Rollout
+from ....schemas.wire.arns import ResourceArn
+from ....tasks.catalog import Resource
+from ....tasks.fleet.rollout.statuses import robot_status
+from ....tasks.fleet.views.following import Look
+from ....tasks.fleet.views.standings import deployment_standing
+from .durations import duration
+from .fleet_text import counts_text
+from .progress import is_animated
+
+MOST_LINES = 20
+"""Lines for single robots at once; of more that changed, only how many stand how."""
+
+HEARTBEAT_S = 60.0
+"""Longest silence."""
+
+Show = Callable[[Look], None]
+
+
+@contextmanager
+def fleet_watcher(stream: TextIO, environ: Mapping[str, str]) -> Iterator[Show]:
+    """What shows looks: lines, or on a terminal a block that stays at the end.
+
+    Args:
+        stream: where to write.
+        environ: environment variables; `CI` and a dumb `TERM` mean lines.
+    """
+    if not is_animated(stream, environ):
+        yield LineWatcher(stream)
+        return
+    from .fleet_live import live_block
+
+    with live_block(stream) as show:
+        yield show
+
+
+def exit_code(job: Resource) -> int:
+    """What a command ends with once a deployment has ended."""
+    if job.status == "Failed":
+        is_late = DeploymentJobDocument.of(job).failure_code == "FleetDeploymentTimeout"
+        return exit_codes.TIMED_OUT if is_late else exit_codes.BROKE
+    return exit_codes.CANCELED if job.status == "Canceled" else exit_codes.OK
+
+
+class LineWatcher:
+    """Writes a line for each change.
+
+    Args:
+        stream: where to.
+        clock: seconds on a clock that only runs forward.
+    """
+
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
+        self._clock = clock
+        self._began_s = self._told_s = clock()
+        self._before: Look | None = None
+
+    def __call__(self, look: Look) -> None:
+        """Takes the next look."""
+        lines = changes(self._before, look)
+        self._before = look
+        if not lines and self._clock() - self._told_s >= HEARTBEAT_S:
+            lines = [counts_text(deployment_standing(look.job, look.rollout)) or look.job.status]
+        if lines:
+            self._told_s = self._clock()
+            at = duration(self._told_s - self._began_s)
+            self._stream.write("".join(f"[{at:>12}] {line}\n" for line in lines))
+            self._stream.flush()
+
+
+def changes(before: Look | None, after: Look) -> list[str]:
+    """What changed between two looks, a line each.
+
+    Args:
+        before: the earlier look; nothing: there was none.
+        after: the later one.
+    """
+    standing = deployment_standing(after.job, after.rollout)
+    lines: list[str] = []
+    if before is None:
+        fleet = ResourceArn.parse(str(after.job.parent)).name
+        lines.append(f"{standing.application} {standing.version} to {fleet}: {standing.job.rpartition('/')[2]}")
+    if before is None or (before.job.status != after.job.status and not after.has_ended):
+        begun = f", {standing.robots:,} robots in {standing.waves} waves" if standing.waves is not None else ""
+        lines.append(f"{standing.status}{begun}")
+    if after.rollout is not None:
+        lines += _of_robots(before, after, after.rollout)
+        lines += _of_rollout(before, after.rollout)
+    if after.has_ended:
+        why = f": {standing.failure_code}: {standing.failure_reason}" if standing.failure_code else ""
+        counts = counts_text(standing)
+        lines += [counts] if counts else []
+        lines.append(f"{standing.status}{why}")
+    return lines
+
+
+def _of_rollout(before: Look | None, rollout: Rollout) -> list[str]:
+    was_paused = before is not None and before.rollout is not None and before.rollout.paused
+    if rollout.paused == was_paused:
+        return []
+    return ["paused: no robot gets an order"] if rollout.paused else ["resumed"]
+
+
+def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:
+    old = before.rollout.robots if before is not None and before.rollout is not None else {}
+    number = {robot: number for number, wave in enumerate(after.waves, 1) for robot in wave}
+    active = rollout.status == "InProgress"
+    lines: list[str] = []
+    for robot, state in rollout.robots.items():
+        said = robot_line(state, active=active)
+        earlier = old.get(robot)
+        was = None if earlier is None else robot_line(earlier, active=True)
+        if said is not None and said != was:
+            wave = f" (wave {number[robot]})" if robot in number else ""
+            lines.append(f"{ResourceArn.parse(robot).name}{wave}: {said}")
+    if len(lines) <= MOST_LINES:
+        return lines
+    return [f"{len(lines):,} robots changed: {counts_text(deployment_standing(after.job, rollout))}"]
+
+
+def robot_line(state: RobotDeploymentState, *, active: bool) -> str | None:
+    """How a robot stands in one line; nothing while its turn has not come.
+
+    Args:
+        state: the robot.
+        active: whether the rollout goes on.
+    """
+    if state.outcome == "failed":
+        return f"{robot_status(state, active=active) or 'Failed'}: {state.failure_code}" + (
+            f": {state.failure_reason}" if state.failure_reason else ""
+        )
+    if state.outcome == "succeeded":
+        return "InSync"
+    if state.gone is not None:
+        return "left the fleet" if state.gone == "left" else "deleted"
+    if state.order == "fetched":
+        return state.step or "fetched its order"
+    return f"order {state.action_id}" if state.order == "offered" else None

@@ -1,0 +1,72 @@
+"""How fleets, their robots and their latest deployments stand, for people and programs that look."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ..operations.deployment_jobs import DeploymentJobErrorCode, DeploymentStatus, RobotDeploymentStep
+
+RobotKind = Literal["agent", "updater"]
+
+
+class _Standing(BaseModel):
+    """A part of what is shown; names of members are those of the JSON."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class OrderStanding(_Standing):
+    """The order that a robot carries out, or is to give up."""
+
+    number: int = Field(description="Its number, as the robot knows it.")
+    state: str = Field(description="offered, fetched, canceling or refused.")
+    step: RobotDeploymentStep | None = Field(default=None, description="What the robot last said it does.")
+    percent_done: float | None = Field(default=None, description="Share of its download, in percent.")
+
+
+class RobotStanding(_Standing):
+    """A robot of a fleet."""
+
+    robot: str = Field(description="Its name.")
+    kind: RobotKind | None = Field(default=None, description="What it runs; absent: it is not enrolled.")
+    status: str = Field(description="Its status, as DescribeRobot has it.")
+    version: str | None = Field(default=None, description="Application and version that it installed last.")
+    last_seen: datetime | None = Field(default=None, description="When it polled last; absent: never.")
+    order: OrderStanding | None = Field(default=None, description="What it was ordered; absent: nothing is open.")
+    failure_code: DeploymentJobErrorCode | None = Field(
+        default=None, description="Why the latest deployment to it failed; absent if not."
+    )
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+
+
+class DeploymentStanding(_Standing):
+    """A deployment."""
+
+    job: str = Field(description="ARN of the deployment job.")
+    status: DeploymentStatus = Field(description="Its status.")
+    application: str = Field(description="Name of the application.")
+    version: str = Field(description="Its version.")
+    created_at: datetime = Field(description="When it was ordered.")
+    robots: int = Field(default=0, description="How many robots it is meant for.")
+    counts: dict[str, int] = Field(
+        default={}, description="How many of these succeeded, failed, were canceled, are deploying, or are waiting."
+    )
+    wave: int | None = Field(default=None, description="Which wave it is at; absent: it has not begun.")
+    waves: int | None = Field(default=None, description="How many waves it has; absent: it has not begun.")
+    failed_percent: float | None = Field(
+        default=None, description="Share of the robots taking part that has failed so far, in percent."
+    )
+    threshold_percent: int | None = Field(default=None, description="At which share it stops, in percent.")
+    paused: bool = Field(default=False, description="Whether no robot gets an order for now.")
+    failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
+
+
+class FleetStanding(_Standing):
+    """A fleet."""
+
+    fleet: str = Field(description="Its name.")
+    arn: str = Field(description="Its ARN.")
+    robots: tuple[RobotStanding, ...] = Field(description="Its robots, those registered first first.")
+    deployment: DeploymentStanding | None = Field(default=None, description="Its latest deployment; absent: none.")

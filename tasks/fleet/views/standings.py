@@ -1,0 +1,104 @@
+"""How fleets, their robots and their deployments stand, from the catalog."""
+
+from datetime import UTC, datetime
+
+from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ....schemas.rollouts.robots import RobotDeploymentState
+from ....schemas.rollouts.rollout import Rollout
+from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotKind, RobotStanding
+from ...catalog import Resource
+from ...service.service import Service
+from ..records import last_deployment, robots_of
+from ..rollout.counts import counts_of, current_wave
+from ..rollout.thresholds import Tally
+from ..rollout.waves import waves_of
+from .reports import deployed_by
+
+
+def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
+    """How a fleet stands: its robots, and its latest deployment."""
+    job = last_deployment(fleet.arn, service)
+    rollout = None if job is None else rollout_of(job, service)
+    states = {} if rollout is None else rollout.robots
+    return FleetStanding(
+        fleet=fleet.name,
+        arn=fleet.arn,
+        robots=tuple(_robot(robot, states.get(robot.arn)) for robot in reversed(robots_of(fleet.arn, service))),
+        deployment=None if job is None else deployment_standing(job, rollout),
+    )
+
+
+def rollout_of(job: Resource, service: Service) -> Rollout | None:
+    """The rollout of a deployment job; nothing: it has not begun."""
+    stored = service.catalog.rollout(job.arn)
+    return None if stored is None else Rollout.of_json(dict(stored.rollout))
+
+
+def deployment_standing(job: Resource, rollout: Rollout | None) -> DeploymentStanding:
+    """How a deployment stands.
+
+    Args:
+        job: its job.
+        rollout: its rollout; nothing: it has not begun.
+    """
+    document = DeploymentJobDocument.of(job)
+    application, version = deployed_by(job)
+    members: dict[str, object] = {
+        "job": job.arn,
+        "status": job.status,
+        "application": application,
+        "version": version,
+        "created_at": job.created_at,
+        "failure_code": document.failure_code,
+        "failure_reason": document.failure_reason,
+    }
+    return DeploymentStanding.model_validate(members | ({} if rollout is None else _progress(rollout)))
+
+
+def _progress(rollout: Rollout) -> dict[str, object]:
+    tally = Tally(rollout.plan)
+    for robot, state in rollout.robots.items():
+        tally.count(robot, state, 1)
+    waves = waves_of(rollout.plan)
+    return {
+        "robots": len(rollout.robots),
+        "counts": dict(counts_of(rollout)),
+        "wave": current_wave(rollout, waves),
+        "waves": len(waves),
+        "failed_percent": round(100 * tally.fleet.failed / max(tally.fleet.robots, 1), 1),
+        "threshold_percent": rollout.plan.threshold_percentage,
+        "paused": rollout.paused,
+    }
+
+
+def _robot(robot: Resource, state: RobotDeploymentState | None) -> RobotStanding:
+    document = RobotDocument.of(robot)
+    seen_s = document.last_seen_s
+    has_failed = state is not None and state.outcome == "failed"
+    return RobotStanding(
+        robot=robot.name,
+        kind=_kind(document),
+        status=robot.status,
+        version=document.installed,
+        last_seen=None if seen_s is None else datetime.fromtimestamp(int(seen_s), UTC),
+        order=None if state is None else _order(state),
+        failure_code=state.failure_code if state is not None and has_failed else None,
+        failure_reason=state.failure_reason if state is not None and has_failed else None,
+    )
+
+
+def _kind(document: RobotDocument) -> RobotKind | None:
+    if document.token_sha256 is None:
+        return None
+    return "agent" if getattr(document, "kind", None) == "agent" else "updater"
+
+
+def _order(state: RobotDeploymentState) -> OrderStanding | None:
+    if state.action_id is None or state.order in ("none", "closed"):
+        return None
+    return OrderStanding(
+        number=state.action_id,
+        state=state.order,
+        step=state.step,
+        percent_done=state.percent_done if state.step == "DownloadingExtracting" else None,
+    )
