@@ -83,7 +83,9 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
 
 
 def report(service: Service, job: str, event: Report, at_s: float) -> None:
-    """Takes in what a robot reported; once it returns, that is stored. `served_rollouts` acts on it after the job's end.
+    """Takes in what a robot reported; once it returns, that is stored.
+
+    After the job's end, `served_rollouts` makes it part of the rollout.
 
     Args:
         service: where the rollout is stored.

@@ -17,7 +17,7 @@ from ..outcomes import Outcome
 from . import chart
 from .scale import Scale
 from .shares import blocks_of
-from .spans import PHASES, RobotEnd, Span, end_of, last_moment, spans_of
+from .spans import PHASES, Phase, RobotEnd, Span, end_of, last_moment, spans_of
 
 MOST_ROWS = 200
 """Robots that the chart has a row each for; of more it shows how many of each wave did what."""
@@ -100,7 +100,7 @@ class RolloutPage:
     failures: Markup = Markup()  # noqa: RUF009
     pauses: Sequence[tuple[datetime, str]] = ()
     """When it was paused, and for how long."""
-    phases: Mapping[str, str] = field(default_factory=lambda: dict(PHASES))
+    phases: Mapping[Phase, str] = field(default_factory=lambda: PHASES)
     threshold: int = 0
     breached_after: str = ""
 

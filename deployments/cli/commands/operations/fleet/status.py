@@ -34,7 +34,7 @@ def execute(arguments: argparse.Namespace) -> int:
     elif not standings:
         sys.stdout.write("There are no fleets; CreateFleet makes one.\n")
     else:
-        from ....output.fleet_text import print_fleets
+        from ....output.fleets.text import print_fleets
 
         print_fleets(standings, sys.stdout, everything=arguments.all, now=service.clock())
     return 0

@@ -8,6 +8,10 @@ import argparse
 import os
 import sys
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ......tasks.catalog import Resource
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +26,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.fleet.views.finding import find_deployment
     from ......tasks.fleet.views.following import follow
     from ......tasks.service.service import Service
-    from ....output.fleet_watch import exit_code, fleet_watcher
+    from ....output.fleets.watching import fleet_watcher
 
     service = Service.open(Settings.from_environment(os.environ))
     job = find_deployment(arguments.deployment, service)
@@ -30,4 +34,14 @@ def execute(arguments: argparse.Namespace) -> int:
         for look in follow(job, service, time.sleep):
             show(look)
             job = look.job
-    return exit_code(job)
+    return _exit_code(job)
+
+
+def _exit_code(job: "Resource") -> int:
+    from ......schemas import exit_codes
+    from ......schemas.documents.fleets import DeploymentJobDocument
+
+    if job.status == "Failed":
+        is_late = DeploymentJobDocument.of(job).failure_code == "FleetDeploymentTimeout"
+        return exit_codes.TIMED_OUT if is_late else exit_codes.BROKE
+    return exit_codes.CANCELED if job.status == "Canceled" else exit_codes.OK

@@ -1,55 +1,23 @@
-"""A deployment that is followed: one line for each change, or a block on a terminal."""
+"""A deployment that is followed, where nothing can be redrawn: one line for each change."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TextIO
 
-from ....schemas import exit_codes
-from ....schemas.documents.fleets import DeploymentJobDocument
-from ....schemas.rollouts.robots import RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollout
-from ....schemas.wire.arns import ResourceArn
-from ....tasks.catalog import Resource
-from ....tasks.fleet.rollout.statuses import robot_status
-from ....tasks.fleet.views.following import Look
-from ....tasks.fleet.views.standings import deployment_standing
-from .durations import duration
-from .fleet_text import counts_text
-from .progress import is_animated
+from .....schemas.rollouts.robots import RobotDeploymentState
+from .....schemas.rollouts.rollout import Rollout
+from .....schemas.wire.arns import ResourceArn
+from .....tasks.fleet.rollout.statuses import robot_status
+from .....tasks.fleet.views.following import Look
+from .....tasks.fleet.views.standings import deployment_standing
+from ..durations import duration
+from .text import counts_text
 
 MOST_LINES = 20
 """Lines for single robots at once; of more that changed, only how many stand how."""
 
 HEARTBEAT_S = 60.0
 """Longest silence."""
-
-Show = Callable[[Look], None]
-
-
-@contextmanager
-def fleet_watcher(stream: TextIO, environ: Mapping[str, str]) -> Iterator[Show]:
-    """What shows looks: lines, or on a terminal a block that stays at the end.
-
-    Args:
-        stream: where to write.
-        environ: environment variables; `CI` and a dumb `TERM` mean lines.
-    """
-    if not is_animated(stream, environ):
-        yield LineWatcher(stream)
-        return
-    from .fleet_live import live_block
-
-    with live_block(stream) as show:
-        yield show
-
-
-def exit_code(job: Resource) -> int:
-    """What a command ends with once a deployment has ended."""
-    if job.status == "Failed":
-        is_late = DeploymentJobDocument.of(job).failure_code == "FleetDeploymentTimeout"
-        return exit_codes.TIMED_OUT if is_late else exit_codes.BROKE
-    return exit_codes.CANCELED if job.status == "Canceled" else exit_codes.OK
 
 
 class LineWatcher:

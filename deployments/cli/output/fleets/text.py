@@ -9,8 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
-from .durations import duration
+from .....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 
 MOST_ROBOTS = 40
 """Rows of a fleet's table unless all are wanted; those that need a look are among them."""
@@ -35,16 +34,15 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
         now: the time, for when robots were seen.
     """
     console = console_for(stream)
-    for number, fleet in enumerate(fleets):
-        if number:
-            console.print()
-        for line in fleet_lines(fleet):
-            console.print(line)
-        if fleet.robots:
-            shown = fleet.robots if everything else _chosen(fleet.robots)
-            console.print(_table(shown, now))
-            if hidden := len(fleet.robots) - len(shown):
-                console.print(Text(f"… and {hidden:,} more robots: --all shows them", style="dim"))
+    with console.capture() as printed:
+        for number, fleet in enumerate(fleets):
+            console.print(*[""] * bool(number), *fleet_lines(fleet), sep="\n")
+            if fleet.robots:
+                shown = fleet.robots if everything else _chosen(fleet.robots)
+                console.print(_table(shown, now))
+                if hidden := len(fleet.robots) - len(shown):
+                    console.print(Text(f"… and {hidden:,} more robots: --all shows them", style="dim"))
+    stream.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
 
 
 def console_for(stream: TextIO) -> Console:
@@ -116,7 +114,8 @@ def _table(robots: Sequence[RobotStanding], now: datetime) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for number, name in enumerate(_COLUMNS):
         if any(row[number].plain for row in rows) or name == "robot":
-            table.add_column(name, overflow="fold", no_wrap=name not in ("robot", "version"))
+            wraps = name in ("robot", "version", "order")
+            table.add_column(name, overflow="fold", no_wrap=not wraps, min_width=19 if name == "order" else None)
     for row in rows:
         table.add_row(*(cell for number, cell in enumerate(row) if any(each[number].plain for each in rows)))
     return table
@@ -138,4 +137,8 @@ def _cells(robot: RobotStanding, now: datetime) -> tuple[Text, ...]:
 def _seen(robot: RobotStanding, now: datetime) -> str:
     if robot.last_seen is None:
         return "never" if robot.kind else "not enrolled"
-    return duration(max(0.0, round((now - robot.last_seen).total_seconds()))).replace(".0 s", " s")
+    ago_s = max(0, round((now - robot.last_seen).total_seconds()))
+    for unit, length_s in (("d", 86400), ("h", 3600), ("min", 60)):
+        if ago_s >= length_s:
+            return f"{ago_s // length_s} {unit}"
+    return f"{ago_s} s"

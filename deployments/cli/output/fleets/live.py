@@ -9,14 +9,14 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from ....schemas.rollouts.rollout import Rollout
-from ....schemas.wire.arns import ResourceArn
-from ....tasks.fleet.rollout.estimates import remaining_s
-from ....tasks.fleet.views.following import Look
-from ....tasks.fleet.views.standings import deployment_standing
-from .durations import duration
-from .fleet_text import deployment_lines
-from .fleet_watch import robot_line
+from .....schemas.rollouts.rollout import Rollout
+from .....schemas.wire.arns import ResourceArn
+from .....tasks.fleet.rollout.estimates import remaining_s
+from .....tasks.fleet.views.following import Look
+from .....tasks.fleet.views.standings import deployment_standing
+from ..durations import duration
+from .lines import robot_line
+from .text import deployment_lines
 
 _BAR_WIDTH = 40
 _MOST_ROBOTS = 12
@@ -68,7 +68,7 @@ def _deploying(look: Look, rollout: Rollout) -> Table:
             "" if state.percent_done is None or state.step != "DownloadingExtracting" else f"{state.percent_done:.0f} %"
         )
         left_s = remaining_s(state, look.at_s)
-        left = "" if left_s is None else f", {duration(left_s)} to go"
+        left = f", {duration(left_s)} to go" if left_s else ""
         said = robot_line(state, active=True) or ""
         table.add_row(Text(ResourceArn.parse(robot).name), Text(said, style="cyan"), Text(f"{percent}{left}"))
     if len(busy) > _MOST_ROBOTS:
