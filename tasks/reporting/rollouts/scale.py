@@ -38,7 +38,7 @@ class Scale:
         """Round times since the beginning, at most seven: where, from 0 to 1, and in words."""
         step_s = next((step for step in _STEPS_S if self.length_s / step <= _MOST_TICKS), self.length_s / _MOST_TICKS)
         times = [number * step_s for number in range(int(self.length_s / step_s) + 1)]
-        return [(time_s / self.length_s, _in_words(time_s)) for time_s in times]
+        return [(min(1.0, time_s / self.length_s), _in_words(time_s)) for time_s in times]
 
 
 def _in_words(time_s: float) -> str:

@@ -80,6 +80,5 @@ def _failures(rollout: Rollout) -> Iterator[Text]:
     failed = [(state.finished_s or 0.0, robot, state) for robot, state in rollout.robots.items() if state.failure_code]
     for _, robot, state in sorted(failed, key=lambda each: each[0])[-_MOST_FAILURES:]:
         reason = f": {state.failure_reason.splitlines()[0]}" if state.failure_reason else ""
-        text = Text(f"✗ {ResourceArn.parse(robot).name}: {state.failure_code}{reason}", style="red")
-        text.truncate(200, overflow="ellipsis")
-        yield text
+        said = f"✗ {ResourceArn.parse(robot).name}: {state.failure_code}{reason}"
+        yield Text(said, style="red", no_wrap=True, overflow="ellipsis")

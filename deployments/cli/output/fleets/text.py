@@ -14,6 +14,7 @@ from .....schemas.rollouts.standings import DeploymentStanding, FleetStanding, O
 MOST_ROBOTS = 40
 """Rows of a fleet's table unless all are wanted; those that need a look are among them."""
 
+_MOST_FAILURES = 10
 _COLUMNS = ("robot", "status", "version", "seen", "kind", "order")
 _BAD = ("Failed", "NoResponse")
 _SHORT_STEPS = {
@@ -40,6 +41,7 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
             if fleet.robots:
                 shown = fleet.robots if everything else _chosen(fleet.robots)
                 console.print(_table(shown, now))
+                console.print(*_failures(shown), sep="", end="")
                 if hidden := len(fleet.robots) - len(shown):
                     console.print(Text(f"… and {hidden:,} more robots: --all shows them", style="dim"))
     stream.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
@@ -109,13 +111,22 @@ def _chosen(robots: Sequence[RobotStanding]) -> Sequence[RobotStanding]:
     return sorted(robots, key=lambda robot: (robot.status not in _BAD, robot.order is None))[:MOST_ROBOTS]
 
 
+def _failures(robots: Sequence[RobotStanding]) -> Iterator[Text]:
+    """Why robots failed, a line each, below the table."""
+    failed = [robot for robot in robots if robot.failure_code is not None]
+    for robot in failed[:_MOST_FAILURES]:
+        reason = f": {robot.failure_reason}" if robot.failure_reason else ""
+        yield Text(f"{robot.robot}: {robot.failure_code}{reason}\n", style="red")
+    if len(failed) > _MOST_FAILURES:
+        yield Text(f"… and {len(failed) - _MOST_FAILURES:,} more that failed\n", style="red")
+
+
 def _table(robots: Sequence[RobotStanding], now: datetime) -> Table:
     rows = [_cells(robot, now) for robot in robots]
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for number, name in enumerate(_COLUMNS):
         if any(row[number].plain for row in rows) or name == "robot":
-            wraps = name in ("robot", "version", "order")
-            table.add_column(name, overflow="fold", no_wrap=not wraps, min_width=19 if name == "order" else None)
+            table.add_column(name, overflow="fold", no_wrap=name not in ("robot", "version"))
     for row in rows:
         table.add_row(*(cell for number, cell in enumerate(row) if any(each[number].plain for each in rows)))
     return table
@@ -123,14 +134,13 @@ def _table(robots: Sequence[RobotStanding], now: datetime) -> Table:
 
 def _cells(robot: RobotStanding, now: datetime) -> tuple[Text, ...]:
     style = {"InSync": "green", "Failed": "red", "NoResponse": "red", "Deploying": "cyan"}.get(robot.status, "")
-    doing = order_text(robot.order) or robot.failure_code or ""
     return (
         Text(robot.robot),
         Text(robot.status, style=style),
         Text(robot.version or "-"),
         Text(_seen(robot, now)),
         Text(robot.kind or ""),
-        Text(doing, style="red" if robot.order is None else ""),
+        Text(order_text(robot.order)),
     )
 
 
