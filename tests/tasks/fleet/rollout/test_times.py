@@ -37,6 +37,8 @@ def test_another_order_begins_anew() -> None:
     small.succeed("r1")
     small.wait(100)  # r0 does not answer
     small.wait(5)
+    small.progress("r0", "DownloadingExtracting", 5)  # it had just begun
+    assert small.robot("r0").step_times != {}
     small.give_up("r0")
     small.offer()
 
