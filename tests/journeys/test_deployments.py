@@ -1,8 +1,12 @@
 """Deployments to robots that poll `robomaker serve` over HTTP: calls in, robots in sync out."""
 
 import os
+import re
 import secrets
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -13,12 +17,15 @@ from helpers.endpoint_process import Serve, Served
 from helpers.fleet_calls import Fleets
 from helpers.living_robots import Behaviour, LivingRobot, living
 from helpers.polling_robot import PollingRobot
-from helpers.processes import wait_for
+from helpers.processes import started, wait_for
 
+from prefect_robomaker.schemas.documents.fleets import RobotDocument
 from prefect_robomaker.tasks.fleet.known_robots import enrol
+from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path
 from prefect_robomaker.tasks.service.service import Service
 
 ONE_BY_ONE = {"concurrentDeploymentPercentage": 34, "failureThresholdPercentage": 50}
+ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 MakeFleet = Callable[..., tuple[str, list[LivingRobot]]]
 
 
@@ -86,6 +93,46 @@ def test_robots_get_a_deployment_over_http(
             robots[0].behaviour = robots[1].behaviour = "good"
             synced = served.call("SyncDeploymentJob", {"fleet": fleet, "clientRequestToken": "sync"})["arn"]
             assert summary(ended(served, synced)) == dict.fromkeys(("r0", "r1", "r2"), ("InSync", None))
+
+
+@pytest.mark.deep
+def test_a_deployment_is_watched_to_its_end_and_reported(
+    serve: Serve, fleets: Fleets, make_fleet: MakeFleet, prefect_server: str, service: Service
+) -> None:
+    environ = {"ROBOMAKER_HOME": str(service.settings.home)}
+    with serve(PREFECT_API_URL=prefect_server) as served:
+        fleet, robots = make_fleet(served, "good", "bad", "good")
+        order = fleets.order(fleet, deployable(fleets, "X86_64"), deploymentConfig=ONE_BY_ONE)
+        job = served.call("CreateDeploymentJob", order)["arn"]
+        with started([*ROBOMAKER, "fleet", "watch", "yard"], environ, stdout=subprocess.PIPE) as watch, living(robots):
+            told, _ = watch.communicate(timeout=240)
+
+            # Robots poll all the time, and so were seen within the last seconds.
+            ended_s = time.time()
+            r0 = fleets.service.catalog.find("robot", "r0")
+            assert r0 is not None
+            wait_for(lambda: (RobotDocument.of(service.catalog.get(r0.arn)).last_seen_s or 0) > ended_s, "a sighting")
+            stored = service.catalog.get(job)
+            wait_for(report_path(stored, service).exists, "the report")
+
+    assert watch.returncode == 0
+    lines = [line.partition("] ")[2] for line in told.splitlines()]
+    assert lines[0] == f"mine 1 to yard: {job.rpartition('/')[2]}"
+    assert [line for line in lines if "InSync" in line] == ["r0 (wave 1): InSync", "r2 (wave 3): InSync"]
+    (failed,) = [line for line in lines if "Failed" in line]
+    assert failed.startswith("r1 (wave 2): Failed: ExtractingBundleFailure: the arm does not answer")
+    assert lines[-2:] == ["2 succeeded, 1 failed; 33.3 % failed, threshold 50 %", "Succeeded"]
+
+    page = report_path(stored, service).read_text()
+    waves = re.findall(
+        r"<h3>Wave (\d).*?</h3>\s*<div class=\"wave-row\"><span class=\"name\" title=\"(\w+)\">", page, re.DOTALL
+    )
+    assert waves == [("1", "r0"), ("2", "r1"), ("3", "r2")]
+    assert "ExtractingBundleFailure" in page
+    rollout = report_of(stored, service).rollout
+    assert rollout is not None
+    first, second, third = (rollout.robots[robot] for robot in rollout.plan.order)
+    assert (first.finished_s or 0) <= (second.offered_s or 0) <= (second.finished_s or 0) <= (third.offered_s or 0)
 
 
 @pytest.mark.deep
