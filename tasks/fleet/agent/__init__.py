@@ -1,0 +1,16 @@
+# pyright: reportUnsupportedDunderAll=false
+"""The agent of robots: installs what the fleet's TUF repository vouches for, keeps it running, goes back if it fails.
+
+```
+server (DDI) ──> loop ──> states: state, event -> state ──> journal, on disk before anything is done
+                  ^                                             │
+                  └── events ── effects: child (TUF, download, unpack), scripts, the application
+```
+
+This folder is also the package `robomaker_agent` of the wheel `robomaker-agent`: it imports nothing outside itself but
+the standard library, `tuf` and `securesystemslib`, and runs on Python 3.9.
+
+May import: `.child`, `.programs`.
+"""
+
+__all__ = ["command_line", "errors", "failure_codes"]

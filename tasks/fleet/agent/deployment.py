@@ -1,0 +1,213 @@
+"""What an order asks for: the signed deployment document, and the version that it makes of it on this robot."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass, field
+from typing import Any, Mapping
+
+from .errors import StepFailed
+
+FORMAT = 1
+"""Of deployment documents."""
+
+ARCHITECTURES = {"x86_64": "X86_64", "amd64": "X86_64", "aarch64": "ARM64", "arm64": "ARM64", "armv7l": "ARMHF"}
+"""RoboMaker's names of architectures, by the machine's own."""
+
+_TARGET = re.compile(r"applications/(?P<application>[A-Za-z0-9_-]{1,255})/deployments/[A-Za-z0-9_.-]{1,255}\.json")
+_VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_SHOWN = 80
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the server asks of this robot."""
+
+    action_id: int
+    target: str
+    """Path of the deployment document in the repository."""
+
+    tags: Mapping[str, str] = field(default_factory=dict)
+    """Tags of the robot, which its application finds in its environment."""
+
+
+@dataclass(frozen=True)
+class Launch:
+    """How an application is started: RoboMaker's `DeploymentLaunchConfig`."""
+
+    package: str
+    file: str
+    before: str | None = None
+    """`preLaunchFile`."""
+
+    after: str | None = None
+    """`postLaunchFile`."""
+
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of the repository, as its signed metadata has it."""
+
+    address: str
+    """Below the repository's targets."""
+
+    length: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Version:
+    """A version of an application on this robot, and how it is started."""
+
+    application: str
+    version: str
+    sha256: str
+    """Of its bundle."""
+
+    launch: Launch
+    job: str
+    """ARN of the deployment job that brought it."""
+
+    tags: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def folder(self) -> str:
+        """Where it lies below the agent's home."""
+        return f"versions/{self.application}/{self.version}-{self.sha256[:12]}"
+
+
+@dataclass(frozen=True)
+class Deployment:
+    """An order whose document was verified."""
+
+    version: Version
+    bundle: File
+    condition: File | None = None
+
+
+@dataclass(frozen=True)
+class Document:
+    """A deployment document, before its files were looked up."""
+
+    application: str
+    version: str
+    job: str
+    bundle: str
+    """Target path."""
+
+    condition: str | None
+    launch: Launch
+
+
+def application_of(target: str) -> str:
+    """The application whose deployment a target is.
+
+    Raises:
+        StepFailed: it is no path of a deployment document.
+    """
+    found = _TARGET.fullmatch(target)
+    if found is None:
+        raise _refused("robomaker.target", target, "applications/NAME/deployments/JOB.json")
+    return found["application"]
+
+
+def parse_document(text: bytes, target: str, architecture: str) -> Document:
+    """Reads a deployment document.
+
+    Args:
+        text: the document; its signature was checked.
+        target: its path.
+        architecture: the robot's, in RoboMaker's words.
+
+    Raises:
+        StepFailed: it has another format, or nothing for this robot; the text names the member.
+    """
+    application = application_of(target)
+    try:
+        content = json.loads(text.decode())
+    except (ValueError, RecursionError) as error:
+        raise StepFailed("RobotDeploymentAborted", f"{target} is no JSON: {error}") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        shown = content.get("format") if isinstance(content, dict) else content
+        raise _refused("format", shown, f"{FORMAT}; a newer agent may know it")
+    if content.get("application") != application:
+        raise _refused("application", content.get("application"), f"{application!r}, as in its path")
+    version = _text(content, "version")
+    if not _VERSION.fullmatch(version):
+        raise _refused("version", version, "letters, digits, '_', '.' and '-'")
+    return Document(
+        application,
+        version,
+        _text(content, "job"),
+        _bundle(content, application, architecture),
+        _condition(content, application),
+        _launch(content.get("launch")),
+    )
+
+
+def version_of(content: Mapping[str, Any]) -> Version:
+    """Reads what `dataclasses.asdict` made of a version."""
+    return Version(**{**content, "launch": Launch(**content["launch"])})
+
+
+def deployment_of(content: Mapping[str, Any]) -> Deployment:
+    """Reads what `dataclasses.asdict` made of a deployment."""
+    condition = content.get("condition")
+    return Deployment(version_of(content["version"]), File(**content["bundle"]), condition and File(**condition))
+
+
+def plain(deployment: Deployment) -> dict[str, Any]:
+    """A deployment as JSON has it."""
+    return asdict(deployment)
+
+
+def _bundle(content: Mapping[str, Any], application: str, architecture: str) -> str:
+    bundles = content.get("bundles")
+    if not isinstance(bundles, dict) or not isinstance(bundles.get(architecture), str):
+        shown = sorted(bundles) if isinstance(bundles, dict) else bundles
+        raise _refused("bundles", shown, f"one for {architecture}, which this robot is")
+    return _path(bundles[architecture], f"applications/{application}/bundles/", f"bundles.{architecture}")
+
+
+def _condition(content: Mapping[str, Any], application: str) -> str | None:
+    path = content.get("condition")
+    return None if path is None else _path(path, f"applications/{application}/conditions/", "condition")
+
+
+def _path(path: Any, beginning: str, where: str) -> str:
+    if not isinstance(path, str) or not path.startswith(beginning) or "/" in path[len(beginning) :]:
+        raise _refused(where, path, f"a file in {beginning}")
+    return path
+
+
+def _launch(content: Any) -> Launch:
+    if not isinstance(content, dict):
+        raise _refused("launch", content, "an object")
+    environment = content.get("environmentVariables") or {}
+    if not isinstance(environment, dict) or not all(isinstance(value, str) for value in environment.values()):
+        raise _refused("launch.environmentVariables", environment, "an object of texts")
+    before, after = (_optional_text(content, name, "launch.") for name in ("preLaunchFile", "postLaunchFile"))
+    return Launch(
+        _text(content, "packageName", "launch."), _text(content, "launchFile", "launch."), before, after, environment
+    )
+
+
+def _text(content: Mapping[str, Any], name: str, where: str = "") -> str:
+    value = _optional_text(content, name, where)
+    if value is None:
+        raise _refused(where + name, None, "a text")
+    return value
+
+
+def _optional_text(content: Mapping[str, Any], name: str, where: str) -> str | None:
+    value = content.get(name)
+    if value is not None and (not isinstance(value, str) or "\0" in value):
+        raise _refused(where + name, value, "a text")
+    return value or None
+
+
+def _refused(where: str, value: object, right: str) -> StepFailed:
+    return StepFailed("RobotDeploymentAborted", f"{where}: {ascii(value)[:_SHOWN]} is not right; it has to be {right}")

@@ -1,0 +1,97 @@
+"""The journal: one JSON file that is whole at every moment, also when the power goes."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Mapping
+
+from .deployment import Order, deployment_of, version_of
+from .errors import AgentError
+from .states import End, Phase, State
+
+FORMAT = 1
+
+
+def write_durably(path: Path, content: bytes, mode: int = 0o600) -> None:
+    """Writes a file that afterwards is there whole, or as it was before; also when the power goes.
+
+    Raises:
+        OSError: it cannot be written; the disk may be full.
+    """
+    temporary = path.with_name(f".{path.name}.new")
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError:
+        temporary.unlink()  # its bytes may be what the disk lacks
+        raise
+    temporary.replace(path)
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Makes names in a folder survive a power loss."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class Journal:
+    """Keeps the state in `journal.json` of a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / "journal.json"
+
+    def load(self) -> State:
+        """The state that was saved last; a new robot's if none was.
+
+        Raises:
+            AgentError: the file is not one of this agent.
+        """
+        try:
+            content = json.loads(self._path.read_bytes())
+        except FileNotFoundError:
+            return State()
+        except ValueError as error:
+            raise AgentError(f"{self._path} is no JSON: {error}; enroll again with --again to begin anew") from None
+        if not isinstance(content, dict) or content.get("format") != FORMAT:
+            raise AgentError(f"{self._path} has another format than {FORMAT}; use the agent that wrote it, or a newer one")
+        return _state(content)
+
+    def save(self, state: State) -> None:
+        """Saves a state.
+
+        Raises:
+            OSError: it cannot be written; what was saved before is still there.
+        """
+        content = {"format": FORMAT, **asdict(state), "phase": state.phase.value}
+        write_durably(self._path, json.dumps(content, indent=1).encode())
+
+
+def _state(content: Mapping[str, Any]) -> State:
+    order, deployment, end, failure = (content.get(name) for name in ("order", "deployment", "end", "failure"))
+    good, previous = content.get("good"), content.get("previous")
+    return State(
+        phase=Phase(content["phase"]),
+        order=order and Order(**order),
+        deployment=deployment and deployment_of(deployment),
+        good=good and version_of(good),
+        previous=previous and version_of(previous),
+        failure=failure and (failure[0], failure[1]),
+        end=end and _end(end),
+        restarts=content["restarts"],
+        floors=content["floors"],
+        newest_s=content["newest_s"],
+    )
+
+
+def _end(content: Mapping[str, Any]) -> End:
+    return End(**{**content, "order": Order(**content["order"]), "details": tuple(content["details"])})

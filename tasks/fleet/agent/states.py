@@ -1,0 +1,293 @@
+"""What the agent does next, as a pure function: state and event make the next state.
+
+```
+  idle ──> validating ──> condition ──> downloading ──> pre_launch ──> launching ──> post_launch ──> watching ──> idle
+              │  a failure, a cancellation: idle, the good version has run on  │         │              │  good version
+              └──────────────────────────────────────────────────────────────> └──> returning <────────┘  exchanged
+```
+
+Each phase stands for one thing that is done, which may be done again after a power loss; the state is on disk before
+it is begun. So a state with its phase says all that a restarted agent needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Mapping, Union
+
+from .deployment import Deployment, Order, Version
+from .failure_codes import NUMBERS
+
+MAX_RESTARTS = 5
+"""Restarts of the agent while a new version is tried; then it goes back, since the version may be what stops the robot."""
+
+
+class Phase(str, Enum):
+    """What is being done."""
+
+    IDLE = "idle"
+    VALIDATING = "validating"
+    CONDITION = "condition"
+    DOWNLOADING = "downloading"
+    PRE_LAUNCH = "pre_launch"
+    LAUNCHING = "launching"
+    POST_LAUNCH = "post_launch"
+    WATCHING = "watching"
+    RETURNING = "returning"
+
+
+STEPS = {
+    Phase.VALIDATING: "Validating",
+    Phase.CONDITION: "ExecutingDownloadCondition",
+    Phase.DOWNLOADING: "DownloadingExtracting",
+    Phase.PRE_LAUNCH: "ExecutingPreLaunch",
+    Phase.LAUNCHING: "Launching",
+    Phase.POST_LAUNCH: "ExecutingPostLaunch",
+    Phase.WATCHING: "ExecutingPostLaunch",
+    Phase.RETURNING: "ExecutingPostLaunch",
+}
+"""RoboMaker's name of each phase that an order has."""
+
+BEFORE_SWITCH = (Phase.VALIDATING, Phase.CONDITION, Phase.DOWNLOADING, Phase.PRE_LAUNCH)
+"""An order can be given up: nothing of the running version was touched."""
+
+TRIED = (Phase.LAUNCHING, Phase.POST_LAUNCH, Phase.WATCHING)
+"""The new version is what shall run."""
+
+
+@dataclass(frozen=True)
+class End:
+    """How an order ended, kept until the server knows."""
+
+    order: Order
+    execution: str
+    """`closed` or `canceled`."""
+
+    finished: str
+    """`success` or `failure`."""
+
+    code: int | None = None
+    details: tuple[str, ...] = ()
+    is_delivered: bool = False
+
+
+@dataclass(frozen=True)
+class State:
+    """All that the agent remembers."""
+
+    phase: Phase = Phase.IDLE
+    order: Order | None = None
+    """The open order; absent when idle."""
+
+    deployment: Deployment | None = None
+    """What it asks for, once its document was verified."""
+
+    good: Version | None = None
+    """The last version that proved healthy."""
+
+    previous: Version | None = None
+    """The one before, which stays on disk."""
+
+    failure: tuple[str, str] | None = None
+    """Code and reason, while the agent goes back."""
+
+    end: End | None = None
+    """Of the latest order that ended."""
+
+    restarts: int = 0
+    """Of the agent, while the new version is tried."""
+
+    floors: Mapping[str, int] = field(default_factory=dict)
+    """The newest version seen of each role of the repository."""
+
+    newest_s: float = 0.0
+    """The latest time at which the repository was fresh, in seconds since 1970: no earlier one is believed."""
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """The server has an order."""
+
+    order: Order
+
+
+@dataclass(frozen=True)
+class Cancelled:
+    """The server wants an order given up."""
+
+    action_id: int
+
+
+@dataclass(frozen=True)
+class Withdrawn:
+    """The server has no order any more."""
+
+
+@dataclass(frozen=True)
+class Trusted:
+    """The repository was fresh."""
+
+    floors: Mapping[str, int]
+    newest_s: float
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The deployment document is verified."""
+
+    deployment: Deployment
+
+
+@dataclass(frozen=True)
+class Passed:
+    """What the phase stands for is done."""
+
+    phase: Phase
+
+
+@dataclass(frozen=True)
+class Failed:
+    """What the phase stands for failed."""
+
+    phase: Phase
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """The server knows how an order ended."""
+
+    order: Order
+
+
+@dataclass(frozen=True)
+class Restarted:
+    """The agent starts."""
+
+
+Event = Union[Ordered, Cancelled, Withdrawn, Trusted, Checked, Passed, Failed, Delivered, Restarted]
+
+_NEXT = {
+    Phase.CONDITION: Phase.DOWNLOADING,
+    Phase.DOWNLOADING: Phase.PRE_LAUNCH,
+    Phase.PRE_LAUNCH: Phase.LAUNCHING,
+    Phase.LAUNCHING: Phase.POST_LAUNCH,
+    Phase.POST_LAUNCH: Phase.WATCHING,
+}
+
+
+def wanted(state: State) -> Version | None:
+    """The version that shall run."""
+    if state.phase in TRIED and state.deployment is not None:
+        return state.deployment.version
+    return state.good
+
+
+def kept(state: State) -> set[str]:
+    """Folders of versions that must stay on disk."""
+    versions = [state.good, state.previous, state.deployment and state.deployment.version]
+    return {version.folder for version in versions if version is not None}
+
+
+def advance(state: State, event: Event) -> State:
+    """The state after an event; events that came too late change nothing."""
+    if isinstance(event, Trusted):
+        return _trusted(state, event)
+    if isinstance(event, Ordered):
+        return _ordered(state, event.order)
+    if isinstance(event, Delivered):
+        is_it = state.end is not None and state.end.order == event.order
+        return replace(state, end=replace(state.end, is_delivered=True)) if is_it and state.end else state
+    if state.order is None:
+        return _cancelled_unknown(state, event) if isinstance(event, Cancelled) else state
+    if isinstance(event, Restarted):
+        return _restarted(state)
+    if isinstance(event, Checked):
+        return _checked(state, event.deployment)
+    if isinstance(event, Passed):
+        return _passed(state) if event.phase is state.phase else state
+    if isinstance(event, Failed):
+        return _failed(state, event.code, event.reason) if event.phase is state.phase else state
+    if state.phase not in BEFORE_SWITCH:
+        return state
+    if isinstance(event, Withdrawn):
+        return _idle(state)
+    return _ended(state, "canceled", "success") if event.action_id == state.order.action_id else state
+
+
+def _trusted(state: State, event: Trusted) -> State:
+    roles = {*state.floors, *event.floors}
+    floors = {role: max(state.floors.get(role, 0), event.floors.get(role, 0)) for role in roles}
+    return replace(state, floors=floors, newest_s=max(state.newest_s, event.newest_s))
+
+
+def _ordered(state: State, order: Order) -> State:
+    if state.order is not None:
+        # Another order in place of this one: the server has forgotten this one.
+        can_change = state.phase in BEFORE_SWITCH and order != state.order
+        return replace(_idle(state), phase=Phase.VALIDATING, order=order) if can_change else state
+    if state.end is not None and (state.end.order == order or not state.end.is_delivered):
+        return replace(state, end=replace(state.end, is_delivered=False))
+    return replace(state, phase=Phase.VALIDATING, order=order, deployment=None, failure=None, restarts=0)
+
+
+def _cancelled_unknown(state: State, event: Cancelled) -> State:
+    """A cancellation of an order that never came here, or that ended."""
+    if state.end is not None and (state.end.order.action_id == event.action_id or not state.end.is_delivered):
+        return replace(state, end=replace(state.end, is_delivered=False))
+    return replace(state, end=End(Order(event.action_id, ""), "canceled", "success"))
+
+
+def _restarted(state: State) -> State:
+    if state.phase not in TRIED:
+        return state
+    if state.restarts >= MAX_RESTARTS:
+        reason = f"the agent was started again {MAX_RESTARTS} times while the new version ran"
+        return _failed(state, "RobotDeploymentAborted", reason)
+    return replace(state, restarts=state.restarts + 1)
+
+
+def _checked(state: State, deployment: Deployment) -> State:
+    if state.phase is not Phase.VALIDATING:
+        return state
+    phase = Phase.DOWNLOADING if deployment.condition is None else Phase.CONDITION
+    return replace(state, phase=phase, deployment=deployment)
+
+
+def _passed(state: State) -> State:
+    if state.phase is Phase.WATCHING and state.deployment is not None:
+        version = state.deployment.version
+        has_changed = state.good is not None and state.good.folder != version.folder
+        previous = state.good if has_changed else state.previous
+        return _ended(replace(state, good=version, previous=previous), "closed", "success", ("Finished",))
+    if state.phase is Phase.RETURNING and state.failure is not None:
+        return _ended_badly(state, *state.failure)
+    following = _NEXT.get(state.phase)
+    return state if following is None else replace(state, phase=following)
+
+
+def _failed(state: State, code: str, reason: str) -> State:
+    if state.phase in TRIED:
+        back = "the robot went back to " + (f"version {state.good.version}" if state.good else "running nothing")
+        return replace(state, phase=Phase.RETURNING, failure=(code, f"{reason}; {back}"))
+    if state.phase is Phase.RETURNING and state.failure is not None:
+        first, before = state.failure
+        return _ended_badly(state, first, f"{before}, which failed: {reason}")
+    return _ended_badly(state, code, reason)
+
+
+def _ended_badly(state: State, code: str, reason: str) -> State:
+    return _ended(state, "closed", "failure", (STEPS.get(state.phase, "Finished"), reason), NUMBERS[code])
+
+
+def _ended(
+    state: State, execution: str, finished: str, details: tuple[str, ...] = (), code: int | None = None
+) -> State:
+    assert state.order is not None
+    return replace(_idle(state), end=End(state.order, execution, finished, code, details))
+
+
+def _idle(state: State) -> State:
+    return replace(state, phase=Phase.IDLE, order=None, deployment=None, failure=None, restarts=0)
