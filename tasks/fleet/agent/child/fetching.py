@@ -1,0 +1,156 @@
+"""Fetches files of the repository: from where the last try was cut, and verified before they have their name."""
+
+from __future__ import annotations
+
+import hashlib
+import http.client
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable, Iterator
+from urllib.parse import quote
+
+from ..deployment import File
+from ..errors import StepFailed, TryLater, disk_failure
+from ..journal import sync_folder
+from ..server import connect
+from ..settings import Connection
+
+CHUNK_BYTES = 1 << 18
+_TIMEOUT_S = 30.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a server sends of a file."""
+
+    start: int
+    """0 where it sends all, although a rest was asked for."""
+
+    chunks: Iterator[bytes]
+
+
+class HttpStatus(Exception):
+    """The server answered with an error."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__(f"HTTP status {status}")
+        self.status = status
+        """HTTP status."""
+
+
+Source = Callable[[str, int], Part]
+"""Reads a file of the repository, `metadata/…` or `targets/…`, from an offset on; raises `HttpStatus`, `TryLater`."""
+
+
+def source_of(connection: Connection) -> Source:
+    """Reads from the robot's server."""
+
+    def read(path: str, start: int) -> Part:
+        link = connect(connection, _TIMEOUT_S)
+        headers = {"Authorization": f"TargetToken {connection.token}", "Connection": "close"}
+        if start:
+            headers["Range"] = f"bytes={start}-"
+        try:
+            link.request("GET", f"{connection.base}/repository/{quote(path)}", headers=headers)
+            answer = link.getresponse()
+        except (OSError, http.client.HTTPException) as error:
+            link.close()
+            raise TryLater(f"{path}: {error or type(error).__name__}") from error
+        if answer.status not in (200, 206):
+            link.close()
+            raise HttpStatus(answer.status)
+        return Part(start if answer.status == 206 else 0, _chunks(link, answer, path))
+
+    return read
+
+
+def _chunks(link: http.client.HTTPConnection, answer: http.client.HTTPResponse, path: str) -> Iterator[bytes]:
+    try:
+        while chunk := answer.read(CHUNK_BYTES):
+            yield chunk
+    except (OSError, http.client.HTTPException) as error:
+        raise TryLater(f"{path}: {error or type(error).__name__}") from error
+    finally:
+        link.close()
+
+
+def refusal(status: int, path: str) -> StepFailed | TryLater:
+    """What an HTTP status of the repository means for a deployment."""
+    if status == 403:
+        return StepFailed("BadPermissionError", f"the store denies {path}")
+    if status == 404:
+        return StepFailed("ResourceNotFound", f"the store has no {path}")
+    return TryLater(f"{path}: HTTP status {status}")
+
+
+def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int], None] | None = None) -> None:
+    """Fetches a file, unless it is there.
+
+    Args:
+        source: where it comes from.
+        file: its length and hash, as they were signed.
+        path: where it shall be; meanwhile it is at the same path with `.part`.
+        progress: told the bytes that are there and all bytes.
+
+    Raises:
+        StepFailed: it is not the file that was signed, is not there, or does not fit on the disk.
+        TryLater: the connection was cut; what has come is kept.
+    """
+    if path.exists():
+        return
+    part = path.with_name(f"{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            _receive(source, file, part, progress or (lambda _done, _all: None))
+        except OSError:
+            part.unlink()  # the agent's journal needs the space
+            raise
+        _verify(file, part)
+        part.replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise disk_failure(error, f"storing {file.address}") from error
+
+
+def _receive(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
+    with part.open("ab") as target:
+        done = target.tell()
+        if done < file.length:
+            received = _open(source, file, done)
+            if received.start != done:
+                target.truncate(0)
+            done = received.start
+            progress(done, file.length)
+            for chunk in received.chunks:
+                done += len(chunk)
+                if done > file.length:
+                    break
+                target.write(chunk)
+                progress(done, file.length)
+        target.flush()
+        os.fsync(target.fileno())
+        size = target.tell()
+    if done > file.length or size > file.length:
+        part.unlink()
+        raise StepFailed("EtagMismatch", f"{file.address} is longer than the {file.length} bytes that were signed")
+    if size < file.length:
+        raise TryLater(f"{file.address}: {size} of {file.length} bytes came")
+
+
+def _open(source: Source, file: File, start: int) -> Part:
+    try:
+        return source(f"targets/{file.address}", start)
+    except HttpStatus as error:
+        raise refusal(error.status, file.address) from error
+
+
+def _verify(file: File, part: Path) -> None:
+    digest = hashlib.sha256()
+    with part.open("rb") as content:
+        while chunk := content.read(1 << 20):
+            digest.update(chunk)
+    if digest.hexdigest() != file.sha256:
+        part.unlink()
+        raise StepFailed("EtagMismatch", f"{file.address} has SHA-256 {digest.hexdigest()}, {file.sha256} was signed")

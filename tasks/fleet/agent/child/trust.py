@@ -1,0 +1,165 @@
+"""Asks the fleet's TUF repository what a deployment is: nothing else says what is installed.
+
+TUF's client believes its own files: where somebody empties those of timestamp and snapshot, it takes an older
+repository. So the newest version of each role that was ever seen, and the latest time at which the repository was
+fresh, are in the agent's journal too, and hold here.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Iterator, Mapping
+from urllib.parse import quote
+
+from tuf.api.exceptions import (
+    DownloadError,
+    DownloadHTTPError,
+    DownloadLengthMismatchError,
+    LengthOrHashMismatchError,
+    RepositoryError,
+)
+from tuf.api.metadata import TargetFile
+from tuf.ngclient import Updater
+from tuf.ngclient.fetcher import FetcherInterface
+
+from ..deployment import Deployment, File, Order, Version, application_of, parse_document
+from ..errors import StepFailed, TryLater, disk_failure
+from ..states import Trusted
+from .fetching import HttpStatus, Source, fetch, refusal
+
+MAX_DOCUMENT_BYTES = 1 << 20
+_TOP_ROLES = ("root", "timestamp", "snapshot", "targets")
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """What the repository says, and how new it is."""
+
+    trusted: Trusted
+    deployment: Deployment
+
+
+class _Fetcher(FetcherInterface):
+    """TUF's way to the repository; its addresses are paths there."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def _fetch(self, url: str) -> Iterator[bytes]:
+        try:
+            return self._source(url, 0).chunks
+        except HttpStatus as error:
+            raise DownloadHTTPError(f"{url}: HTTP status {error.status}", error.status) from error
+
+
+class Repository:
+    """The repository of a fleet.
+
+    Args:
+        source: reads its files.
+        root: the root metadata that this robot was enrolled with.
+        metadata: folder of what was seen of it.
+        downloads: folder for documents and condition files.
+        clock: the time, in seconds since 1970.
+    """
+
+    def __init__(self, source: Source, root: bytes, metadata: Path, downloads: Path, clock: float) -> None:
+        self._source = source
+        self._root = root
+        self._metadata = metadata
+        self._downloads = downloads
+        self._now_s = clock
+
+    def resolve(self, order: Order, floors: Mapping[str, int], newest_s: float, architecture: str) -> Resolved:
+        """Reads and verifies what an order asks for, and the files of its document and condition.
+
+        Args:
+            order: the order.
+            floors: versions that roles must not be older than.
+            newest_s: the latest time at which the repository was fresh.
+            architecture: the robot's.
+
+        Raises:
+            StepFailed: it is not to be trusted, or has nothing for this robot.
+            TryLater: the server cannot be reached.
+        """
+        try:
+            return self._resolve(order, floors, newest_s, architecture)
+        except DownloadHTTPError as error:
+            raise refusal(error.status_code, "its metadata") from error
+        except LengthOrHashMismatchError as error:
+            raise StepFailed("EtagMismatch", _said(error)) from error
+        except (RepositoryError, DownloadLengthMismatchError) as error:
+            raise StepFailed("RobotDeploymentAborted", _said(error)) from error
+        except DownloadError as error:
+            if isinstance(error.__cause__, TryLater):
+                raise error.__cause__ from None
+            raise TryLater(_said(error)) from error
+        except OSError as error:
+            raise disk_failure(error, "storing the repository's metadata") from error
+
+    def _resolve(self, order: Order, floors: Mapping[str, int], newest_s: float, architecture: str) -> Resolved:
+        role = f"application-{application_of(order.target)}"
+        self._metadata.mkdir(parents=True, exist_ok=True)
+        updater = Updater(
+            str(self._metadata), "metadata/", fetcher=_Fetcher(self._source), bootstrap=self._root
+        )
+        updater.refresh()
+        trusted = self._checked((*_TOP_ROLES,), floors, newest_s)
+        target = _found(updater, order.target)
+        trusted = self._checked((*_TOP_ROLES, role), floors, newest_s)
+        if target.length > MAX_DOCUMENT_BYTES:
+            raise StepFailed("RobotDeploymentAborted", f"{order.target} has {target.length} bytes, which is too long")
+        text = self._downloads / f"{target.sha256}.json"
+        fetch(self._source, target, text)
+        document = parse_document(text.read_bytes(), order.target, architecture)
+        bundle = _found(updater, document.bundle)
+        condition = None if document.condition is None else _found(updater, document.condition)
+        if condition is not None:
+            fetch(self._source, condition, self._downloads / condition.sha256)
+        version = Version(
+            document.application, document.version, bundle.sha256, document.launch, document.job, order.tags
+        )
+        return Resolved(trusted, Deployment(version, bundle, condition))
+
+    def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
+        """Holds the metadata that TUF accepted against what the journal remembers."""
+        versions: dict[str, int] = {}
+        believed = datetime.fromtimestamp(max(newest_s, self._now_s), timezone.utc)
+        for role in roles:
+            path = self._metadata / f"{quote(role, '')}.json"
+            if not path.exists():
+                continue
+            signed = json.loads(path.read_bytes())["signed"]
+            versions[role] = signed["version"]
+            if signed["version"] < floors.get(role, 0):
+                raise StepFailed(
+                    "RobotDeploymentAborted",
+                    f"BadVersionNumberError: {role} has version {signed['version']}, {floors[role]} was seen before",
+                )
+            expires = datetime.strptime(signed["expires"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=timezone.utc)
+            if expires <= believed:
+                raise StepFailed(
+                    "RobotDeploymentAborted",
+                    f"ExpiredMetadataError: {role} expired at {signed['expires']}, and it was later than that already",
+                )
+        return Trusted(versions, self._now_s)
+
+
+def _found(updater: Updater, path: str) -> File:
+    """Where a target is, with the length and the hash that were signed."""
+    target: TargetFile | None = updater.get_targetinfo(path)
+    if target is None:
+        raise StepFailed("ResourceNotFound", f"no role of the repository vouches for {path}")
+    sha256 = target.hashes.get("sha256")
+    if sha256 is None:
+        raise StepFailed("RobotDeploymentAborted", f"the repository has no SHA-256 of {path}")
+    folder, _, name = path.rpartition("/")
+    return File(f"{folder}/{sha256}.{name}", target.length, sha256)
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,203 @@
+"""The server as a robot sees it: hawkBit's Direct Device Integration by the standard library's HTTP client.
+
+Each request has a connection of its own: servers drop idle ones long before the next poll.
+"""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+import ssl
+from dataclasses import dataclass
+from typing import Any, Mapping
+from urllib.parse import urlsplit
+
+from .deployment import Order
+from .errors import AgentError, TryLater
+from .settings import Connection
+from .states import End
+
+MAX_BODY_BYTES = 1 << 20
+TIMEOUT_S = 15.0
+TARGET_KEY = "robomaker.target"
+TAGS_KEY = "robomaker.tags"
+
+_SLEEP = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})")
+_LINK = re.compile(r"/(deploymentBase|cancelAction)/(\d{1,10})(?:[?/]|$)")
+_MAX_DETAIL = 500
+
+
+@dataclass(frozen=True)
+class Poll:
+    """What a poll said."""
+
+    sleep_s: float
+    order: int | None = None
+    cancel: int | None = None
+    wants_attributes: bool = False
+
+
+class Refused(AgentError):
+    """The server answered, and said no."""
+
+    def __init__(self, status: int, path: str) -> None:
+        super().__init__(f"{path}: the server answered {status}")
+        self.status = status
+        """HTTP status."""
+
+
+def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client.HTTPConnection:
+    """A connection to the server, before its first request."""
+    parts = urlsplit(connection.url)
+    assert parts.hostname is not None
+    if parts.scheme == "https":
+        return http.client.HTTPSConnection(
+            parts.hostname, parts.port, timeout=timeout_s, context=ssl.create_default_context()
+        )
+    return http.client.HTTPConnection(parts.hostname, parts.port, timeout=timeout_s)
+
+
+def exchange(
+    connection: Connection, method: str, path: str, body: bytes | None, headers: Mapping[str, str]
+) -> tuple[int, bytes]:
+    """Sends one request; returns status and body.
+
+    Raises:
+        TryLater: there is no answer.
+    """
+    link = connect(connection)
+    try:
+        link.request(method, path, body=body, headers={"Connection": "close", **headers})
+        answer = link.getresponse()
+        return answer.status, answer.read(MAX_BODY_BYTES)
+    except (OSError, http.client.HTTPException) as error:
+        raise TryLater(f"{connection.url}: {error or type(error).__name__}") from error
+    finally:
+        link.close()
+
+
+class Server:
+    """Asks and tells the server.
+
+    Args:
+        connection: who the robot is.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def poll(self) -> Poll:
+        """Asks what there is to do.
+
+        Raises:
+            TryLater: there is no answer.
+            Refused: the robot is not let in.
+        """
+        content = self._get("")
+        links = content.get("_links")
+        hrefs = [link.get("href") for link in (links.values() if isinstance(links, dict) else []) if isinstance(link, dict)]
+        found = {match[1]: int(match[2]) for match in (_LINK.search(str(href)) for href in hrefs) if match}
+        polling = content.get("config") if isinstance(content.get("config"), dict) else {}
+        return Poll(
+            _sleep_s(polling),
+            found.get("deploymentBase"),
+            found.get("cancelAction"),
+            isinstance(links, dict) and "configData" in links,
+        )
+
+    def order(self, action_id: int) -> Order | None:
+        """Reads an order; `None`: it is gone, or not one for an agent.
+
+        Raises:
+            TryLater: there is no answer.
+        """
+        try:
+            content = self._get(f"/deploymentBase/{action_id}")
+            metadata = content["deployment"]["chunks"][0]["metadata"]
+            entries = {entry["key"]: entry["value"] for entry in metadata}
+            tags = json.loads(entries.get(TAGS_KEY, "{}"))
+            return Order(action_id, str(entries[TARGET_KEY]), {str(key): str(value) for key, value in tags.items()})
+        except (Refused, LookupError, TypeError, ValueError, AttributeError):
+            return None
+
+    def tell_end(self, end: End) -> bool:
+        """Says how an order ended; returns whether the server knows it now, or does not know the order.
+
+        Raises:
+            TryLater: there is no answer, or it could not be stored.
+        """
+        kind = "cancelAction" if end.execution == "canceled" else "deploymentBase"
+        status: dict[str, Any] = {"execution": end.execution, "result": {"finished": end.finished}}
+        if end.code is not None:
+            status["code"] = end.code
+        status["details"] = [detail[:_MAX_DETAIL] for detail in end.details]
+        answer = self._post(f"/{kind}/{end.order.action_id}/feedback", {"status": status})
+        if answer == 405 and kind == "cancelAction":  # the cancellation was taken back: it is the order's end then
+            answer = self._post(f"/deploymentBase/{end.order.action_id}/feedback", {"status": status})
+        return answer in (200, 404, 405, 410)
+
+    def tell_step(self, action_id: int, step: str, percent: int | None) -> None:
+        """Says what is being done; a refusal is of no consequence.
+
+        Raises:
+            TryLater: there is no answer.
+        """
+        result: dict[str, Any] = {"finished": "none"}
+        if percent is not None:
+            result["progress"] = {"cnt": percent, "of": 100}
+        status = {"execution": "proceeding", "result": result, "details": [step]}
+        self._post(f"/deploymentBase/{action_id}/feedback", {"status": status})
+
+    def refuse_cancellation(self, action_id: int) -> None:
+        """Says that an order cannot be given up any more.
+
+        Raises:
+            TryLater: there is no answer.
+        """
+        status = {"execution": "rejected", "result": {"finished": "none"}, "details": ["the new version is being tried"]}
+        self._post(f"/cancelAction/{action_id}/feedback", {"status": status})
+
+    def tell_attributes(self, attributes: Mapping[str, str]) -> None:
+        """Says what the robot is.
+
+        Raises:
+            TryLater: there is no answer.
+        """
+        self._send("PUT", "/configData", {"mode": "merge", "data": dict(attributes)})
+
+    def _get(self, path: str) -> dict[str, Any]:
+        status, body = self._send("GET", path, None)
+        if status != 200:
+            raise Refused(status, path)
+        try:
+            content = json.loads(body)
+        except ValueError:
+            content = None
+        if not isinstance(content, dict):  # a portal of a network in between answers so
+            raise TryLater(f"{self._connection.url}: the answer is no JSON object")
+        return content
+
+    def _post(self, path: str, content: Mapping[str, Any]) -> int:
+        status, _ = self._send("POST", path, content)
+        return status
+
+    def _send(self, method: str, path: str, content: Mapping[str, Any] | None) -> tuple[int, bytes]:
+        connection = self._connection
+        headers = {"Authorization": f"TargetToken {connection.token}", "Accept": "application/hal+json"}
+        body = None
+        if content is not None:
+            body, headers["Content-Type"] = json.dumps(content).encode(), "application/json"
+        status, answer = exchange(connection, method, connection.base + path, body, headers)
+        if status >= 500:
+            raise TryLater(f"{connection.url}: the server answered {status}")
+        return status, answer
+
+
+def _sleep_s(config: Mapping[str, Any]) -> float:
+    polling = config.get("polling")
+    found = _SLEEP.fullmatch(str(polling.get("sleep") if isinstance(polling, dict) else ""))
+    if found is None:
+        return 30.0
+    hours, minutes, seconds = (int(part) for part in found.groups())
+    return float(max(1, hours * 3600 + minutes * 60 + seconds))

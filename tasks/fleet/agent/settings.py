@@ -1,0 +1,134 @@
+"""What the agent knows of its server, and how it treats applications; and the folders of its home."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from .deployment import ARCHITECTURES
+from .errors import AgentError
+from .journal import write_durably
+
+DEFAULT_HOME = "/var/lib/robomaker-agent"
+
+_ROBOT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,254}")
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Who this robot is, and where its server is; made by enrolling."""
+
+    url: str
+    """Scheme, name and port."""
+
+    tenant: str
+    robot: str
+    token: str
+
+    @property
+    def base(self) -> str:
+        """Path of the robot at the server."""
+        return f"/{self.tenant}/controller/v1/{self.robot}"
+
+
+@dataclass(frozen=True)
+class Options:
+    """How the agent treats applications, and waits."""
+
+    user: str | None = None
+    """Whose rights applications and scripts have; absent: the agent's own."""
+
+    sandbox: str = "auto"
+    """`bwrap`, `setpriv`, `none`; `auto`: the first of these that works here."""
+
+    architecture: str | None = None
+    """In RoboMaker's words; absent: the machine's."""
+
+    health_s: float = 10.0
+    """How long a new version has to stay up."""
+
+    health_command: str | None = None
+    """Run by a shell once it stayed up; its exit code 0 says that the version is healthy."""
+
+    script_timeout_s: float = 600.0
+    """Of each condition file, preLaunchFile, postLaunchFile and health command."""
+
+    stop_s: float = 10.0
+    """How long an application may take to end before it is killed."""
+
+    longest_wait_s: float = 300.0
+    """Between two polls while the server is away."""
+
+
+class Home:
+    """The folders and files of an agent.
+
+    Args:
+        folder: absent ones are made when they are needed.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.absolute()
+        self.connection_file = self.folder / "agent.json"
+        self.root_file = self.folder / "root.json"
+        self.metadata = self.folder / "metadata"
+        self.downloads = self.folder / "downloads"
+        self.versions = self.folder / "versions"
+        self.current = self.folder / "current"
+        self.logs = self.folder / "logs"
+
+    def connection(self) -> Connection:
+        """Who the robot is.
+
+        Raises:
+            AgentError: it is not enrolled, or the file is not right.
+        """
+        try:
+            content = json.loads(self.connection_file.read_bytes())
+            return Connection(**content)
+        except FileNotFoundError:
+            raise AgentError(f"{self.folder} has no agent.json: enroll this robot first") from None
+        except (ValueError, TypeError) as error:
+            raise AgentError(f"{self.connection_file} is not right: {error}; enroll again with --again") from None
+
+    def save_connection(self, connection: Connection) -> None:
+        """Keeps who the robot is; only the agent's user can read it."""
+        write_durably(self.connection_file, json.dumps(asdict(connection)).encode())
+
+
+def checked_connection(url: str, tenant: str, robot: str, token: str) -> Connection:
+    """A connection whose parts are right.
+
+    Raises:
+        AgentError: one is not; the text names it.
+    """
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
+        raise AgentError(f"--url: {url!r} is not right; scheme, name and port are, such as https://fleet.example.com")
+    for name, value in (("--tenant", tenant), ("--name", robot)):
+        if not _ROBOT.fullmatch(value):
+            raise AgentError(f"{name}: {value!r} is not right; letters, digits, '.', '_' and '-' are")
+    return Connection(url.rstrip("/"), tenant, robot, token)
+
+
+def checked_options(options: Options) -> Options:
+    """Options that are right, with the architecture of this machine if none was given.
+
+    Raises:
+        AgentError: one is not; the text names it.
+    """
+    known = sorted(set(ARCHITECTURES.values()))
+    architecture = options.architecture or ARCHITECTURES.get(platform.machine().lower())
+    if architecture not in known:
+        shown = options.architecture or platform.machine()
+        raise AgentError(f"--architecture: {shown!r} is not right; one of {', '.join(known)} is")
+    numbers: dict[str, Any] = {name: value for name, value in asdict(options).items() if name.endswith("_s")}
+    for name, value in numbers.items():
+        if not 0 <= value <= 86400:
+            raise AgentError(f"--{name.replace('_', '-')}: {value:g} is not right; 0 to 86400 seconds are")
+    return replace(options, architecture=architecture)
