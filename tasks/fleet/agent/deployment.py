@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Mapping
 
 from .errors import StepFailed
@@ -157,11 +157,6 @@ def deployment_of(content: Mapping[str, Any]) -> Deployment:
     """Reads what `dataclasses.asdict` made of a deployment."""
     condition = content.get("condition")
     return Deployment(version_of(content["version"]), File(**content["bundle"]), condition and File(**condition))
-
-
-def plain(deployment: Deployment) -> dict[str, Any]:
-    """A deployment as JSON has it."""
-    return asdict(deployment)
 
 
 def _bundle(content: Mapping[str, Any], application: str, architecture: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Mapping
 
@@ -36,9 +37,14 @@ def _validate(home: Home, asked: Mapping[str, Any]) -> None:
 
     source = source_of(home.connection())
     repository = Repository(source, home.root_file.read_bytes(), home.metadata, home.downloads, time.time())
-    resolved = repository.resolve(Order(**asked["order"]), asked["floors"], asked["newest_s"], asked["architecture"])
-    _say(trusted={"floors": dict(resolved.trusted.floors), "newest_s": resolved.trusted.newest_s})
-    _say(deployment=plain(resolved.deployment))
+    deployment = repository.resolve(
+        Order(**asked["order"]),
+        asked["floors"],
+        asked["newest_s"],
+        asked["architecture"],
+        lambda trusted: _say(trusted=asdict(trusted)),
+    )
+    _say(deployment=asdict(deployment))
 
 
 def _download(home: Home, asked: Mapping[str, Any]) -> None:

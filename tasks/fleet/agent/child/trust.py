@@ -8,10 +8,9 @@ fresh, are in the agent's journal too, and hold here.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Iterator, Mapping
+from typing import Callable, Iterator, Mapping
 from urllib.parse import quote
 
 from tuf.api.exceptions import (
@@ -32,14 +31,6 @@ from .fetching import HttpStatus, Source, fetch, refusal
 
 MAX_DOCUMENT_BYTES = 1 << 20
 _TOP_ROLES = ("root", "timestamp", "snapshot", "targets")
-
-
-@dataclass(frozen=True)
-class Resolved:
-    """What the repository says, and how new it is."""
-
-    trusted: Trusted
-    deployment: Deployment
 
 
 class _Fetcher(FetcherInterface):
@@ -73,7 +64,14 @@ class Repository:
         self._downloads = downloads
         self._now_s = clock
 
-    def resolve(self, order: Order, floors: Mapping[str, int], newest_s: float, architecture: str) -> Resolved:
+    def resolve(
+        self,
+        order: Order,
+        floors: Mapping[str, int],
+        newest_s: float,
+        architecture: str,
+        seen: Callable[[Trusted], None],
+    ) -> Deployment:
         """Reads and verifies what an order asks for, and the files of its document and condition.
 
         Args:
@@ -81,13 +79,15 @@ class Repository:
             floors: versions that roles must not be older than.
             newest_s: the latest time at which the repository was fresh.
             architecture: the robot's.
+            seen: told how new the repository is, before anything of it is used.
 
         Raises:
             StepFailed: it is not to be trusted, or has nothing for this robot.
             TryLater: the server cannot be reached.
         """
         try:
-            return self._resolve(order, floors, newest_s, architecture)
+            updater = self._fresh(order, floors, newest_s, seen)
+            return self._deployment(updater, order, architecture)
         except DownloadHTTPError as error:
             raise refusal(error.status_code, "its metadata") from error
         except LengthOrHashMismatchError as error:
@@ -101,16 +101,21 @@ class Repository:
         except OSError as error:
             raise disk_failure(error, "storing the repository's metadata") from error
 
-    def _resolve(self, order: Order, floors: Mapping[str, int], newest_s: float, architecture: str) -> Resolved:
+    def _fresh(
+        self, order: Order, floors: Mapping[str, int], newest_s: float, seen: Callable[[Trusted], None]
+    ) -> Updater:
+        """Reads the metadata, that of the order's application too, and holds it against the journal."""
         role = f"application-{application_of(order.target)}"
         self._metadata.mkdir(parents=True, exist_ok=True)
-        updater = Updater(
-            str(self._metadata), "metadata/", fetcher=_Fetcher(self._source), bootstrap=self._root
-        )
+        updater = Updater(str(self._metadata), "metadata/", fetcher=_Fetcher(self._source), bootstrap=self._root)
         updater.refresh()
-        trusted = self._checked((*_TOP_ROLES,), floors, newest_s)
+        self._checked(_TOP_ROLES, floors, newest_s)
+        updater.get_targetinfo(order.target)
+        seen(self._checked((*_TOP_ROLES, role), floors, newest_s))
+        return updater
+
+    def _deployment(self, updater: Updater, order: Order, architecture: str) -> Deployment:
         target = _found(updater, order.target)
-        trusted = self._checked((*_TOP_ROLES, role), floors, newest_s)
         if target.length > MAX_DOCUMENT_BYTES:
             raise StepFailed("RobotDeploymentAborted", f"{order.target} has {target.length} bytes, which is too long")
         text = self._downloads / f"{target.sha256}.json"
@@ -123,7 +128,7 @@ class Repository:
         version = Version(
             document.application, document.version, bundle.sha256, document.launch, document.job, order.tags
         )
-        return Resolved(trusted, Deployment(version, bundle, condition))
+        return Deployment(version, bundle, condition)
 
     def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
         """Holds the metadata that TUF accepted against what the journal remembers."""

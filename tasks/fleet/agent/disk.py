@@ -1,0 +1,64 @@
+"""Versions on the robot's disk: exchanged at once, removed when none needs them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from typing import Collection
+
+from .deployment import Version
+from .errors import StepFailed, disk_failure
+from .journal import sync_folder
+from .settings import Home
+
+
+def prepare(home: Home) -> None:
+    """Makes the folders of a home; others may read them, as applications have users of their own."""
+    for folder in (home.folder, home.versions, home.logs):
+        folder.mkdir(parents=True, exist_ok=True)
+        folder.chmod(0o755)
+    home.downloads.mkdir(exist_ok=True)
+
+
+def switch(home: Home, version: Version | None) -> None:
+    """Makes `current` lead to a version, or to none; readers always see the one or the other.
+
+    Raises:
+        StepFailed: the version is not there, or the disk is full.
+    """
+    try:
+        if version is None:
+            home.current.unlink(missing_ok=True)
+        else:
+            _lead_to(home, version.folder)
+        sync_folder(home.folder)
+    except OSError as error:
+        raise disk_failure(error, "switching to the version") from error
+
+
+def _lead_to(home: Home, folder: str) -> None:
+    if not (home.folder / folder).is_dir():
+        raise StepFailed("EnvironmentSetupError", f"{folder} is gone from the robot's disk")
+    if home.current.is_symlink() and os.readlink(home.current) == folder:
+        return
+    link = home.folder / ".current.new"
+    link.unlink(missing_ok=True)
+    link.symlink_to(folder)
+    link.replace(home.current)
+
+
+def tidy(home: Home, kept: Collection[str]) -> None:
+    """Removes what was downloaded, and versions other than those; what cannot be removed stays for the next time.
+
+    Args:
+        home: the agent's.
+        kept: folders of versions, below the home.
+    """
+    for file in home.downloads.iterdir():
+        file.unlink()
+    for application in home.versions.iterdir():
+        for folder in application.iterdir():
+            if f"versions/{application.name}/{folder.name}" not in kept:
+                shutil.rmtree(folder, ignore_errors=True)
+        if not any(application.iterdir()):
+            application.rmdir()

@@ -1,0 +1,120 @@
+"""The application that runs: started, watched, started again with growing pauses, stopped with all it has started."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from contextlib import suppress
+from typing import Any, Callable
+
+from ..deployment import Version
+from ..errors import StepFailed, disk_failure
+from ..settings import Home, Options
+from .launching import environment, launch_command
+from .leftovers import kill_leftovers
+from .sandbox import Sandbox
+
+_LONGEST_PAUSE_S = 60.0
+_STEADY_S = 60.0
+"""An application that was up so long is started again at once."""
+
+
+class Application:
+    """At most one running application.
+
+    Args:
+        home: the agent's.
+        options: how long it may take to stop.
+        sandbox: its rights.
+        monotonic: a clock that only goes forward, in seconds.
+        start: starts a process; `subprocess.Popen`.
+    """
+
+    def __init__(
+        self,
+        home: Home,
+        options: Options,
+        sandbox: Sandbox,
+        monotonic: Callable[[], float],
+        start: Callable[..., Any] = subprocess.Popen,
+    ) -> None:
+        self._home = home
+        self._options = options
+        self._sandbox = sandbox
+        self._monotonic = monotonic
+        self._start = start
+        self._process: Any = None
+        self._version: Version | None = None
+        self._since_s = 0.0
+        self._failures = 0
+        self.due_s: float | None = None
+        """When it is started again, by the monotonic clock."""
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has been started, and its end was not told."""
+        return self._process is not None
+
+    def start(self, version: Version) -> None:
+        """Starts a version's application.
+
+        Raises:
+            StepFailed: it cannot be started.
+        """
+        self.due_s = None
+        folder = self._home.folder / version.folder
+        command = launch_command(folder, version.launch)
+        try:
+            data = self._sandbox.data_folder(version.application)
+            self._process = self._start(
+                self._sandbox.wrap(command, data),
+                cwd=folder,
+                env=environment(self._home, version, data),
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+                **self._sandbox.rights,
+            )
+        except OSError as error:
+            raise disk_failure(error, f"starting {command[0]}") from error
+        self._version, self._since_s = version, self._monotonic()
+
+    def ended(self) -> str | None:
+        """Says once how it ended by itself; `None`: it runs, or was not started. It is due again after a pause."""
+        if self._process is None or (code := self._process.poll()) is None:
+            return None
+        up_s = self._monotonic() - self._since_s
+        self._kill_rest()
+        self.fall_back(was_steady=up_s >= _STEADY_S)
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return f"the application ended with {how} after {up_s:.1f} s"
+
+    def fall_back(self, *, was_steady: bool = False) -> None:
+        """Makes the next start wait, longer after each failure."""
+        self._failures = 0 if was_steady else self._failures + 1
+        pause_s = 0.0 if was_steady else min(_LONGEST_PAUSE_S, 2.0 ** min(self._failures, 10) / 2)
+        self.due_s = self._monotonic() + pause_s
+
+    def stop(self) -> None:
+        """Stops it: asks it to end, waits, kills what is left of it."""
+        self.due_s, self._failures = None, 0
+        if self._process is None:
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGTERM)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(self._options.stop_s)
+        self._kill_rest()
+
+    def _kill_rest(self) -> None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        assert self._version is not None
+        kill_leftovers(self._home.folder, self._version.folder)
+        self._process = None
+
+
+def start_failed(error: StepFailed) -> str:
+    """What is logged where the running version cannot be started."""
+    return f"the application cannot be started: {error.reason}"

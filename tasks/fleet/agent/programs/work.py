@@ -1,0 +1,200 @@
+"""What goes on while the agent polls: the child, a script, or the watch over a new version."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Callable
+
+from ..child.answers import events_of
+from ..states import Event, Failed, Passed, Phase
+
+_READ_BYTES = 1 << 16
+_SHOWN_BYTES = 300
+
+
+class ChildWork:
+    """A child that does a phase.
+
+    Args:
+        process: started with its standard output as a pipe.
+        phase: what it does.
+    """
+
+    def __init__(self, process: Any, phase: Phase) -> None:
+        self._process = process
+        self._phase = phase
+        self._rest = b""
+        self._has_answered = False
+        self.percent: int | None = None
+        """How much is done."""
+
+        self.later: str | None = None
+        """Why it has to be tried again later."""
+
+        self.due_s: float | None = None
+        """It says itself when it is done."""
+
+        os.set_blocking(process.stdout.fileno(), False)
+
+    @property
+    def pipe(self) -> int | None:
+        """What can be waited for."""
+        return None if self._process.stdout.closed else self._process.stdout.fileno()
+
+    def poll(self) -> list[Event]:
+        """What has happened since the last time."""
+        if self._process.stdout.closed:
+            return []
+        events: list[Event] = []
+        while (chunk := self._read()) is not None:
+            if not chunk:
+                return [*events, *self._end()]
+            *lines, self._rest = (self._rest + chunk).split(b"\n")
+            for line in lines:
+                events += self._heard(json.loads(line))
+        return events
+
+    def stop(self) -> None:
+        """Ends the child."""
+        _kill(self._process)
+        self._process.stdout.close()
+
+    def _read(self) -> bytes | None:
+        try:
+            return os.read(self._process.stdout.fileno(), _READ_BYTES)
+        except BlockingIOError:
+            return None
+
+    def _heard(self, content: dict[str, Any]) -> list[Event]:
+        self.percent = content.get("progress", self.percent)
+        self.later = content.get("later", self.later)
+        self._has_answered |= bool({"passed", "failed", "later", "deployment"} & set(content))
+        return events_of(content, self._phase)
+
+    def _end(self) -> list[Event]:
+        self._process.stdout.close()
+        code = self._process.wait()
+        if self._has_answered:
+            return []
+        return [Failed(self._phase, "EnvironmentSetupError", f"the agent's child ended with code {code}; see its log")]
+
+
+class ScriptWork:
+    """A program that decides by its exit code.
+
+    Args:
+        process: started, with its output in a file.
+        phase: what it does.
+        name: what it is called in reasons.
+        code: failure code.
+        log: its output.
+        due_s: until when it has to have ended, by the monotonic clock.
+        monotonic: that clock.
+    """
+
+    percent = None
+    later = None
+    pipe = None
+
+    def __init__(
+        self,
+        process: Any,
+        phase: Phase,
+        name: str,
+        code: str,
+        log: Path,
+        due_s: float,
+        monotonic: Callable[[], float],
+    ) -> None:
+        self._process = process
+        self._phase = phase
+        self._name = name
+        self._code = code
+        self._log = log
+        self._monotonic = monotonic
+        self._is_over = False
+        self.due_s: float | None = due_s
+        """When it has taken too long."""
+
+    def poll(self) -> list[Event]:
+        """What has happened since the last time."""
+        if self._is_over:
+            return []
+        code = self._process.poll()
+        if code is None and (self.due_s is None or self._monotonic() < self.due_s):
+            return []
+        self._is_over, self.due_s = True, None
+        if code == 0:
+            return [Passed(self._phase)]
+        if code is None:
+            self.stop()
+            return [Failed(self._phase, self._code, f"{self._name} took too long")]
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return [Failed(self._phase, self._code, f"{self._name} ended with {how}{self._said()}")]
+
+    def stop(self) -> None:
+        """Ends the program."""
+        _kill(self._process)
+
+    def _said(self) -> str:
+        with suppress(OSError):
+            lines = self._log.read_bytes()[-_SHOWN_BYTES:].decode(errors="replace").strip().splitlines()
+            return f": {lines[-1]}" if lines else ""
+        return ""
+
+
+class Watch:
+    """The time in which a new version has to stay up, and the health command at its end.
+
+    Args:
+        due_s: when it ends, by the monotonic clock.
+        monotonic: that clock.
+        check: starts the health command; `None`: there is none.
+    """
+
+    percent = None
+    later = None
+    pipe = None
+
+    def __init__(self, due_s: float, monotonic: Callable[[], float], check: Callable[[], ScriptWork] | None) -> None:
+        self._until_s = due_s
+        self._monotonic = monotonic
+        self._check = check
+        self._checking: ScriptWork | None = None
+        self._is_over = False
+
+    @property
+    def due_s(self) -> float | None:
+        """When there is something to look at."""
+        if self._checking is not None:
+            return self._checking.due_s
+        return None if self._is_over else self._until_s
+
+    def poll(self) -> list[Event]:
+        """What has happened since the last time."""
+        if self._checking is not None:
+            return self._checking.poll()
+        if self._is_over or self._monotonic() < self._until_s:
+            return []
+        self._is_over = True
+        if self._check is None:
+            return [Passed(Phase.WATCHING)]
+        self._checking = self._check()
+        return self._checking.poll()
+
+    def stop(self) -> None:
+        """Ends the health command."""
+        if self._checking is not None:
+            self._checking.stop()
+
+
+def _kill(process: Any) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(10)
