@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-from typing import Collection
+from collections.abc import Collection
 
 from .deployment import Version
 from .errors import StepFailed, disk_failure
@@ -39,7 +38,7 @@ def switch(home: Home, version: Version | None) -> None:
 def _lead_to(home: Home, folder: str) -> None:
     if not (home.folder / folder).is_dir():
         raise StepFailed("EnvironmentSetupError", f"{folder} is gone from the robot's disk")
-    if home.current.is_symlink() and os.readlink(home.current) == folder:
+    if home.current.is_symlink() and home.current.resolve() == (home.folder / folder).resolve():
         return
     link = home.folder / ".current.new"
     link.unlink(missing_ok=True)

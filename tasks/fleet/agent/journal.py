@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any
 
 from .deployment import Order, deployment_of, version_of
 from .errors import AgentError
@@ -63,7 +64,9 @@ class Journal:
         except ValueError as error:
             raise AgentError(f"{self._path} is no JSON: {error}; enroll again with --again to begin anew") from None
         if not isinstance(content, dict) or content.get("format") != FORMAT:
-            raise AgentError(f"{self._path} has another format than {FORMAT}; use the agent that wrote it, or a newer one")
+            raise AgentError(
+                f"{self._path} has another format than {FORMAT}; use the agent that wrote it, or a newer one"
+            )
         return _state(content)
 
     def save(self, state: State) -> None:

@@ -9,8 +9,9 @@ import http.client
 import json
 import re
 import ssl
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Mapping
+from typing import Any
 from urllib.parse import urlsplit
 
 from .deployment import Order
@@ -42,7 +43,7 @@ class Refused(AgentError):
     """The server answered, and said no."""
 
     def __init__(self, status: int, path: str) -> None:
-        super().__init__(f"{path}: the server answered {status}")
+        super().__init__(f"it answers {path or 'polls'} with HTTP status {status}")
         self.status = status
         """HTTP status."""
 
@@ -96,30 +97,34 @@ class Server:
         """
         content = self._get("")
         links = content.get("_links")
-        hrefs = [link.get("href") for link in (links.values() if isinstance(links, dict) else []) if isinstance(link, dict)]
+        hrefs = [
+            link.get("href") for link in (links.values() if isinstance(links, dict) else []) if isinstance(link, dict)
+        ]
         found = {match[1]: int(match[2]) for match in (_LINK.search(str(href)) for href in hrefs) if match}
-        polling = content.get("config") if isinstance(content.get("config"), dict) else {}
         return Poll(
-            _sleep_s(polling),
+            _sleep_s(content.get("config")),
             found.get("deploymentBase"),
             found.get("cancelAction"),
             isinstance(links, dict) and "configData" in links,
         )
 
     def order(self, action_id: int) -> Order | None:
-        """Reads an order; `None`: it is gone, or not one for an agent.
+        """Reads an order; `None`: it is gone. One that is none for an agent has no target.
 
         Raises:
             TryLater: there is no answer.
         """
         try:
             content = self._get(f"/deploymentBase/{action_id}")
+        except Refused:
+            return None
+        try:
             metadata = content["deployment"]["chunks"][0]["metadata"]
             entries = {entry["key"]: entry["value"] for entry in metadata}
             tags = json.loads(entries.get(TAGS_KEY, "{}"))
             return Order(action_id, str(entries[TARGET_KEY]), {str(key): str(value) for key, value in tags.items()})
-        except (Refused, LookupError, TypeError, ValueError, AttributeError):
-            return None
+        except (LookupError, TypeError, ValueError, AttributeError):
+            return Order(action_id, "")
 
     def tell_end(self, end: End) -> bool:
         """Says how an order ended; returns whether the server knows it now, or does not know the order.
@@ -155,7 +160,11 @@ class Server:
         Raises:
             TryLater: there is no answer.
         """
-        status = {"execution": "rejected", "result": {"finished": "none"}, "details": ["the new version is being tried"]}
+        status = {
+            "execution": "rejected",
+            "result": {"finished": "none"},
+            "details": ["the new version is being tried"],
+        }
         self._post(f"/cancelAction/{action_id}/feedback", {"status": status})
 
     def tell_attributes(self, attributes: Mapping[str, str]) -> None:
@@ -194,8 +203,8 @@ class Server:
         return status, answer
 
 
-def _sleep_s(config: Mapping[str, Any]) -> float:
-    polling = config.get("polling")
+def _sleep_s(config: Any) -> float:
+    polling = config.get("polling") if isinstance(config, dict) else None
     found = _SLEEP.fullmatch(str(polling.get("sleep") if isinstance(polling, dict) else ""))
     if found is None:
         return 30.0

@@ -12,15 +12,16 @@ it is begun. So a state with its phase says all that a restarted agent needs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Mapping, Union
+from typing import Union
 
 from .deployment import Deployment, Order, Version
 from .failure_codes import NUMBERS
 
 MAX_RESTARTS = 5
-"""Restarts of the agent while a new version is tried; then it goes back, since the version may be what stops the robot."""
+"""Of the agent while a new version is tried; then it goes back, since that version may be what stops the robot."""
 
 
 class Phase(str, Enum):
@@ -202,6 +203,11 @@ def advance(state: State, event: Event) -> State:
         return replace(state, end=replace(state.end, is_delivered=True)) if is_it and state.end else state
     if state.order is None:
         return _cancelled_unknown(state, event) if isinstance(event, Cancelled) else state
+    return _carried_on(state, state.order, event)
+
+
+def _carried_on(state: State, order: Order, event: Event) -> State:
+    """The state after an event while there is an order."""
     if isinstance(event, Restarted):
         return _restarted(state)
     if isinstance(event, Checked):
@@ -214,7 +220,8 @@ def advance(state: State, event: Event) -> State:
         return state
     if isinstance(event, Withdrawn):
         return _idle(state)
-    return _ended(state, "canceled", "success") if event.action_id == state.order.action_id else state
+    is_it = isinstance(event, Cancelled) and event.action_id == order.action_id
+    return _ended(state, "canceled", "success") if is_it else state
 
 
 def _trusted(state: State, event: Trusted) -> State:

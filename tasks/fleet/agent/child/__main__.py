@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any
 
-from ..deployment import Order, deployment_of, plain
+from ..deployment import Order, deployment_of
 from ..errors import StepFailed, TryLater
 from ..settings import Home
 from ..states import Phase

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import http.client
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Callable, Iterator
+from typing import Callable
 from urllib.parse import quote
 
 from ..deployment import File

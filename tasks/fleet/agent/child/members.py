@@ -9,10 +9,11 @@ import struct
 import tarfile
 import zipfile
 import zlib
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Callable, Iterator
+from typing import IO, Any, cast, Callable
 
 from ..errors import StepFailed
 
@@ -62,7 +63,7 @@ def members(archive: Path) -> Iterator[Member]:
             yield from _of_zip(file)
         elif beginning.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=file) as unzipped:
-                yield from _of_tar(unzipped)
+                yield from _of_tar(cast("IO[bytes]", unzipped))
         elif beginning[257:] == b"ustar":
             yield from _of_tar(file)
         else:
@@ -87,7 +88,9 @@ def _of_tar(file: IO[bytes]) -> Iterator[Member]:
         for info in container:
             if not (info.isreg() or info.isdir()) or info.issparse():
                 raise bad_archive(f"member {info.name!r} is neither file nor folder")
-            yield Member(info.name, info.isdir(), bool(info.mode & stat.S_IXUSR), lambda info=info: _open(container, info))
+            yield Member(
+                info.name, info.isdir(), bool(info.mode & stat.S_IXUSR), lambda info=info: _open(container, info)
+            )
     if len(forward.latest) < tarfile.BLOCKSIZE or any(forward.latest):
         raise bad_archive("the archive is cut off, or a header of it is broken")
     if len(file.read(_LARGEST_READ_BYTES + 1)) > _LARGEST_READ_BYTES:  # reading on makes gzip compare its checksum
@@ -102,7 +105,7 @@ def _open(container: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
 
 
 class _Forward(io.RawIOBase):
-    """A file that only moves forward, and gives no large headers: crafted ones ask for gigabytes, or lead in circles."""
+    """A file that only moves forward, and has no large headers: crafted ones ask for gigabytes or lead in circles."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file: Any = file

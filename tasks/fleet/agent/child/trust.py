@@ -8,9 +8,10 @@ fresh, are in the agent's journal too, and hold here.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Callable, Iterator, Mapping
+from typing import Callable
 from urllib.parse import quote
 
 from tuf.api.exceptions import (
@@ -20,7 +21,6 @@ from tuf.api.exceptions import (
     LengthOrHashMismatchError,
     RepositoryError,
 )
-from tuf.api.metadata import TargetFile
 from tuf.ngclient import Updater
 from tuf.ngclient.fetcher import FetcherInterface
 
@@ -156,7 +156,7 @@ class Repository:
 
 def _found(updater: Updater, path: str) -> File:
     """Where a target is, with the length and the hash that were signed."""
-    target: TargetFile | None = updater.get_targetinfo(path)
+    target = updater.get_targetinfo(path)
     if target is None:
         raise StepFailed("ResourceNotFound", f"no role of the repository vouches for {path}")
     sha256 = target.hashes.get("sha256")

@@ -114,7 +114,9 @@ class _Extraction:
             while chunk := content.read(_CHUNK_BYTES):
                 self._size += len(chunk)
                 if self._size > self._most_bytes:
-                    raise bad_archive(f"member {member.name!r}: with it the bundle has more than {self._most_bytes} bytes")
+                    raise bad_archive(
+                        f"member {member.name!r}: with it the bundle has more than {self._most_bytes} bytes"
+                    )
                 target.write(chunk)
 
 

@@ -4,4 +4,4 @@
 May import: `..` of this package, `..child`.
 """
 
-__all__ = ["application", "launching", "leftovers", "sandbox", "work"]
+__all__ = ["application", "launching", "leftovers", "notify", "sandbox", "work"]

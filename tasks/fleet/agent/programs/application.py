@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Any, Callable
 
 from ..deployment import Version
-from ..errors import StepFailed, disk_failure
+from ..errors import disk_failure
 from ..settings import Home, Options
 from .launching import environment, launch_command
 from .leftovers import kill_leftovers
@@ -100,21 +100,19 @@ class Application:
         self.due_s, self._failures = None, 0
         if self._process is None:
             return
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGTERM)
+        self._signal(signal.SIGTERM)
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(self._options.stop_s)
         self._kill_rest()
 
+    def _signal(self, number: int) -> None:
+        if self._process.poll() is None:  # else the number may be another's by now
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, number)
+
     def _kill_rest(self) -> None:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        self._signal(signal.SIGKILL)
         self._process.wait()
         assert self._version is not None
         kill_leftovers(self._home.folder, self._version.folder)
         self._process = None
-
-
-def start_failed(error: StepFailed) -> str:
-    """What is logged where the running version cannot be started."""
-    return f"the application cannot be started: {error.reason}"

@@ -6,8 +6,9 @@ import os
 import shlex
 import shutil
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Callable, Mapping
+from typing import Callable
 
 from ..deployment import Launch, Version
 from ..errors import StepFailed
@@ -52,7 +53,8 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
     installed = which(file) if "/" not in file else None
     if installed is None:
         raise StepFailed(
-            "EnvironmentSetupError", f"launchFile: the bundle has none of {', '.join(places)}, and no program has the name"
+            "EnvironmentSetupError",
+            f"launchFile: the bundle has none of {', '.join(places)}, and no program has the name",
         )
     return [installed, *arguments]
 

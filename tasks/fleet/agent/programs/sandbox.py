@@ -13,9 +13,10 @@ import os
 import pwd
 import shutil
 import subprocess
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Mapping, Sequence
+from typing import Any
 
 from ..errors import AgentError
 from ..settings import Home, Options
@@ -106,7 +107,7 @@ def _works(sandbox: Sandbox) -> bool:
     if shutil.which(sandbox.kind) is None:
         return False
     try:
-        words = sandbox.wrap(["true"], sandbox.data_folder("robomaker-agent-probe"))
+        words = sandbox.wrap(["true"], sandbox.home.logs)
         quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         return subprocess.run(words, check=False, timeout=_PROBE_TIMEOUT_S, **quiet, **sandbox.rights).returncode == 0
     except (OSError, subprocess.SubprocessError):

@@ -194,6 +194,8 @@ class Watch:
 
 
 def _kill(process: Any) -> None:
+    if process.poll() is not None:
+        return  # what a script has left running is meant, and the number may be another's by now
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     with suppress(subprocess.TimeoutExpired):

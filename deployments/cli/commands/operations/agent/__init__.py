@@ -1,0 +1,3 @@
+"""The agent of a robot: enroll, run, status."""
+
+__all__: list[str] = []

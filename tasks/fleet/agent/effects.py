@@ -1,0 +1,200 @@
+"""Does what a phase stands for. Each can be done again from its beginning, after a power loss at any moment of it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any, Callable, Protocol, Union
+
+from .child.answers import request
+from .deployment import Version
+from .disk import switch, tidy
+from .errors import StepFailed, disk_failure
+from .programs.application import Application
+from .programs.launching import environment, script_command
+from .programs.leftovers import HOME_VARIABLE
+from .programs.sandbox import Sandbox
+from .programs.work import ChildWork, ScriptWork, Watch
+from .settings import Home, Options
+from .states import Event, Failed, Passed, Phase, State, kept, wanted
+
+
+class Work(Protocol):
+    """Something that goes on beside the polls."""
+
+    @property
+    def percent(self) -> int | None:
+        """How much of it is done."""
+
+    @property
+    def later(self) -> str | None:
+        """Why it has to be tried again later."""
+
+    @property
+    def due_s(self) -> float | None:
+        """When it has to be looked at, by the monotonic clock."""
+
+    @property
+    def pipe(self) -> int | None:
+        """What can be waited for."""
+
+    def poll(self) -> list[Event]:
+        """What has happened since the last time."""
+        ...
+
+    def stop(self) -> None:
+        """Ends it."""
+
+
+Begun = Union[Work, Sequence[Event]]
+"""Work that goes on, or the events of what is done already."""
+
+
+class Effects:
+    """Does what phases stand for.
+
+    Args:
+        home: the agent's.
+        options: time-outs, and the health command.
+        sandbox: rights of scripts.
+        application: what runs.
+        monotonic: a clock that only goes forward, in seconds.
+        start: starts a process; `subprocess.Popen`.
+    """
+
+    def __init__(
+        self,
+        home: Home,
+        options: Options,
+        sandbox: Sandbox,
+        application: Application,
+        monotonic: Callable[[], float],
+        start: Callable[..., Any] = subprocess.Popen,
+    ) -> None:
+        self._home = home
+        self._options = options
+        self._sandbox = sandbox
+        self._application = application
+        self._monotonic = monotonic
+        self._start = start
+        self._begin: dict[Phase, Callable[[State], Begun]] = {
+            Phase.IDLE: self._tidy,
+            Phase.VALIDATING: self._child,
+            Phase.CONDITION: self._condition,
+            Phase.DOWNLOADING: self._child,
+            Phase.PRE_LAUNCH: self._pre_launch,
+            Phase.LAUNCHING: self._launch,
+            Phase.POST_LAUNCH: self._post_launch,
+            Phase.WATCHING: self._watch,
+            Phase.RETURNING: self._launch,
+        }
+
+    def begin(self, state: State) -> Begun:
+        """Begins what the state's phase stands for."""
+        try:
+            return self._begin[state.phase](state)
+        except StepFailed as error:
+            return [Failed(state.phase, error.code, error.reason)]
+        except OSError as error:
+            failure = disk_failure(error, f"{state.phase.value} cannot be begun")
+            return [Failed(state.phase, failure.code, failure.reason)]
+
+    def restart(self, version: Version) -> None:
+        """Starts the version that shall run, where its application ended or the agent is new.
+
+        Raises:
+            StepFailed: it cannot be started.
+        """
+        switch(self._home, version)
+        self._application.start(version)
+
+    def _tidy(self, state: State) -> Begun:
+        tidy(self._home, kept(state))
+        return []
+
+    def _child(self, state: State) -> Begun:
+        package = __package__ or ""
+        process = self._start(
+            [sys.executable, "-m", f"{package}.child", str(self._home.folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, HOME_VARIABLE: str(self._home.folder)},
+            start_new_session=True,
+        )
+        try:
+            process.stdin.write(request(state, self._options.architecture or ""))
+            process.stdin.close()
+        except BrokenPipeError:
+            pass  # its end says so
+        return ChildWork(process, state.phase)
+
+    def _condition(self, state: State) -> Begun:
+        assert state.deployment is not None
+        assert state.deployment.condition is not None
+        file = state.deployment.condition
+        path = self._home.downloads / file.sha256
+        if hashlib.sha256(path.read_bytes()).hexdigest() != file.sha256:
+            raise StepFailed("EtagMismatch", f"{path} is not what was downloaded")
+        self._home.downloads.chmod(0o755)
+        path.chmod(0o755)
+        command = [str(path)] if path.read_bytes()[:2] in (b"#!", b"\x7fE") else ["/bin/sh", str(path)]
+        return self._script(state, state.deployment.version, command, "the condition file", "DownloadConditionFailed")
+
+    def _pre_launch(self, state: State) -> Begun:
+        assert state.deployment is not None
+        version = state.deployment.version
+        file = version.launch.before
+        return self._file(state, version, file, "preLaunchFile", "PreLaunchFileFailure")
+
+    def _post_launch(self, state: State) -> Begun:
+        assert state.deployment is not None
+        version = state.deployment.version
+        file = version.launch.after
+        return self._file(state, version, file, "postLaunchFile", "PostLaunchFileFailure")
+
+    def _file(self, state: State, version: Version, file: str | None, name: str, code: str) -> Begun:
+        if file is None:
+            return [Passed(state.phase)]
+        command = script_command(self._home.folder / version.folder, file, code)
+        return self._script(state, version, command, name, code)
+
+    def _script(self, state: State, version: Version, command: Sequence[str], name: str, code: str) -> ScriptWork:
+        data = self._sandbox.data_folder(version.application)
+        folder = self._home.folder / version.folder
+        log = self._home.logs / f"{state.phase.value}.log"
+        with log.open("wb") as output:
+            process = self._start(
+                self._sandbox.wrap(command, data),
+                cwd=folder if folder.is_dir() else data,
+                env=environment(self._home, version, data),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                **self._sandbox.rights,
+            )
+        due_s = self._monotonic() + self._options.script_timeout_s
+        return ScriptWork(process, state.phase, name, code, log, due_s, self._monotonic)
+
+    def _launch(self, state: State) -> Begun:
+        """Stops what runs, and starts what shall run: the new version, or the good one again."""
+        version = wanted(state)
+        self._application.stop()
+        switch(self._home, version)
+        if version is not None:
+            self._application.start(version)
+        return [Passed(state.phase)]
+
+    def _watch(self, state: State) -> Begun:
+        assert state.deployment is not None
+        version, command = state.deployment.version, self._options.health_command
+
+        def check() -> ScriptWork:
+            words = ["/bin/sh", "-c", command or "true"]
+            return self._script(state, version, words, "the health command", "RobotDeploymentAborted")
+
+        due_s = self._monotonic() + self._options.health_s
+        return Watch(due_s, self._monotonic, check if command else None)

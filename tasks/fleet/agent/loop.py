@@ -1,0 +1,210 @@
+"""The agent's loop: polls the server, does what the state says, keeps the application running.
+
+One thread. It sleeps until the next poll, or until a process of its own ends or says something.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Callable, Protocol
+
+from .deployment import Order
+from .effects import Effects, Work
+from .errors import StepFailed
+from .polls import Polls
+from .programs.application import Application
+from .programs.notify import Notifier
+from .states import TRIED, Event, Failed, Phase, Restarted, State, advance, wanted
+
+_HELD_S = 5.0
+"""Between two tries to write the journal on a full disk."""
+
+
+class Keeper(Protocol):
+    """What keeps the state: the journal."""
+
+    def save(self, state: State) -> None:
+        """Saves a state, durably."""
+
+
+class Agent:
+    """An agent.
+
+    Args:
+        state: what the journal has.
+        journal: keeps the state.
+        polls: talks with the server.
+        effects: does what phases stand for.
+        application: what runs.
+        monotonic: a clock that only goes forward, in seconds.
+        wait: sleeps for seconds at most, or until one of some pipes can be read or a process ends.
+        notifier: tells systemd.
+        say: logs a line.
+    """
+
+    def __init__(
+        self,
+        state: State,
+        journal: Keeper,
+        polls: Polls,
+        effects: Effects,
+        application: Application,
+        monotonic: Callable[[], float],
+        wait: Callable[[float, list[int]], None],
+        notifier: Notifier,
+        say: Callable[[str], None],
+    ) -> None:
+        self.state = state
+        self._journal = journal
+        self._polls = polls
+        self._effects = effects
+        self._application = application
+        self._monotonic = monotonic
+        self._wait = wait
+        self._notifier = notifier
+        self._say = say
+        self._events: deque[Event] = deque()
+        self._held_until_s = 0.0
+        self._is_held = False
+        self._work: Work | None = None
+        self._begun: tuple[Phase, Order | None] | None = None
+        self._again_s: float | None = None
+        self.is_stopping = False
+        """Set by signals."""
+
+    def run(self) -> None:
+        """Runs until `is_stopping`."""
+        self.start()
+        self._notifier.ready()
+        while not self.is_stopping:
+            self.step()
+            self._notifier.alive()
+            self._wait(self._pause_s(), self._pipes())
+        self.stop()
+
+    def start(self) -> None:
+        """Goes on from the journal: first what has to run, then what was being done."""
+        self._events.append(Restarted())
+        self._settle(begin=False)
+        version = wanted(self.state)
+        if version is not None and self.state.phase not in (Phase.LAUNCHING, Phase.RETURNING):
+            self._start_application()
+
+    def step(self) -> None:
+        """Looks at everything once."""
+        self._look_at_application()
+        self._look_at_work()
+        self._settle()
+        if self._polls.due_s <= self._monotonic():
+            self._events += self._polls.poll(self.state, self._work.percent if self._work else None)
+            self._settle()
+        if self.state.end is not None and not self.state.end.is_delivered:
+            self._events += self._polls.deliver(self.state.end)
+            self._settle()
+
+    def stop(self) -> None:
+        """Ends what runs; the journal says what to start again."""
+        if self._work is not None:
+            self._work.stop()
+        self._application.stop()
+
+    def _settle(self, *, begin: bool = True) -> None:
+        """Takes all events; each state is on disk before anything is done about it."""
+        while True:
+            while self._events and self._monotonic() >= self._held_until_s:
+                if not self._take(self._events[0]):
+                    return
+                self._events.popleft()
+            if not begin or self._events or self._begun == (self.state.phase, self.state.order):
+                return
+            self._begin()
+
+    def _take(self, event: Event) -> bool:
+        state = advance(self.state, event)
+        if state == self.state:
+            return True
+        try:
+            self._journal.save(state)
+        except OSError as error:
+            if not self._is_held:
+                self._say(f"the journal cannot be written, nothing is done until it can: {error}")
+            self._is_held, self._held_until_s = True, self._monotonic() + _HELD_S
+            return False
+        self._is_held = False
+        if state.phase is not self.state.phase:
+            self._say(_told(state))
+        self.state = state
+        return True
+
+    def _begin(self) -> None:
+        if self._work is not None:
+            self._work.stop()
+        self._work, self._again_s = None, None
+        self._begun = (self.state.phase, self.state.order)
+        if self.state.order is not None:
+            self._polls.tell_step(self.state)
+        begun = self._effects.begin(self.state)
+        if isinstance(begun, (list, tuple)):
+            self._events += begun
+        else:
+            self._work = begun  # type: ignore[assignment]
+
+    def _look_at_work(self) -> None:
+        if self._work is not None:
+            self._events += self._work.poll()
+            if self._work.later is not None and self._work.pipe is None:
+                self._again_s = self._polls.later(self._work.later)
+                self._work = None
+        elif self._again_s is not None and self._monotonic() >= self._again_s:
+            self._again_s, self._begun = None, None
+
+    def _look_at_application(self) -> None:
+        how = self._application.ended()
+        if how is not None:
+            self._say(how)
+            if self.state.phase in TRIED:
+                self._fail(f"the new version is unhealthy: {how}")
+        due_s = self._application.due_s
+        if due_s is not None and self._monotonic() >= due_s and self.state.phase not in TRIED:
+            self._start_application()
+
+    def _start_application(self) -> None:
+        version = wanted(self.state)
+        if version is None:
+            return
+        try:
+            self._effects.restart(version)
+        except StepFailed as error:
+            self._say(f"version {version.version} cannot be started: {error.reason}")
+            self._application.fall_back()
+            if self.state.phase in TRIED:
+                self._fail(f"the new version cannot be started: {error.reason}")
+
+    def _fail(self, reason: str) -> None:
+        self._events.append(Failed(self.state.phase, "RobotDeploymentAborted", reason))
+
+    def _pause_s(self) -> float:
+        due = [self._polls.due_s, self._again_s, self._application.due_s]
+        due += [self._work.due_s] if self._work is not None else []
+        due += [self._held_until_s] if self._events else []
+        pause_s = min(due_s for due_s in due if due_s is not None) - self._monotonic()
+        longest_s = self._notifier.interval_s
+        return max(0.0, pause_s if longest_s is None else min(pause_s, longest_s))
+
+    def _pipes(self) -> list[int]:
+        pipe = None if self._work is None else self._work.pipe
+        return [] if pipe is None else [pipe]
+
+
+def _told(state: State) -> str:
+    """A line of the log for a new phase."""
+    if state.order is not None:
+        return f"order {state.order.action_id}: {state.phase.value}" + (
+            f", {state.failure[1]}" if state.failure else ""
+        )
+    if state.end is None:
+        return "the order is gone"
+    end = state.end
+    return f"order {end.order.action_id} ended: {end.execution}, {end.finished}" + "".join(
+        f"; {x}" for x in end.details
+    )

@@ -1,0 +1,160 @@
+"""What the agent and the server say to each other in the course of time: polls, steps, ends; and silence when away.
+
+A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Callable, Protocol
+
+from .deployment import Order
+from .errors import TryLater
+from .server import Poll, Refused
+from .states import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
+
+_MISSED = 3
+"""Polls without the open order, before it counts as withdrawn: a server that starts may not know it yet."""
+
+
+class Wire(Protocol):
+    """The server."""
+
+    def poll(self) -> Poll:
+        """Asks what there is to do."""
+        ...
+
+    def order(self, action_id: int) -> Order | None:
+        """Reads an order."""
+
+    def tell_end(self, end: End) -> bool:
+        """Says how an order ended."""
+        ...
+
+    def tell_step(self, action_id: int, step: str, percent: int | None) -> None:
+        """Says what is being done."""
+
+    def refuse_cancellation(self, action_id: int) -> None:
+        """Says that an order cannot be given up."""
+
+    def tell_attributes(self, attributes: Mapping[str, str]) -> None:
+        """Says what the robot is."""
+
+
+class Polls:
+    """Talks with the server, and knows when to do so again.
+
+    Args:
+        server: the server.
+        monotonic: a clock that only goes forward, in seconds.
+        chance: random numbers from 0 to below 1, so that robots do not all come back at once.
+        longest_wait_s: between two polls while the server is away.
+        attributes: what the robot says it is, for a state.
+        say: logs a line.
+    """
+
+    def __init__(
+        self,
+        server: Wire,
+        monotonic: Callable[[], float],
+        chance: Callable[[], float],
+        longest_wait_s: float,
+        attributes: Callable[[State], Mapping[str, str]],
+        say: Callable[[str], None],
+    ) -> None:
+        self._server = server
+        self._monotonic = monotonic
+        self._chance = chance
+        self._longest_wait_s = longest_wait_s
+        self._attributes = attributes
+        self._say = say
+        self._failures = 0
+        self._retries = 0
+        self._missed = 0
+        self._told: tuple[int, str, int | None] | None = None
+        self._deliver_s = 0.0
+        self.due_s = monotonic()
+        """When to poll next, by the monotonic clock."""
+
+    def poll(self, state: State, percent: int | None) -> list[Event]:
+        """Polls once; returns what the server wants."""
+        try:
+            self.tell_step(state, percent)
+            found = self._server.poll()
+            events = self._events(found, state)
+            if found.wants_attributes:
+                self._server.tell_attributes(self._attributes(state))
+        except (TryLater, Refused) as error:
+            self._away(error)
+            return []
+        self._back()
+        self.due_s = self._monotonic() + found.sleep_s
+        return events
+
+    def deliver(self, end: End) -> list[Event]:
+        """Says how an order ended, when that is due; robots that never said they began would not be believed."""
+        if self._monotonic() < self._deliver_s:
+            return []
+        order = end.order
+        try:
+            if end.execution == "closed" and (self._told is None or self._told[0] != order.action_id):
+                self._server.tell_step(order.action_id, STEPS[Phase.WATCHING], None)
+            if self._server.tell_end(end):
+                self._back()
+                return [Delivered(order)]
+        except TryLater as error:
+            self._away(error)
+        self._deliver_s = self._monotonic() + self._pause_s(max(1, self._failures))
+        return []
+
+    def tell_step(self, state: State, percent: int | None = None) -> None:
+        """Says what is being done, if that is new; only a poll tells that the server is away."""
+        if state.order is None:
+            return
+        step = STEPS[state.phase]
+        percent = percent if state.phase is Phase.DOWNLOADING else None
+        told = (state.order.action_id, step, percent)
+        if told == self._told:
+            return
+        try:
+            self._server.tell_step(*told)
+        except TryLater:
+            return
+        self._told, self._retries = told, 0
+
+    def later(self, reason: str) -> float:
+        """When to try again what the server could not give, by the monotonic clock."""
+        self._retries += 1
+        if self._retries == 1:
+            self._say(f"the download has to wait: {reason}")
+        return self._monotonic() + self._pause_s(self._retries)
+
+    def _events(self, found: Poll, state: State) -> list[Event]:
+        open_id = state.order.action_id if state.order is not None else None
+        self._missed = self._missed + 1 if open_id is not None and found.order is None and found.cancel is None else 0
+        if found.cancel is not None:
+            if found.cancel == open_id and state.phase not in BEFORE_SWITCH:
+                self._server.refuse_cancellation(found.cancel)
+                return []
+            return [Cancelled(found.cancel)]
+        if self._missed >= _MISSED:
+            return [Withdrawn()]
+        if found.order is None or found.order == open_id:
+            return []
+        order = self._server.order(found.order)
+        return [] if order is None else [Ordered(order)]
+
+    def _away(self, error: Exception) -> None:
+        self._failures += 1
+        if self._failures == 1:
+            self._say(f"the server is away: {error}")
+        self.due_s = self._monotonic() + self._pause_s(self._failures)
+
+    def _back(self) -> None:
+        if self._failures:
+            self._say("the server is back")
+        self._failures = 0
+        self._deliver_s = 0.0
+
+    def _pause_s(self, failures: int) -> float:
+        return min(self._longest_wait_s, 2.0 ** min(failures - 1, 20)) * (0.5 + self._chance() / 2)
