@@ -13,4 +13,13 @@ the standard library, `tuf` and `securesystemslib`, and runs on Python 3.9.
 May import: `.child`, `.programs`.
 """
 
-__all__ = ["command_line", "errors", "failure_codes"]
+__all__ = [
+    "command_line",
+    "deployment",
+    "errors",
+    "failure_codes",
+    "journal",
+    "server",
+    "settings",
+    "states",
+]

@@ -3,7 +3,7 @@
 
 `python -m …child HOME` reads one request from standard input, and answers by lines of JSON.
 
-May import: `..` of this package.
+May import: `tasks.fleet.agent`.
 """
 
 __all__ = ["answers"]

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast, Callable
+from typing import IO, Any, Callable, cast
 
 from ..errors import StepFailed
 
