@@ -72,6 +72,10 @@ class End:
     details: tuple[str, ...] = ()
     is_delivered: bool = False
 
+    def is_of(self, order: Order) -> bool:
+        """Whether it is that order's; one that was canceled before it was read is known by its number alone."""
+        return self.order.action_id == order.action_id and self.order.target in ("", order.target)
+
 
 @dataclass(frozen=True)
 class State:
@@ -235,7 +239,7 @@ def _ordered(state: State, order: Order) -> State:
         # Another order in place of this one: the server has forgotten this one.
         can_change = state.phase in BEFORE_SWITCH and order != state.order
         return replace(_idle(state), phase=Phase.VALIDATING, order=order) if can_change else state
-    if state.end is not None and (state.end.order == order or not state.end.is_delivered):
+    if state.end is not None and (state.end.is_of(order) or not state.end.is_delivered):
         return replace(state, end=replace(state.end, is_delivered=False))
     return replace(state, phase=Phase.VALIDATING, order=order, deployment=None, failure=None, restarts=0)
 

@@ -1,0 +1,236 @@
+"""The agent's state machine: whatever fails and whenever the power goes, the journal names versions that are there."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Launch, Order, Version
+from prefect_robomaker.tasks.fleet.agent.failure_codes import NUMBERS
+from prefect_robomaker.tasks.fleet.agent.states import (
+    BEFORE_SWITCH,
+    MAX_RESTARTS,
+    TRIED,
+    Cancelled,
+    Checked,
+    Delivered,
+    End,
+    Event,
+    Failed,
+    Ordered,
+    Passed,
+    Phase,
+    Restarted,
+    State,
+    Trusted,
+    Withdrawn,
+    advance,
+    kept,
+    wanted,
+)
+
+
+def version(number: int) -> Version:
+    return Version("courier", str(number), f"{number:064x}", Launch("courier", "drive"), f"job-{number}")
+
+
+def deployment(number: int, *, has_condition: bool = False) -> Deployment:
+    bundle = File("x", 1, f"{number:064x}")
+    return Deployment(version(number), bundle, File("y", 1, "0" * 64) if has_condition else None)
+
+
+def order(number: int) -> Order:
+    return Order(number, f"applications/courier/deployments/{number}.json")
+
+
+def state_in(phase: Phase, **changes: object) -> State:
+    """A state with order 2 in a phase, while version 1 is good."""
+    found = None if phase is Phase.VALIDATING else deployment(2)
+    failure = ("RobotDeploymentAborted", "it was unhealthy") if phase is Phase.RETURNING else None
+    return replace(State(phase, order(2), found, version(1), failure=failure), **changes)  # type: ignore[arg-type]
+
+
+class Robot:
+    """A robot as the state machine sees it: a disk with complete versions, and a journal."""
+
+    def __init__(self) -> None:
+        self.state = State()
+        self.disk: set[str] = set()
+        self.offered = 0
+        self.ends: dict[int, list[End]] = {}
+
+    def take(self, event: Event) -> None:
+        """The journal has the next state, then its effect may begin."""
+        self.state = advance(self.state, event)
+        named = [wanted(self.state), self.state.good, self.state.previous]
+        assert {each.folder for each in named if each is not None} <= self.disk
+
+    def effect(self, is_done: bool) -> None:
+        """The effect of the phase reaches the disk, or is cut before that."""
+        if self.state.phase is Phase.DOWNLOADING and is_done and self.state.deployment is not None:
+            self.disk.add(self.state.deployment.version.folder)
+        if self.state.phase is Phase.IDLE and is_done:
+            self.disk &= kept(self.state)
+
+    def passed(self) -> Event:
+        """What happens when the effect works."""
+        if self.state.phase is Phase.VALIDATING:
+            number = self.state.order.action_id if self.state.order else 0
+            return Checked(deployment(1 + number % 3, has_condition=number % 2 == 0))
+        return Passed(self.state.phase)
+
+    def deliver(self) -> None:
+        """The server hears how the order ended."""
+        if self.state.end is not None and not self.state.end.is_delivered:
+            self.ends.setdefault(self.state.end.order.action_id, []).append(self.state.end)
+            self.take(Delivered(self.state.end.order))
+
+
+STEPS = st.lists(
+    st.tuples(
+        st.sampled_from(["order", "same", "pass", "pass", "pass", "fail", "kill", "cancel", "withdraw", "deliver"]),
+        st.booleans(),
+        st.sampled_from(sorted(NUMBERS)),
+    ),
+    max_size=60,
+)
+
+
+@settings(max_examples=400)
+@given(STEPS)
+def test_the_journal_always_names_versions_that_are_on_disk(steps: list[tuple[str, bool, str]]) -> None:
+    robot = Robot()
+    for what, is_done, code in steps:
+        if what == "order":
+            robot.offered += robot.state.order is None
+            robot.take(Ordered(order(robot.offered)))
+        elif what == "same":
+            robot.take(Ordered(order(max(1, robot.offered))))
+        elif what == "pass":
+            robot.effect(is_done=True)
+            robot.take(robot.passed())
+        elif what == "fail":
+            robot.effect(is_done)
+            robot.take(Failed(robot.state.phase, code, "it failed"))
+        elif what == "kill":
+            robot.effect(is_done)
+            robot.take(Restarted())
+        elif what == "cancel":
+            robot.take(Cancelled(robot.offered))
+        elif what == "withdraw":
+            robot.take(Withdrawn())
+        else:
+            robot.deliver()
+
+    for ends in robot.ends.values():
+        assert all(end == ends[0] for end in ends), "an order ends once, or the same again"
+
+
+@given(STEPS)
+def test_every_order_comes_to_an_end(steps: list[tuple[str, bool, str]]) -> None:
+    """Whatever has happened: where everything works from now on, a few steps lead to the end."""
+    robot = Robot()
+    robot.take(Ordered(order(1)))
+    for what, is_done, code in steps:
+        if what == "kill":
+            robot.take(Restarted())
+        elif what == "fail":
+            robot.effect(is_done)
+            robot.take(Failed(robot.state.phase, code, "it failed"))
+        elif what == "pass":
+            robot.effect(is_done=True)
+            robot.take(robot.passed())
+    for _ in range(len(Phase)):
+        robot.effect(is_done=True)
+        robot.take(robot.passed())
+
+    assert robot.state.phase is Phase.IDLE
+    assert robot.state.end is not None
+    assert (robot.state.end.finished == "success") == (robot.state.good is not None)
+
+
+@pytest.mark.parametrize("phase", BEFORE_SWITCH)
+def test_before_the_switch_an_order_is_given_up(phase: Phase) -> None:
+    after = advance(state_in(phase), Cancelled(2))
+
+    assert (after.phase, after.good) == (Phase.IDLE, version(1))
+    assert after.end is not None
+    assert after.end.execution == "canceled"
+
+
+@pytest.mark.parametrize("phase", [*TRIED, Phase.RETURNING])
+def test_after_the_switch_an_order_goes_on(phase: Phase) -> None:
+    assert advance(state_in(phase), Cancelled(2)) == state_in(phase)
+    assert advance(state_in(phase), Withdrawn()) == state_in(phase)
+
+
+@pytest.mark.parametrize("phase", TRIED)
+def test_a_version_that_fails_makes_room_for_the_good_one(phase: Phase) -> None:
+    going = advance(state_in(phase), Failed(phase, "RobotDeploymentAborted", "it was unhealthy"))
+    assert (going.phase, wanted(going)) == (Phase.RETURNING, version(1))
+
+    after = advance(going, Passed(Phase.RETURNING))
+    assert after.good == version(1)
+    assert after.end is not None
+    assert after.end.code == NUMBERS["RobotDeploymentAborted"]
+    assert "went back to version 1" in after.end.details[1]
+
+
+def test_a_healthy_version_is_the_good_one_and_the_last_one_stays() -> None:
+    after = advance(state_in(Phase.WATCHING), Passed(Phase.WATCHING))
+
+    assert (after.good, after.previous) == (version(2), version(1))
+    assert kept(after) == {version(1).folder, version(2).folder}
+
+
+def test_a_version_that_restarts_the_robot_again_and_again_is_given_up() -> None:
+    state = state_in(Phase.WATCHING)
+    for _ in range(MAX_RESTARTS):
+        state = advance(state, Restarted())
+        assert state.phase is Phase.WATCHING
+
+    assert advance(state, Restarted()).phase is Phase.RETURNING
+
+
+def test_an_order_that_comes_again_after_its_end_gets_the_same_answer() -> None:
+    ended = advance(state_in(Phase.WATCHING), Passed(Phase.WATCHING))
+    delivered = advance(ended, Delivered(order(2)))
+    assert delivered.end is not None
+    assert delivered.end.is_delivered
+
+    assert advance(delivered, Ordered(order(2))) == ended
+
+
+def test_no_other_order_begins_before_the_end_of_the_last_is_known() -> None:
+    ended = advance(state_in(Phase.WATCHING), Passed(Phase.WATCHING))
+
+    assert advance(ended, Ordered(order(3))) == ended
+    assert advance(advance(ended, Delivered(order(2))), Ordered(order(3))).phase is Phase.VALIDATING
+
+
+def test_another_order_replaces_one_that_was_not_switched_to() -> None:
+    assert advance(state_in(Phase.DOWNLOADING), Ordered(order(3))).order == order(3)
+    assert advance(state_in(Phase.WATCHING), Ordered(order(3))).order == order(2)
+
+
+def test_an_order_that_never_came_is_canceled_at_once() -> None:
+    after = advance(State(good=version(1)), Cancelled(7))
+
+    assert after.end == End(Order(7, ""), "canceled", "success")
+
+
+def test_floors_and_the_clock_never_go_back() -> None:
+    state = advance(State(), Trusted({"root": 3, "timestamp": 8}, 1000.0))
+    state = advance(state, Trusted({"timestamp": 7, "snapshot": 2}, 900.0))
+
+    assert state.floors == {"root": 3, "timestamp": 8, "snapshot": 2}
+    assert state.newest_s == 1000.0
+
+
+def test_an_event_of_a_phase_that_is_over_changes_nothing() -> None:
+    state = state_in(Phase.WATCHING)
+
+    assert advance(state, Passed(Phase.DOWNLOADING)) == state
+    assert advance(state, Failed(Phase.PRE_LAUNCH, "PreLaunchFileFailure", "late")) == state
+    assert advance(state, Checked(deployment(3))) == state
