@@ -21,7 +21,7 @@ from helpers.processes import descendants, wait_for
 from helpers.robot_orders import robot_order
 from helpers.tuf_repository import TufRepository
 
-from prefect_robomaker.deployments.robot_door.door import RobotDoor
+from prefect_robomaker.deployments.robot_door.door import DoorSettings, RobotDoor
 from prefect_robomaker.deployments.robot_door.ranges import part_of
 from prefect_robomaker.tasks.fleet.ddi.feedback import OrderEnd
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
@@ -53,6 +53,9 @@ class FleetServer:
     sent: dict[str, int] = field(default_factory=dict)
     """Bytes sent of each target."""
 
+    starts: dict[str, list[int]] = field(default_factory=dict)
+    """Where each request for a target began."""
+
     target_delay_s: float = 0.0
     """Before each 64 KiB of a target."""
 
@@ -71,6 +74,7 @@ class FleetServer:
             sink=self.heard.append,
             clock=time.time,
             chance=random.random,
+            settings=DoorSettings(idle_sleep_s=1),
         )
 
     def offer(self, action_id: int, target: str, **tags: str) -> None:
@@ -130,6 +134,7 @@ class FleetServer:
             return
         content = file.read_bytes()
         part = part_of(len(content), b"", dict(scope["headers"]).get(b"range"), None)
+        self.starts.setdefault(path, []).append(part.start)
         headers = [(b"content-length", b"%d" % (part.stop - part.start))]
         await send({"type": "http.response.start", "status": 200 if part.is_whole else 206, "headers": headers})
         stop = part.stop
@@ -274,10 +279,10 @@ class Rover:
 
 
 @contextmanager
-def rover(folder: Path, **members: Any) -> Iterator[Rover]:
+def rover(folder: Path, home: "Path | None" = None, **members: Any) -> Iterator[Rover]:
     """A robot that is enrolled; its agent is not started."""
     server = FleetServer(TufRepository(folder / "repository"))
-    agent = AgentProcess(folder / "home", **members)
+    agent = AgentProcess(home or folder / "home", **members)
     with serving(server) as url:
         enrolled = agent.enroll(url, server.repository.first_root)
         assert enrolled.returncode == 0, enrolled.stderr

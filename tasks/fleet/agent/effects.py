@@ -14,7 +14,7 @@ from .deployment import Version
 from .disk import switch, tidy
 from .errors import StepFailed, disk_failure
 from .programs.application import Application
-from .programs.launching import environment, script_command
+from .programs.launching import environment, interpreted, script_command
 from .programs.leftovers import HOME_VARIABLE
 from .programs.sandbox import Sandbox
 from .programs.work import ChildWork, ScriptWork, Watch
@@ -140,7 +140,7 @@ class Effects:
             raise StepFailed("EtagMismatch", f"{path} is not what was downloaded")
         self._home.downloads.chmod(0o755)
         path.chmod(0o755)
-        command = [str(path)] if path.read_bytes()[:2] in (b"#!", b"\x7fE") else ["/bin/sh", str(path)]
+        command = interpreted(path)
         return self._script(state, state.deployment.version, command, "the condition file", "DownloadConditionFailed")
 
     def _pre_launch(self, state: State) -> Begun:

@@ -49,7 +49,7 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
         what = [str(path)] if path is not None else [launch.package, file]
         return [ros, *(["launch"] if ros.endswith("ros2") else []), *what, *arguments]
     if path is not None:
-        return [*_interpreted(path), *arguments]
+        return [*interpreted(path), *arguments]
     installed = which(file) if "/" not in file else None
     if installed is None:
         raise StepFailed(
@@ -73,7 +73,7 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
     path = _inside(folder, file)
     if path is None:
         raise StepFailed(code, f"the bundle has no file {file}")
-    return _interpreted(path)
+    return interpreted(path)
 
 
 def environment(home: Home, version: Version, data: Path, base: Mapping[str, str] = os.environ) -> dict[str, str]:
@@ -102,9 +102,11 @@ def _inside(folder: Path, name: str) -> Path | None:
     return path if is_there else None
 
 
-def _interpreted(path: Path) -> list[str]:
-    """The command for a file, also where the archive did not keep that it is a program."""
-    if os.access(path, os.X_OK):
+def interpreted(path: Path) -> list[str]:
+    """The command for a file: a program as it is, also a script that does not say what it is written for."""
+    with path.open("rb") as file:
+        beginning = file.read(4)
+    if (beginning == b"\x7fELF" or beginning.startswith(b"#!")) and os.access(path, os.X_OK):
         return [str(path)]
     if path.suffix == ".py":
         return [shutil.which("python3") or sys.executable, str(path)]
