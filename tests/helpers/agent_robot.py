@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+
 from helpers.processes import descendants, wait_for
 from helpers.robot_orders import robot_order
 from helpers.tuf_repository import TufRepository
-
 from prefect_robomaker.deployments.robot_door.door import DoorSettings, RobotDoor
 from prefect_robomaker.deployments.robot_door.ranges import part_of
 from prefect_robomaker.tasks.fleet.ddi.feedback import OrderEnd

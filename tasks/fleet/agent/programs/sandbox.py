@@ -51,7 +51,8 @@ class Sandbox:
 
     def _bubble(self, data: Path) -> list[str]:
         words = ["bwrap", "--ro-bind", "/", "/", "--dev-bind", "/dev", "/dev", "--bind", "/tmp", "/tmp"]  # noqa: S108
-        words += ["--bind", str(data), str(data), "--die-with-parent"]
+        home = str(self.home.folder)
+        words += ["--ro-bind", home, home, "--bind", str(data), str(data), "--die-with-parent"]
         for secret in (self.home.connection_file, self.home.folder / "journal.json"):
             if secret.exists():
                 words += ["--ro-bind", "/dev/null", str(secret)]

@@ -1,4 +1,4 @@
-"""An agent in a process of its own, at a real door: from an order to an application that runs, or that is taken back."""
+"""An agent in a process of its own, at a real door: orders become applications that run, or are taken back."""
 
 import json
 import os
