@@ -63,6 +63,7 @@ def kill_often(folder: Path, rounds: int, seed: int) -> None:
 
 
 @pytest.mark.deep
+@pytest.mark.timeout(1800)
 def test_an_agent_killed_at_random_moments_installs_what_it_should(tmp_path: Path) -> None:
     kill_often(tmp_path, ROUNDS, seed=14)
 
