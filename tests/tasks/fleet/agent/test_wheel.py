@@ -36,7 +36,8 @@ def test_the_wheel_is_for_every_machine_and_has_all_modules(wheel: Path) -> None
         metadata = email.message_from_bytes(content.read("robomaker_agent-0.1.0.dist-info/METADATA"))
         entries = content.read("robomaker_agent-0.1.0.dist-info/entry_points.txt").decode()
 
-    assert names == {f"robomaker_agent/{path.relative_to(FOLDER)}" for path in SOURCES}
+    files = [*SOURCES, FOLDER / "robomaker-agent.service"]
+    assert names == {f"robomaker_agent/{path.relative_to(FOLDER)}" for path in files}
     assert metadata["Requires-Python"] == ">=3.9"
     assert metadata.get_all("Requires-Dist") == ["tuf<8,>=6"]
     assert "robomaker-agent = robomaker_agent.command_line:main" in entries
@@ -51,7 +52,7 @@ def test_the_wheels_agent_imports_nothing_of_this_project(wheel: Path, tmp_path:
         if path.name != "__main__.py"
     ]
     program = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n" + "\n".join(f"import {name}" for name in modules)
-    program += "\nprint([name for name in sys.modules if name.startswith(('prefect', 'cryptography', 'pydantic'))])"
+    program += "\nprint([name for name in sys.modules if name.startswith(('prefect', 'pydantic', 'starlette'))])"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)
 
     assert (ended.returncode, ended.stdout) == (0, "[]\n"), ended.stderr
@@ -59,6 +60,16 @@ def test_the_wheels_agent_imports_nothing_of_this_project(wheel: Path, tmp_path:
         [sys.executable, "-m", "robomaker_agent", "run", "--help"], capture_output=True, text=True, cwd=tmp_path
     )
     assert "--health-command" in helped.stdout
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_systemd_takes_the_unit(tmp_path: Path) -> None:
+    unit = tmp_path / "robomaker-agent.service"
+    text = (FOLDER / "robomaker-agent.service").read_text()
+    unit.write_text(text.replace("/opt/robomaker-agent/bin/robomaker-agent", sys.executable))
+    checked = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
+
+    assert unit.name not in checked.stderr, checked.stderr
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(FOLDER)))
