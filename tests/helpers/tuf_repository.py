@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """A fleet's TUF repository in a folder, made with `tuf.api` alone: it shares no code with what is tested."""
 
 import hashlib

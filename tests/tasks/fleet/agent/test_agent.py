@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.agent_robot import Rover, rover
@@ -91,7 +92,7 @@ def test_scripts_and_the_application_find_variables_and_tags(robot: Rover) -> No
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_why_an_order_fails(driving: Rover, changes: dict[str, object], code: str, reason: str) -> None:
+def test_why_an_order_fails(driving: Rover, changes: dict[str, Any], code: str, reason: str) -> None:
     deploy(driving, 2, **changes)
     found, said = failure(driving, 2)
 

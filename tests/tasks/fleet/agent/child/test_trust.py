@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """What a robot does not install: whatever is done to the repository or to the robot's files, it is refused."""
 
 import json
