@@ -184,6 +184,12 @@ def test_a_healthy_version_is_the_good_one_and_the_last_one_stays() -> None:
     assert kept(after) == {version(1).folder, version(2).folder}
 
 
+def test_the_same_version_again_leaves_the_one_before() -> None:
+    again = state_in(Phase.WATCHING, deployment=deployment(1), previous=version(3))
+
+    assert advance(again, Passed(Phase.WATCHING)).previous == version(3)
+
+
 def test_a_version_that_restarts_the_robot_again_and_again_is_given_up() -> None:
     state = state_in(Phase.WATCHING)
     for _ in range(MAX_RESTARTS):
