@@ -137,6 +137,7 @@ def test_a_cut_is_no_failure_and_no_byte_is_fetched_twice(robot: Rover) -> None:
     assert robot.server.sent[name] <= (robot.server.repository.folder / name).stat().st_size + 65536
 
 
+@pytest.mark.deep
 def test_an_order_is_given_up_while_it_downloads_and_not_while_it_is_tried(robot: Rover) -> None:
     robot.server.target_delay_s = 0.2
     deploy(robot, 1, files={"map": random.Random(1).randbytes(3_000_000)})
@@ -174,6 +175,7 @@ def test_what_ran_runs_again_after_a_restart_and_once(driving: Rover) -> None:
     assert not working_below(robot.agent.home / "versions")
 
 
+@pytest.mark.deep
 def test_an_application_that_ends_is_started_again(driving: Rover) -> None:
     (driving.folder / "running").unlink()
     for pid in working_below(driving.agent.home / "versions"):
@@ -273,7 +275,7 @@ def test_a_full_disk_fails_the_order_and_stops_nothing(tmp_path: Path) -> None:
         assert robot.server.wait_for_end(3).feedback.finished == "success", "there is space again"
 
 
-def test_status_says_what_runs(driving: Rover) -> None:
+def test_status_says_what_runs_and_a_second_agent_does_not(driving: Rover) -> None:
     wait_for(lambda: driving.agent.journal["end"]["is_delivered"], "the journal")
     words = driving.agent.words("status", "--output", "json")
     found = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
@@ -281,8 +283,6 @@ def test_status_says_what_runs(driving: Rover) -> None:
     assert (found["application"], found["version"], found["last_result"]) == ("courier", "1", "success")
     assert (found["is_running"], found["is_reported"]) == (True, True)
 
-
-def test_two_agents_do_not_share_a_home(driving: Rover) -> None:
     second = subprocess.run(driving.agent.words("run"), capture_output=True, text=True, timeout=60)
 
     assert second.returncode == 1
