@@ -19,6 +19,7 @@
 | `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
+| `ROBOMAKER_ROBOT_POLL_S` | seconds between two polls of a robot that has nothing to do, 1 to 86399 | 30 |
 | `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
 | `ROBOMAKER_ROBOT_FOLDER` | folder on robots that applications are unpacked below | `/opt/robomaker` |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
@@ -63,6 +64,10 @@ DEFAULT_MAX_LATE_HOURS = 6
 """A night begins before people come to work, or not at all."""
 DEFAULT_STORE_PATIENCE_MIN = 30
 """A server that is updated is back by then, and so is one whose disk a person cleans up."""
+DEFAULT_ROBOT_POLL_S = 30
+"""What hawkBit asks for at least."""
+MAX_ROBOT_POLL_S = 24 * 3600 - 1
+"""What clients of hawkBit can be told."""
 
 
 class Settings(Model):
@@ -126,6 +131,12 @@ class Settings(Model):
         pattern=r"^https?://[^/\s]+/?$",
         description="Where robots reach the endpoint, without a path; None: as each of their requests says.",
     )
+    robot_poll_s: int = Field(
+        default=DEFAULT_ROBOT_POLL_S,
+        ge=1,
+        le=MAX_ROBOT_POLL_S,
+        description="Between two polls of a robot that has nothing to do, in seconds.",
+    )
     robot_folder: str = Field(
         default="/opt/robomaker",
         pattern=r"^(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$",
@@ -164,6 +175,7 @@ class Settings(Model):
             "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
             "max_worlds_per_job": max_worlds_per_job(environ),
             "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),
+            "robot_poll_s": _number(environ, "ROBOMAKER_ROBOT_POLL_S", DEFAULT_ROBOT_POLL_S, 1, MAX_ROBOT_POLL_S),
             "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
             "verdict_fails_run": _switch(environ, "ROBOMAKER_VERDICT_FAILS_RUN", default="1"),

@@ -10,6 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ...schemas.wire.errors import StorageError
 from ...tasks.fleet.bundle_files import BundleFiles
+from ...tasks.fleet.control.tending import EndedRollouts
 from ...tasks.fleet.ddi.open_orders import OpenOrders
 from ...tasks.fleet.ddi.orders import RobotOrder
 from ...tasks.fleet.known_robots import KnownRobots
@@ -43,7 +44,7 @@ class RobotsBeside:
         keeper = OrderKeeper(orders, robots)
         files = BundleFiles(service, keeper)
         self._reports = RobotReports(service, robots, keeper, report)
-        self._watch = OrderWatch(service, robots, keeper, files, served_rollouts)
+        self._watch = OrderWatch(service, robots, keeper, files, served_rollouts, EndedRollouts(service).tend)
         self._read_file = reader_of_files(files.path_of)
         self._door = RobotDoor(
             orders,
@@ -51,7 +52,7 @@ class RobotsBeside:
             sink=self._reports.take,
             clock=time.time,
             chance=service.chance.random,
-            settings=DoorSettings(public_url=service.settings.robots_url),
+            settings=DoorSettings(public_url=service.settings.robots_url, idle_sleep_s=service.settings.robot_poll_s),
         )
 
     def wake(self) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field
 
-from .base import Changes, Document, FailureChanges, Json
+from .base import Changes, Document, FailureChanges, Json, Part
 
 
 class RobotMembership(Changes):
@@ -41,6 +41,9 @@ class RobotInstallation(Changes):
 
     installed_name: str | None = Field(default=None, description="Name of the application; absent: none yet.")
     installed_version: str | None = Field(default=None, description="Its version; absent: none yet.")
+    installed_by: str | None = Field(
+        default=None, description="ARN of the deployment job that brought it; absent: an older release noted it."
+    )
 
 
 class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttributes, RobotInstallation, Document):
@@ -65,6 +68,13 @@ class FleetDocument(FleetChanges, Document):
     """A fleet."""
 
 
+class RobotsRolledBack(Part):
+    """Robots that a deployment brings back to the version that they had before another one."""
+
+    job: str = Field(description="ARN of the deployment job that failed.")
+    robots: list[str] = Field(description="ARNs of the robots.")
+
+
 class DeploymentJobDocument(FailureChanges, Document):
     """A deployment job."""
 
@@ -74,4 +84,7 @@ class DeploymentJobDocument(FailureChanges, Document):
     deployment_config: Json = Field(description="How, with the defaults that hold and the ETag of the condition file.")
     repeats: bool = Field(
         default=False, description="Whether it repeats an earlier one, so that robots that are in sync are left alone."
+    )
+    rolls_back: RobotsRolledBack | None = Field(
+        default=None, description="Which robots alone it is meant for, and why; absent: it is made by a call."
     )

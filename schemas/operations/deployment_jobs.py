@@ -3,9 +3,9 @@
 Robots get their orders in waves, by polling the service; `schemas/rollouts` has how a rollout goes.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, model_validator
 
 from ..wire.base import Shape, ShapeName
 from ..wire.common import (
@@ -13,6 +13,7 @@ from ..wire.common import (
     ClientRequestToken,
     Filters,
     GenericString,
+    NonEmptyString,
     PaginationToken,
     Path,
     S3Bucket,
@@ -22,7 +23,8 @@ from ..wire.common import (
     Timestamp,
     text,
 )
-from ..wire.job_configs import Command, EnvironmentVariableMap
+from ..wire.job_configs import Boolean, Command, EnvironmentVariableMap
+from ..wire.maintenance_windows import MaintenanceWindows
 from ..wire.operation_shape import (
     CONCURRENT,
     INTERNAL,
@@ -39,6 +41,13 @@ from .robots import FleetMaxResults, RobotStatus
 
 DEFAULT_ROBOT_TIMEOUT_S = 5 * 3600
 """How long a deployment waits for one robot if its request does not say."""
+
+
+def _once_each(robots: list[str]) -> list[str]:
+    if repeated := sorted({robot for robot in robots if robots.count(robot) > 1}):
+        raise ValueError(f"{repeated[0]!r} is there twice; name each robot once")
+    return robots
+
 
 DeploymentStatus = Annotated[
     Literal["Pending", "Preparing", "InProgress", "Failed", "Succeeded", "Canceled"], ShapeName("DeploymentStatus")
@@ -91,6 +100,16 @@ PercentDone = Annotated[float, ShapeName("PercentDone"), Field(ge=0.0, le=100.0)
 Percentage = Annotated[int, ShapeName("Percentage"), Field(ge=1, le=100)]
 
 
+RobotReference = Annotated[str, ShapeName("RobotReference"), text(1, 1224)]
+"""A robot's ARN or its bare name."""
+
+CanaryRobots = Annotated[
+    list[RobotReference], ShapeName("CanaryRobots"), Field(min_length=1, max_length=1000), AfterValidator(_once_each)
+]
+ThresholdAction = Annotated[Literal["STOP", "ROLLBACK"], ShapeName("ThresholdAction")]
+DeploymentWaitCause = Annotated[Literal["PAUSED", "APPROVAL", "MAINTENANCE_WINDOW"], ShapeName("DeploymentWaitCause")]
+
+
 class S3Object(Shape):
     """One object of the object store."""
 
@@ -115,6 +134,36 @@ class DeploymentConfig(Shape):
     downloadConditionFile: S3Object | None = Field(
         default=None, description="Program whose exit code 0 lets a robot download."
     )
+    canaryRobots: CanaryRobots | None = Field(
+        default=None,
+        description="Extension: robots of the fleet, by ARN or name, whose turn comes first; the others wait until all "
+        "of these have ended. Absent: none.",
+    )
+    canaryPercentage: Percentage | None = Field(
+        default=None,
+        description="Extension: the same as a share of the robots, in percent, rounded down to robots, one at least; "
+        "not together with `canaryRobots`.",
+    )
+    maintenanceWindows: MaintenanceWindows | None = Field(
+        default=None,
+        description="Extension: when robots may get and fetch orders; those that have begun go on. Absent: always.",
+    )
+    requiresApproval: Boolean | None = Field(
+        default=None,
+        description="Extension: whether a person has to approve once the canaries have ended, or before the first "
+        "robot where there are none; absent: false.",
+    )
+    onThresholdBreached: ThresholdAction | None = Field(
+        default=None,
+        description="Extension: what follows when the threshold is reached: STOP (the default) leaves robots as they "
+        "are; ROLLBACK gives those that have the new version the one that they had before.",
+    )
+
+    @model_validator(mode="after")
+    def _canaries_said_once(self) -> Self:
+        if self.canaryRobots is not None and self.canaryPercentage is not None:
+            raise ValueError("canaryRobots and canaryPercentage say the same; give one of them")
+        return self
 
 
 class DeploymentLaunchConfig(Shape):
@@ -220,8 +269,38 @@ class DescribeDeploymentJobRequest(Shape):
     job: Arn = Field(description="ARN of the job.")
 
 
+class DeploymentWait(Shape):
+    """Something that a deployment waits for; robots that have begun go on meanwhile."""
+
+    cause: DeploymentWaitCause | None = Field(default=None, description="What it is.")
+    since: Timestamp | None = Field(default=None, description="When a person paused it; absent for others.")
+    by: NonEmptyString | None = Field(default=None, description="Who paused it; absent: not said.")
+    until: Timestamp | None = Field(default=None, description="When a maintenance window opens; absent for others.")
+
+
+DeploymentWaits = Annotated[list[DeploymentWait], ShapeName("DeploymentWaits")]
+ArnList = Annotated[list[Arn], ShapeName("ArnList")]
+
+
+class DeploymentRollback(Shape):
+    """How robots go back to the version that they had before a deployment."""
+
+    jobs: ArnList | None = Field(default=None, description="ARNs of the deployment jobs that bring them back.")
+    robotsLeft: ArnList | None = Field(
+        default=None, description="ARNs of robots that keep the new version, since they had none before."
+    )
+    reason: GenericString | None = Field(default=None, description="Why robots do not go back; absent: they do.")
+
+
 class DescribeDeploymentJobResponse(CreateDeploymentJobResponse):
     """One job."""
+
+    waitsFor: DeploymentWaits | None = Field(
+        default=None, description="Extension: what it waits for besides robots; absent: nothing."
+    )
+    rollback: DeploymentRollback | None = Field(
+        default=None, description="Extension: how robots go back to the version before; absent: they do not."
+    )
 
     robotDeploymentSummary: RobotDeploymentSummary | None = Field(
         default=None, description="The deployments to single robots; empty if it ended before any began."

@@ -26,7 +26,7 @@ ReportedCode = Literal[
 ]
 """Failure codes that a robot may report; the others are found by the service."""
 
-StopCause = Literal["canceled", "fleet_deleted", "application_deleted", "superseded"]
+StopCause = Literal["canceled", "rejected", "fleet_deleted", "application_deleted", "superseded"]
 """Why a rollout is ended from outside."""
 
 
@@ -94,24 +94,33 @@ class RobotGone(StoredPart):
 class Stopped(StoredPart):
     """The whole rollout was ended.
 
-    By a person who canceled it; by the deletion of its fleet or of its application; or, after its end, by the fleet's
-    next deployment, so that robots that return do not get this one any more.
+    By a person who canceled it, or did not approve it; by the deletion of its fleet or of its application; or, after
+    its end, by the fleet's next deployment, so that robots that return do not get this one any more.
     """
 
     kind: Literal["stopped"] = Field(default="stopped", description="Which event this is.")
     why: StopCause = Field(description="What ended it.")
+    by: str | None = Field(default=None, description="Who, where a person did not approve it; absent: not said.")
 
 
 class Paused(StoredPart):
-    """A person wants no robot to get an order until the rollout is resumed; open orders go on."""
+    """A person wants no robot to begin until the rollout is resumed; robots that have begun go on."""
 
     kind: Literal["paused"] = Field(default="paused", description="Which event this is.")
+    by: str | None = Field(default=None, description="Who; absent: not said.")
 
 
 class Resumed(StoredPart):
     """A person lets a paused rollout go on."""
 
     kind: Literal["resumed"] = Field(default="resumed", description="Which event this is.")
+
+
+class Approved(StoredPart):
+    """A person lets a rollout that waits for approval go on; of no effect on one that does not wait for it."""
+
+    kind: Literal["approved"] = Field(default="approved", description="Which event this is.")
+    by: str | None = Field(default=None, description="Who; absent: not said.")
 
 
 class Outage(StoredPart):
@@ -125,6 +134,6 @@ Report = Fetched | Progressed | Succeeded | Failed | Canceled | CancelRefused
 """What a robot may report of an order."""
 
 RolloutEvent = Annotated[
-    Report | Offered | RobotGone | Stopped | Paused | Resumed | Outage,
+    Report | Offered | RobotGone | Stopped | Paused | Resumed | Approved | Outage,
     Field(discriminator="kind"),
 ]

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S
 from ..wire.errors import InvalidParameterException
+from ..wire.maintenance_windows import MaintenanceWindow
 from .stored import StoredPart
 
 DEFAULT_CONCURRENT_PERCENTAGE = 20
@@ -39,6 +40,11 @@ class PlannedRobot(StoredPart):
         default=None, description="Why it cannot get the application; absent: it can. It fails, and counts for nothing."
     )
     unfit_reason: str | None = Field(default=None, description="The same in words.")
+    earlier_job: str | None = Field(
+        default=None,
+        description="ARN of the deployment job that brought the version it had when the rollout began, where that is "
+        "another version; absent: there is none to go back to.",
+    )
 
 
 class RolloutPlan(StoredPart):
@@ -70,6 +76,16 @@ class RolloutPlan(StoredPart):
     canaries: tuple[str, ...] = Field(
         default=(),
         description="ARNs of robots whose turn comes first; the others wait until all of these have ended.",
+    )
+    requires_approval: bool = Field(
+        default=False,
+        description="Whether robots that are no canaries wait until a person has approved, once the canaries ended.",
+    )
+    windows: tuple[MaintenanceWindow, ...] = Field(
+        default=(), description="When robots may get and fetch orders; empty: at all times."
+    )
+    rolls_back: bool = Field(
+        default=False, description="Whether robots go back to the version before, once the threshold is reached."
     )
 
     @model_validator(mode="after")

@@ -61,6 +61,12 @@ class RobotDeploymentState(StoredPart):
     heard_s: TimeS | None = Field(default=None, description="When it last reported anything about its order.")
     deadline_s: TimeS | None = Field(default=None, description="When its open order times out.")
     offered_s: TimeS | None = Field(default=None, description="When it got its latest order.")
+    left_s: float | None = Field(
+        default=None,
+        ge=0,
+        allow_inf_nan=False,
+        description="Time that is left to fetch its order, in seconds, while the order is held back; it stands still.",
+    )
     started_s: TimeS | None = Field(default=None, description="When it fetched its latest order.")
     step_times: dict[RobotDeploymentStep, TimeS] = Field(
         default={}, description="When it first reported each step of its latest order, to a tenth of a second."

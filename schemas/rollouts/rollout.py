@@ -20,6 +20,17 @@ class Pause(StoredPart):
     until_s: TimeS | None = Field(default=None, description="When the rollout was resumed; absent: not yet.")
 
 
+class Rollback(StoredPart):
+    """How robots go back to the version that they had before a rollout."""
+
+    jobs: tuple[str, ...] = Field(default=(), description="ARNs of the deployment jobs that bring them back.")
+    left: tuple[str, ...] = Field(
+        default=(), description="ARNs of robots that have the new version and had none before; they keep it."
+    )
+    is_complete: bool = Field(default=False, description="Whether all jobs that are needed have been made.")
+    reason: str | None = Field(default=None, description="Why robots do not go back; absent: they do.")
+
+
 class Rollout(StoredPart):
     """A rollout as it is stored."""
 
@@ -31,8 +42,26 @@ class Rollout(StoredPart):
     failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     failure_reason: str | None = Field(default=None, description="The same in words.")
     ended_s: TimeS | None = Field(default=None, description="When it ended; absent: not yet.")
-    paused: bool = Field(default=False, description="Whether no robot gets an order for now.")
     pauses: tuple[Pause, ...] = Field(default=(), description="When it was paused, the latest hundred times.")
+    paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
+    paused_by: str | None = Field(default=None, description="Who paused it; absent: not said, or it is not paused.")
+    paused_s: TimeS | None = Field(default=None, description="When it was paused; absent: it is not.")
+    held: bool = Field(
+        default=False,
+        description="Whether orders are held back: it is paused, or no maintenance window is open. No robot gets an "
+        "order or fetches one; robots that have begun go on.",
+    )
+    approved_by: str | None = Field(default=None, description="Who approved it; absent: not said.")
+    approved_s: TimeS | None = Field(default=None, description="When it was approved; absent: it was not.")
+    rollback: Rollback | None = Field(default=None, description="How robots go back; absent: they do not, or not yet.")
     takes_returns: bool = Field(
         default=True, description="Whether robots that were away and return get an order, also after its end."
     )
+
+    @property
+    def rollback_is_due(self) -> bool:
+        """Whether robots are to go back now: the threshold was reached, and those that had begun have ended."""
+        if not self.plan.rolls_back or self.failure_code != "FailureThresholdBreached":
+            return False
+        is_complete = self.rollback is not None and self.rollback.is_complete
+        return not is_complete and all(state.order != "fetched" for state in self.robots.values())

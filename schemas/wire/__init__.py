@@ -14,6 +14,7 @@ __all__ = [
     "ids",
     "job_configs",
     "json_values",
+    "maintenance_windows",
     "operation_shape",
     "request_problems",
     "strict_json",

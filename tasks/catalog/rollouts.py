@@ -70,6 +70,11 @@ class CatalogRollouts(CatalogReader):
             row = connection.execute(select(rollouts).where(rollouts.c.job == job)).mappings().one_or_none()
         return None if row is None else StoredRollout(**row)
 
+    def rollout_revision(self, job: str) -> int | None:
+        """The revision of a job's rollout; nothing: it has none."""
+        with self._transaction(self._engine) as connection:
+            return connection.scalar(select(rollouts.c.revision).where(rollouts.c.job == job))
+
     def open_rollouts(self, fleet: str | None = None) -> dict[str, int]:
         """The rollouts whose robots may have orders: their revisions, by job, oldest first.
 

@@ -61,10 +61,15 @@ def show_table(key: str, rows: Sequence[Mapping[str, Any]], description: str) ->
 
 
 def show_summary(key: str, markdown: str) -> None:
+    """Shows how the run ended; does nothing outside a flow run."""
+    show_text(key, markdown, "How the run ended")
+
+
+def show_text(key: str, markdown: str, description: str) -> None:
     """Shows a text; does nothing outside a flow run."""
     if FlowRunContext.get():
-        with _logged("summary"):
-            create_markdown_artifact(key=key, markdown=markdown, description="How the run ended")
+        with _logged("text"):
+            create_markdown_artifact(key=key, markdown=markdown, description=description)
 
 
 def show_picture(key: str, png: bytes, description: str) -> None:

@@ -4,8 +4,9 @@ A robot with an order that it has not answered gets that one's cancellation firs
 answer; the earlier one has nothing to wait for then.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
+from ...schemas.documents.base import StoredResource
 from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ...schemas.operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentApplicationConfig, DeploymentConfig
 from ...schemas.rollouts.artifacts import Artifact, Delivery
@@ -16,6 +17,7 @@ from ...schemas.rollouts.plan import (
     PlannedRobot,
     RolloutPlan,
 )
+from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import DeploymentError
 from ..catalog import Resource
 from ..service.service import Service
@@ -23,7 +25,7 @@ from .kept_rollouts import KeptRollout
 from .rollout.ledger import begin
 
 
-def plan_of(job: Resource, robots: Iterable[Resource], architectures: Collection[str]) -> RolloutPlan:
+def plan_of(job: StoredResource, robots: Iterable[Resource], architectures: Collection[str]) -> RolloutPlan:
     """The plan of a deployment.
 
     Args:
@@ -39,8 +41,15 @@ def plan_of(job: Resource, robots: Iterable[Resource], architectures: Collection
     if config.downloadConditionFile is not None:
         raise DeploymentError("no robot can be asked the downloadConditionFile yet", "DownloadConditionFailed")
     (application,) = document.deployment_application_configs
+    release = (ResourceArn.parse(application["application"]).name, str(application["applicationVersion"]))
+    members = list(robots)
+    planned = tuple(_planned(robot, architectures, release) for robot in members)
     return RolloutPlan(
-        robots=tuple(_planned(robot, architectures, application["applicationVersion"]) for robot in robots),
+        robots=planned,
+        canaries=_canaries(config, members, planned),
+        requires_approval=config.requiresApproval or False,
+        windows=tuple(config.maintenanceWindows or ()),
+        rolls_back=config.onThresholdBreached == "ROLLBACK",
         # Jobs from before deployments acted have no percentages.
         concurrent_percentage=config.concurrentDeploymentPercentage or DEFAULT_CONCURRENT_PERCENTAGE,
         threshold_percentage=config.failureThresholdPercentage or DEFAULT_THRESHOLD_PERCENTAGE,
@@ -48,14 +57,26 @@ def plan_of(job: Resource, robots: Iterable[Resource], architectures: Collection
     )
 
 
-def _planned(robot: Resource, architectures: Collection[str], version: str) -> PlannedRobot:
+def _planned(robot: Resource, architectures: Collection[str], release: tuple[str, str]) -> PlannedRobot:
     document = RobotDocument.of(robot)
     architecture, installed = document.architecture, document.installed
     if architecture in architectures:
-        return PlannedRobot(arn=robot.arn, installed=installed)
-    reason = f"version {version} of the application has no source for {architecture}; add one in another version"
+        has_it = (document.installed_name, document.installed_version) == release
+        earlier = None if has_it else document.installed_by
+        return PlannedRobot(arn=robot.arn, installed=installed, earlier_job=earlier)
+    reason = f"version {release[1]} of the application has no source for {architecture}; add one in another version"
     code = "MissingRobotApplicationArchitecture"
     return PlannedRobot(arn=robot.arn, installed=installed, unfit_code=code, unfit_reason=reason)
+
+
+def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Sequence[PlannedRobot]) -> tuple[str, ...]:
+    """Robots whose turn comes first; those that cannot get the application, or left the fleet, are none."""
+    fit = [robot.arn for robot in planned if robot.unfit_code is None]
+    if config.canaryPercentage is not None:
+        return tuple(fit[: max(1, len(planned) * config.canaryPercentage // 100)])
+    arns = {robot.name: robot.arn for robot in robots}
+    named = (arns.get(canary, canary) for canary in config.canaryRobots or [])
+    return tuple(dict.fromkeys(arn for arn in named if arn in frozenset(fit)))
 
 
 def delivery(job: Resource, robots: Iterable[Resource], artifacts: dict[str, Artifact]) -> Delivery:

@@ -16,7 +16,7 @@ from ...schemas.documents.fleets import RobotDocument, RobotMembership
 from ...schemas.lifecycles import is_terminal
 from ...schemas.rollouts.artifacts import Delivery
 from ...schemas.rollouts.events import Canceled, Offered, Outage, RolloutEvent
-from ...schemas.rollouts.rollout import Rollout
+from ...schemas.rollouts.rollout import Rollback, Rollout
 from ...schemas.wire.errors import ResourceNotFoundException, ServiceUnavailableException, StateConflictError
 from ..catalog import Resource, Stored, StoredEvent
 from ..service.service import Service
@@ -84,6 +84,21 @@ class KeptRollout:
         self._ledger.pass_time(self._now_s())
         if not self._store(self._ledger, ()):
             self._load()
+
+    def is_outdated(self) -> bool:
+        """Whether another process has changed it since it was read here."""
+        return self._service.catalog.rollout_revision(self.job.arn) != self._read.revision
+
+    def note_rollback(self, rollback: Rollback) -> None:
+        """Stores how robots go back to the version before."""
+        for _ in range(_MAX_ATTEMPTS):
+            if self.rollout.rollback == rollback:
+                return
+            self._ledger.note_rollback(rollback)
+            if self._store(self._ledger, ()):
+                return
+            self._load()
+        raise _changed_by_others(self.job.arn)
 
     def unanswered(self) -> dict[str, int]:
         """Orders that were canceled and that robots may still carry out, by robot."""
@@ -202,13 +217,20 @@ def _changed_by_others(job: str) -> ServiceUnavailableException:
 
 
 def has_orders(rollout: Rollout) -> bool:
-    """Whether robots may have orders to carry out, or to give up, or may get some; a deleted robot answers none."""
-    return rollout.status == "InProgress" or any(
-        state.order not in ("none", "closed")
-        or state.earlier_action_id is not None
-        or (state.returned and rollout.takes_returns)
-        for state in rollout.robots.values()
-        if state.gone != "deleted"
+    """Whether robots may have orders to carry out, or to give up, or may get some, or are to go back.
+
+    A robot that was deleted answers none.
+    """
+    return (
+        rollout.status == "InProgress"
+        or rollout.rollback_is_due
+        or any(
+            state.order not in ("none", "closed")
+            or state.earlier_action_id is not None
+            or (state.returned and rollout.takes_returns)
+            for state in rollout.robots.values()
+            if state.gone != "deleted"
+        )
     )
 
 

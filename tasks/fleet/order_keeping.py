@@ -2,7 +2,8 @@
 
 A robot has one order at a time, and the oldest comes first: an order that is to be given up is there until the robot
 has answered, also when another rollout has one for it. What the robot closed in the table does not come back while the
-catalog is a moment behind.
+catalog is a moment behind. An order that is held back, since its rollout is paused or no maintenance window is open, is
+not there until it is let go, unless the robot has read it.
 """
 
 import threading
@@ -46,6 +47,7 @@ class OrderKeeper:
         self._ordered: dict[OrderKey, Artifact] = {}
         self._artifacts: dict[str, Artifact] = {}
         self._expected: frozenset[str] = frozenset()
+        self._held: frozenset[OrderKey] = frozenset()
         self._closed: frozenset[OrderKey] = frozenset()
         self._closed_before: frozenset[OrderKey] = frozenset()
         self._lock = threading.Lock()
@@ -62,6 +64,7 @@ class OrderKeeper:
             self._said = wishes.said | {key: said for key, said in self._said.items() if key in self._jobs}
             self._ordered = {key: each for key, each in self._ordered.items() if key in kept} | wishes.ordered
             self._artifacts = wishes.artifacts
+        self._held = frozenset(wishes.held)
         self._closed_before, self._closed = self._closed, frozenset(wishes.closed)
         for robot in opened.keys() | wishes.wanted.keys():
             self._put(robot, wishes.wanted.get(robot, []))
@@ -98,7 +101,9 @@ class OrderKeeper:
         if (order := state.order) is not None:
             wish = next((each for each in wanted if each.order.action_id == order.action_id), None)
             key = (robot, order.action_id)
-            if wish is None and key in self._closed:  # the robot said so to another server
+            if wish is None and key in self._held:
+                self._orders.withhold(*key)
+            elif wish is None and key in self._closed:  # the robot said so to another server
                 # Twice in a row: of an order that a new rollout takes over, the old one may have been read without it.
                 if key in self._closed_before:
                     self._orders.close(*key)
@@ -130,6 +135,7 @@ class _Wishes:
         self._robots = robots
         self.wanted: dict[str, list[_Wanted]] = {}
         self.closed: set[OrderKey] = set()
+        self.held: set[OrderKey] = set()
         self.jobs: dict[OrderKey, str] = {}
         self.said: dict[OrderKey, SaidBefore] = {}
         self.artifacts: dict[str, Artifact] = {}
@@ -140,13 +146,22 @@ class _Wishes:
         self.artifacts |= {artifact.sha256: artifact for artifact in rollout.artifacts.values()}
         waiting = 0
         most = min(MAX_EXPECTED, rollout.rollout.plan.concurrency)
-        is_active = rollout.rollout.status == "InProgress" and not rollout.rollout.paused
+        is_active = rollout.rollout.status == "InProgress" and not rollout.rollout.held
+        plan = rollout.rollout.plan
+        # Those behind an approval may wait for days.
+        first = frozenset(plan.canaries) if plan.requires_approval and rollout.rollout.approved_s is None else None
         for arn, state in rollout.rollout.robots.items():
             robot = self._robots.id(arn)
             if robot is None:
                 continue
             self._add_robot(robot, rollout.artifacts.get(arn), state, rollout)
-            if is_active and waiting < most and state.order == "none" and not state.has_ended:
+            if (
+                is_active
+                and waiting < most
+                and state.order == "none"
+                and not state.has_ended
+                and (first is None or arn in first)
+            ):
                 waiting += 1
                 self.expected.append(robot)
 
@@ -165,7 +180,9 @@ class _Wishes:
         key = (robot, state.action_id)
         self.ordered[key] = artifact
         self.said[key] = SaidBefore(state.step is not None, state.step == "ExecutingPostLaunch")
-        if state.order in OPEN or state.order == "refused":
+        if state.order == "offered" and rollout.rollout.held:
+            self.held.add(key)
+        elif state.order in OPEN or state.order == "refused":
             self._want(robot, state.action_id, artifact, rollout, is_cancelling=False)
         elif state.order == "canceling":
             self._want(robot, state.action_id, artifact, rollout, is_cancelling=True)

@@ -1,4 +1,7 @@
-"""Looks into the catalog again and again, so that robots and orders in memory are those that are stored."""
+"""Looks into the catalog again and again, so that robots and orders in memory are those that are stored.
+
+It tends the rollouts of ended jobs besides: no run does.
+"""
 
 import logging
 import threading
@@ -37,6 +40,7 @@ class OrderWatch:
         keeper: keeps the orders.
         files: those of the orders.
         rollouts: reads the open rollouts: `stored_rollouts.open_rollouts`.
+        tend: does what is due of those whose jobs have ended: `EndedRollouts.tend`.
     """
 
     def __init__(
@@ -46,12 +50,14 @@ class OrderWatch:
         keeper: OrderKeeper,
         files: BundleFiles,
         rollouts: ReadRollouts,
+        tend: Callable[[list[OpenRollout]], None],
     ) -> None:
         self._service = service
         self._robots = robots
         self._keeper = keeper
         self._files = files
         self._rollouts = rollouts
+        self._tend = tend
         self._known: dict[str, OpenRollout] = {}
         self._woken = threading.Event()
         self._is_stopped = False
@@ -84,6 +90,7 @@ class OrderWatch:
         self._known = {rollout.job: rollout for rollout in rollouts}
         self._keeper.sync(rollouts)
         self._files.remove_others()
+        self._tend(rollouts)
         return bool(rollouts)
 
     def _refresh_robots(self) -> None:

@@ -152,7 +152,10 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
 
 def is_meant(robot: Resource, deployment: Resource) -> bool:
     """Whether a deployment that has not begun is meant for a robot of its fleet."""
-    return robot.status != "InSync" or not DeploymentJobDocument.of(deployment).repeats
+    document = DeploymentJobDocument.of(deployment)
+    if document.rolls_back is not None:
+        return robot.arn in document.rolls_back.robots
+    return robot.status != "InSync" or not document.repeats
 
 
 def _standings(deployment: Resource | None, service: Service) -> Rollout | None:

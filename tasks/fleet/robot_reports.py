@@ -112,7 +112,9 @@ class RobotReports:
     def _note_installed(self, key: OrderKey, arn: str) -> None:
         artifact = self._keeper.ordered(key)
         if artifact is not None:
-            installed = RobotInstallation(installed_name=artifact.name, installed_version=artifact.version)
+            installed = RobotInstallation(
+                installed_name=artifact.name, installed_version=artifact.version, installed_by=self._keeper.job(key)
+            )
             self._service.catalog.update(arn, installed)
 
     def _take_seen(self, seen: Mapping[str, float]) -> None:

@@ -25,11 +25,13 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..execution.job_leases import Lease
-from ..execution.task_runs import step_runner
+from ..execution.task_runs import show_note, shown_as, step_runner
 from ..fleet.beginnings import begin_rollout, delivery, plan_of
+from ..fleet.control.rollbacks import roll_back
 from ..fleet.kept_rollouts import KeptRollout
 from ..fleet.records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
 from ..fleet.rollout.counts import counts_of
+from ..fleet.rollout.waits import in_words, waits_for
 from ..fleet.rollout.waves import waves_of
 from ..fleet.stored_rollouts import stop
 from ..service.service import Progress, Service
@@ -60,6 +62,7 @@ class DeploymentRun:
         self._sleep = sleep
         self._step = step_runner()
         self._application_at_s = self._kept_alive_at_s = self._now_s()
+        self._told: tuple[str, ...] = ()
 
     def run(self) -> None:
         """Prepares the deployment and rolls it out, from wherever it stands.
@@ -76,10 +79,12 @@ class DeploymentRun:
                 raise
             stop(self._job.arn, "canceled", self._service)  # it was ended while it prepared
         self._settle()
+        self._go_back()
         report_end(self._service.catalog.get(self._job.arn), self._service)
 
     def _carry_on(self) -> None:
         if self._job.status == "Pending" and not self._is_canceled():
+            self._tell_if_older()
             self._lease.transition("prepare")
         if self._job.status == "Preparing" and not self._is_canceled():
             self._prepare()
@@ -109,7 +114,7 @@ class DeploymentRun:
         robots = [robot for robot in reversed(members) if is_meant(robot, self._job)]
         if not members:
             raise DeploymentError("each robot left the fleet before the deployment began", "RobotDeploymentAborted")
-        if not robots and document.repeats:
+        if not robots and (document.repeats or document.rolls_back):
             return None
         application = _application(self._job, self._service)
         architectures = {RobotDocument.of(robot).architecture for robot in robots}
@@ -125,8 +130,11 @@ class DeploymentRun:
         self._settle()
         kept = KeptRollout(self._job, self._service)
         self._look(kept)
-        waves = waves_of(kept.rollout.plan)
+        plan = kept.rollout.plan
+        waves = waves_of(plan)
         for number, robots in enumerate(waves, 1):
+            if plan.requires_approval and not frozenset(robots) <= frozenset(plan.canaries):
+                self._wait_for_approval(kept)
             if not _is_over(kept.rollout, robots):
                 self._step(
                     f"wave-{number}-of-{len(waves)}", lambda wave=(number, robots): self._roll_out_wave(kept, *wave)
@@ -142,6 +150,20 @@ class DeploymentRun:
         while not _is_over(kept.rollout, robots):
             self._sleep(POLL_S)
             self._look(kept)
+
+    def _wait_for_approval(self, kept: KeptRollout) -> None:
+        """Shows that a person has to approve, until one has, or the rollout has ended."""
+        if _is_decided(kept.rollout):
+            return
+
+        def wait() -> None:
+            self._show(kept.rollout)
+            while not _is_decided(kept.rollout):
+                self._sleep(POLL_S)
+                self._look(kept)
+
+        with shown_as("AwaitingApproval", f"robomaker fleet approve {self._job.arn}"):
+            self._step("approval", wait)
 
     def _look(self, kept: KeptRollout) -> None:
         """Takes in what happened.
@@ -160,15 +182,42 @@ class DeploymentRun:
             if not self._has_application():
                 events.append(Stopped(why="application_deleted"))
         if kept.fold(*events):
-            self._service.report_progress(progress_of(kept.rollout))
-        elif self._has_ended():  # a call has stopped the rollout, and stored that
+            self._show(kept.rollout)
+        elif kept.is_outdated():  # a call has paused, resumed, approved or stopped the rollout, and stored that
             kept.refresh()
+            self._show(kept.rollout)
         elif now_s - self._kept_alive_at_s < _KEEP_ALIVE_S:
             return
         else:
             kept.keep_alive()
         self._lease.forget_lost_workers()
         self._kept_alive_at_s = now_s
+
+    def _show(self, rollout: Rollout) -> None:
+        """Shows how many robots stand how, and says what else it waits for, each time that this changes."""
+        self._service.report_progress(progress_of(rollout))
+        waits = tuple(in_words(wait, self._job.arn) for wait in waits_for(rollout, self._now_s()))
+        if waits != self._told and (waits or rollout.status == "InProgress"):
+            self._tell("; ".join(waits) or "goes on")
+        self._told = waits
+
+    def _tell_if_older(self) -> None:
+        """Says so where a release that kept deployments and did nothing stored the job: people may not expect it."""
+        if "concurrentDeploymentPercentage" not in DeploymentJobDocument.of(self._job).deployment_config:
+            made = self._job.created_at.isoformat(timespec="seconds")
+            self._tell(f"an older release stored it on {made} and did not carry it out; it begins now")
+
+    def _tell(self, text: str) -> None:
+        _logger.warning("%s: %s", self._job.id, text)
+        self._service.report_note(f"{self._job.id}: {text}")
+        show_note(self._job.id.lower(), text)
+
+    def _go_back(self) -> None:
+        """Makes the job that brings robots back, if it is due; otherwise, or if this dies, `serve` does it later."""
+        document = DeploymentJobDocument.of(self._job)
+        failed = document.rolls_back.job if document.rolls_back else self._job.arn
+        with suppress(ResourceNotFoundException, ThrottlingException):
+            roll_back(failed, self._service)
 
     def _fail(self, code: DeploymentJobErrorCode, reason: str) -> None:
         self._lease.transition("fail", FailureChanges(failure_code=code, failure_reason=shorten(reason)))
@@ -204,6 +253,10 @@ class DeploymentRun:
 def progress_of(rollout: Rollout) -> Progress:
     """How many robots stand how."""
     return Progress(counts_of(rollout), len(rollout.robots))
+
+
+def _is_decided(rollout: Rollout) -> bool:
+    return rollout.status != "InProgress" or rollout.approved_s is not None
 
 
 def _is_over(rollout: Rollout, robots: Sequence[str] | None) -> bool:

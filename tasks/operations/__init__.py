@@ -5,4 +5,4 @@ May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.fleet`, `tasks
 `tasks.simulations.inputs`, `tasks.simulations.outputs`, `tasks.simulations.planning`, `tasks.worlds`.
 """
 
-__all__ = ["pages", "registry"]
+__all__ = ["deployment_jobs", "pages", "registry"]

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from ...schemas.documents.applications import ApplicationDocument
-from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ...schemas.documents.fleets import DeploymentJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.deployment_jobs import (
     DEFAULT_ROBOT_TIMEOUT_S,
@@ -16,6 +15,7 @@ from ...schemas.operations.deployment_jobs import (
     CancelDeploymentJobResponse,
     CreateDeploymentJobRequest,
     DeploymentConfig,
+    DeploymentRollback,
     DescribeDeploymentJobRequest,
     ListDeploymentJobsRequest,
     SyncDeploymentJobRequest,
@@ -30,8 +30,12 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import ClientToken, Resource
 from ..execution.claims import run_under_lease
+from ..fleet.control.decisions import pause_that_waits
+from ..fleet.control.dry_runs import DryRun, dry_run
+from ..fleet.control.requests import check_robots
 from ..fleet.records import (
     DEPLOYMENT,
+    FLEET,
     end_deployment,
     fleet_held,
     is_meant,
@@ -40,11 +44,12 @@ from ..fleet.records import (
     settle,
 )
 from ..fleet.rollout.statuses import robot_deployments
+from ..fleet.rollout.waits import waits_for
 from ..jobs.deployment_runs import DeploymentRun
 from ..service.service import Service
 from ..simulations.planning.applications import find_application
 from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, registry
 
 _PAGE = 200
 _DEFAULTS = {
@@ -70,11 +75,28 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
     token = ClientToken.of("CreateDeploymentJob", request)
     job = service.find_by_client_token(token)
     if job is None:
-        configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
-        document = DeploymentJobDocument(deployment_application_configs=configs, deployment_config=_config(request))
+        document = _document(request)
         with fleet_held(request.fleet, service) as fleet:
             job = service.find_by_client_token(token) or _stored(document, fleet, service, token, request.tags)
     return {**_summary(job), "tags": dict(job.tags)}
+
+
+def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
+    """Says what a deployment would do; stores nothing.
+
+    Args:
+        members: those of a request of CreateDeploymentJob.
+        service: where fleet, robots and application are stored.
+
+    Raises:
+        ServiceError: CreateDeploymentJob would refuse the request; a deployment that is under way is no reason here.
+    """
+    request = registry()["CreateDeploymentJob"].checked(members, service)
+    assert isinstance(request, CreateDeploymentJobRequest)
+    ResourceArn.parse(request.fleet, FLEET)
+    fleet = service.catalog.get(request.fleet, kind=FLEET)
+    document = _document(request)
+    return dry_run(document, _check(document, fleet, service), fleet, service)
 
 
 @operation("SyncDeploymentJob", perform=perform_deployment_job, describe="DescribeDeploymentJob")
@@ -92,7 +114,15 @@ def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> 
 def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> Answer:
     """Tells how a deployment and each of its robots stand; one that waits names the robots it is meant for."""
     job = _job(request.job, service)
-    return {**_summary(job), "robotDeploymentSummary": _robots(job, service), "tags": dict(job.tags)}
+    stored = service.catalog.rollout(job.arn)
+    rollout = None if stored is None else Rollout.of_json(dict(stored.rollout))
+    robots = _robots(job, rollout, service)
+    return {
+        **_summary(job),
+        "robotDeploymentSummary": robots,
+        "tags": dict(job.tags),
+        **_control(job, rollout, service),
+    }
 
 
 @operation("ListDeploymentJobs")
@@ -116,10 +146,24 @@ def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service)
     return CancelDeploymentJobResponse()
 
 
-def _robots(job: Resource, service: Service) -> list[Any]:
+def _control(job: Resource, rollout: Rollout | None, service: Service) -> dict[str, Any]:
+    """What a deployment waits for, and how its robots go back; only what there is."""
+    if rollout is None:
+        is_paused = not is_terminal(DEPLOYMENT, job.status) and pause_that_waits(job.arn, service)
+        return {"waitsFor": [is_paused.to_wire()]} if is_paused else {}
+    waits = [wait.to_wire() for wait in waits_for(rollout, service.clock().timestamp())]
+    back = rollout.rollback
+    shown = (
+        None
+        if back is None
+        else DeploymentRollback(jobs=list(back.jobs) or None, robotsLeft=list(back.left) or None, reason=back.reason)
+    )
+    return {"waitsFor": waits or None, "rollback": None if shown is None else shown.to_wire()}
+
+
+def _robots(job: Resource, rollout: Rollout | None, service: Service) -> list[Any]:
     """How a deployment stands with each robot; empty if it ended before it began."""
-    if (stored := service.catalog.rollout(job.arn)) is not None:
-        rollout = Rollout.of_json(dict(stored.rollout))
+    if rollout is not None:
         return [each.to_wire() for each in robot_deployments(rollout, job.arn, service.clock().timestamp())]
     if is_terminal(DEPLOYMENT, job.status):
         return []
@@ -140,7 +184,7 @@ def _stored(
         raise ConcurrentDeploymentException(
             f"fleet: {fleet.arn} has the deployment {last.arn}, which is {last.status}; cancel it, or wait for its end"
         )
-    _check_robots(document, fleet, service)
+    _check(document, fleet, service)
     labels = {"fleetName": [fleet.name]}
     job = service.store_job(DEPLOYMENT, "deployment", document, tags=tags, token=token, parent=fleet.arn, labels=labels)
     settle(fleet, service)
@@ -162,25 +206,18 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
     return _stored(document, fleet, service, token)
 
 
-def _check_robots(document: DeploymentJobDocument, fleet: Resource, service: Service) -> None:
-    """Refuses a deployment that cannot reach a single robot."""
+def _check(document: DeploymentJobDocument, fleet: Resource, service: Service) -> Resource:
+    """Refuses a deployment that is not possible; the version of the application."""
     (config,) = document.deployment_application_configs
     ResourceArn.parse(config["application"], "robot-application")
     application = find_application(config["application"], "robot", config["applicationVersion"], service)
-    architectures = {RobotDocument.of(robot).architecture for robot in robots_of(fleet.arn, service)}
-    if not architectures:
-        raise InvalidParameterException(f"fleet: {fleet.arn} has no robots; register some first")
-    sources = ApplicationDocument.of(application).sources
-    served = {source.architecture for source in sources} if sources else {None}
-    if None not in served and not architectures & served:
-        raise InvalidParameterException(
-            f"deploymentApplicationConfigs[0]: version {config['applicationVersion']} of {application.arn} has sources "
-            f"for {_listed(served)}, the robots of {fleet.arn} are {_listed(architectures)}; add a source for them"
-        )
+    check_robots(document, application, fleet.arn, robots_of(fleet.arn, service))
+    return application
 
 
-def _listed(words: set[Any]) -> str:
-    return ", ".join(sorted(words))
+def _document(request: CreateDeploymentJobRequest) -> DeploymentJobDocument:
+    configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
+    return DeploymentJobDocument(deployment_application_configs=configs, deployment_config=_config(request))
 
 
 def _config(request: CreateDeploymentJobRequest) -> dict[str, Any]:

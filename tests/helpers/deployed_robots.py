@@ -77,6 +77,8 @@ class Yard:
                 number = state.earlier_action_id or state.action_id
                 if number is None or state.order == "closed" or robot not in self.behaviours:
                     continue
+                if state.order == "offered" and each.rollout.held:
+                    continue  # it is not shown the order
                 if state.earlier_action_id or state.order == "canceling":
                     if self.behaviours[robot] is not silent:
                         self.say(each.job, Canceled(robot=robot, action_id=number))

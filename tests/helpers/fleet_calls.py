@@ -12,6 +12,9 @@ from prefect_robomaker.tasks.service.service import Service
 LAUNCH = {"packageName": "my_robot", "launchFile": "drive.launch"}
 
 
+_ALL_RELEASES = ("robotDeploymentTimeoutInSeconds",)
+
+
 class _Config(Changes):
     deployment_config: dict[str, Any]
 
@@ -79,6 +82,12 @@ class Fleets:
 
     def cancel(self, job: str) -> None:
         assert self.call("CancelDeploymentJob", job=job) == {}
+
+    def forget_defaults(self, job: str) -> None:
+        """Stores a job's configuration as a release did that carried no deployment out."""
+        config = DeploymentJobDocument.of(self.service.catalog.get(job)).deployment_config
+        kept = {name: value for name, value in config.items() if name in _ALL_RELEASES}
+        self.service.catalog.update(job, _Config(deployment_config=kept))
 
     def give_condition(self, job: str, file: dict[str, str]) -> None:
         """Gives a job a download condition, as it may have been stored by an older release."""

@@ -56,11 +56,21 @@ class Table:
         }
 
 
-def open_rollout(job: str = "job", status: str = "InProgress", **robots: dict[str, Any]) -> OpenRollout:
-    """A rollout with robots, each by the members of its state."""
-    plan = RolloutPlan(robots=tuple(PlannedRobot(arn=f"arn:{robot}") for robot in robots), concurrent_percentage=50)
+def open_rollout(
+    job: str = "job",
+    status: str = "InProgress",
+    *,
+    held: bool = False,
+    planned: dict[str, Any] | None = None,
+    **robots: dict[str, Any],
+) -> OpenRollout:
+    """A rollout with robots, each by the members of its state; `planned` are further members of its plan."""
+    members = tuple(PlannedRobot(arn=f"arn:{robot}") for robot in robots)
+    plan = RolloutPlan.model_validate({"robots": members, "concurrent_percentage": 50, **(planned or {})})
     states = {f"arn:{robot}": RobotDeploymentState.model_validate(members) for robot, members in robots.items()}
-    rollout = Rollout.model_validate({"plan": plan, "robots": states, "began_s": 0, "now_s": 0, "status": status})
+    rollout = Rollout.model_validate(
+        {"plan": plan, "robots": states, "began_s": 0, "now_s": 0, "status": status, "held": held}
+    )
     return OpenRollout(job, 1, rollout, dict.fromkeys(states, ARTIFACT), LAUNCH)
 
 

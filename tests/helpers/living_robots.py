@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from http.client import HTTPException
 from typing import Literal
 
 from helpers.polling_robot import PollingRobot
@@ -32,7 +33,7 @@ class LivingRobot:
         while not self._stop.wait(0.1):
             try:
                 self._poll()
-            except OSError:
+            except (OSError, HTTPException):  # also an answer that ends in the middle, as its server was killed
                 continue
 
     def stop(self) -> None:

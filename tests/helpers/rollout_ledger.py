@@ -36,11 +36,12 @@ class LedgerService:
         self.ledger.pass_time(now_s)
 
     def shown(self) -> dict[str, tuple[str, int]]:
-        robots = self.ledger.rollout().robots
+        rollout = self.ledger.rollout()
+        robots = rollout.robots
         orders = {
             arn: ("order", s.action_id)
             for arn, s in robots.items()
-            if s.action_id and (s.is_open or s.order == "refused")
+            if s.action_id and (s.order in ("fetched", "refused") or (s.order == "offered" and not rollout.held))
         }
         return {**orders, **{arn: ("cancel", number) for arn, number in self.ledger.due().cancellations.items()}}
 

@@ -54,6 +54,8 @@ class RolloutModel:
         job_timeout_s: int,
         canaries: Iterable[str] = (),
         unfit: Iterable[str] = (),
+        needs_yes: bool = False,
+        opening_hours: Iterable[tuple[int, int]] = (),
     ) -> None:
         first, poor = list(canaries), set(unfit)
         self.fleet = [
@@ -71,12 +73,28 @@ class RolloutModel:
         self.began_s = now_s
         self.status, self.code = "InProgress", None
         self.paused = False
+        self.needs_yes, self.yes = needs_yes, False
+        self.opening_hours = list(opening_hours)
+        self.last_s = now_s
+        self.nothing_begins = self.shut(now_s)
         self.closed = False  # nobody gets an order any more
         self.check()
 
     # Time
 
+    def shut(self, now_s: int) -> bool:
+        hours = self.opening_hours
+        return bool(self.paused or (hours and not [1 for begin, end in hours if begin <= now_s < end]))
+
     def tick(self, now_s: int) -> None:
+        for member in self.fleet:
+            if self.nothing_begins and member.asked_s is not None:
+                member.extra_s += now_s - self.last_s
+        self.last_s = now_s
+        self.time_outs(now_s)
+        self.nothing_begins = self.shut(now_s)
+
+    def time_outs(self, now_s: int) -> None:
         for member in self.fleet:
             if member.asked_s is not None and now_s >= member.asked_s + self.robot_timeout_s + member.extra_s:
                 member.asked_s, member.told_to_stop = None, True
@@ -128,7 +146,8 @@ class RolloutModel:
     def shown(self) -> dict[str, tuple[str, int]]:
         pages: dict[str, tuple[str, int]] = {}
         for member in self.fleet:
-            if member.number is not None and member.has_order:
+            hidden = self.nothing_begins and member.asked_s is not None
+            if member.number is not None and member.has_order and not hidden:
                 pages[member.name] = ("cancel" if member.told_to_stop else "order", member.number)
         return pages
 
@@ -138,10 +157,14 @@ class RolloutModel:
             self.stop(event.why)
         elif kind in ("paused", "resumed"):
             self.paused = kind == "paused"
+            self.nothing_begins = self.shut(now_s)
+        elif kind == "approved":
+            self.yes = self.yes or (self.status == "InProgress" and self.first_have_ended())
         elif kind == "outage":
             self.tick(int(event.since_s))
             for member in self.fleet:
                 member.extra_s += now_s - int(event.since_s)
+            self.last_s = now_s
         else:
             member = self.named.get(event.robot)
             if member is not None and kind == "robot_gone":
@@ -195,7 +218,7 @@ class RolloutModel:
             member.told_to_stop = True
 
     def stop(self, why: str) -> None:
-        if why == "canceled" and self.status != "InProgress":
+        if why in ("canceled", "rejected") and self.status != "InProgress":
             return
         code = {
             "application_deleted": "RobotApplicationDoesNotExist",
@@ -208,9 +231,12 @@ class RolloutModel:
 
     # Whose turn it is
 
+    def first_have_ended(self) -> bool:
+        return all(self.named[name].result or self.named[name].gone for name in self.first)
+
     def turns(self) -> list[str]:
         free = self.at_once - len([member for member in self.fleet if member.busy])
-        if self.paused or self.closed or free <= 0:
+        if self.nothing_begins or self.closed or free <= 0:
             return []
         waiting: list[str] = []
         if self.status == "InProgress":
@@ -220,7 +246,7 @@ class RolloutModel:
                 if member.number is None and member.result is None and not member.gone
             ]
             waiting = [name for name in self.first if name in untouched]
-            if all(self.named[name].result or self.named[name].gone for name in self.first):
+            if self.first_have_ended() and (self.yes or not self.needs_yes):
                 waiting += [name for name in untouched if name not in self.first]
         again = [member.name for member in self.fleet if member.back]
         return (waiting + again)[:free]

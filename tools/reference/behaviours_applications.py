@@ -122,6 +122,13 @@ FLEETS = (
         "kept and shown, and not carried out. A `downloadConditionFile` is refused: no robot would be asked it.",
     ),
     differs(
+        "Control over a deployment",
+        "CreateDeploymentJob DescribeDeploymentJob",
+        known="Percentages, a threshold and a time-out; a deployment could be cancelled.",
+        here="Besides: canaries, approval, maintenance windows, pause and rollback, see "
+        "[Control a rollout](fleets.md#control-a-rollout).",
+    ),
+    differs(
         "Operations that had ended",
         "CreateFleet CreateRobot RegisterRobot CreateDeploymentJob SyncDeploymentJob",
         known="From May 2022 on all fifteen calls were refused, with `ThrottlingException`.",

@@ -45,6 +45,7 @@ PRIORITY = (
     "Extension: which of several batches goes first on a machine; the batch's tag `robomaker:priority` says the same. "
     "See [A machine that is shared](machines.md#a-machine-that-is-shared)."
 )
+ROLLOUTS = "Extension: control over a rollout. See [Control a rollout](fleets.md#control-a-rollout)."
 BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
@@ -78,6 +79,32 @@ _TRIAL_SHAPES = {
     "TrialParameters": "map",
     "TrialValues": "list",
     "Trials": "structure",
+}
+_ROLLOUT_MEMBERS = {
+    "DeploymentConfig.canaryPercentage": "Percentage",
+    "DeploymentConfig.canaryRobots": "CanaryRobots",
+    "DeploymentConfig.maintenanceWindows": "MaintenanceWindows",
+    "DeploymentConfig.onThresholdBreached": "ThresholdAction",
+    "DeploymentConfig.requiresApproval": "Boolean",
+    "DescribeDeploymentJobResponse.rollback": "DeploymentRollback",
+    "DescribeDeploymentJobResponse.waitsFor": "DeploymentWaits",
+}
+_ROLLOUT_SHAPES = {
+    "ArnList": "list",
+    "CanaryRobots": "list",
+    "DeploymentRollback": "structure",
+    "DeploymentWait": "structure",
+    "DeploymentWaitCause": "string",
+    "DeploymentWaits": "list",
+    "MaintenanceWindow": "structure",
+    "MaintenanceWindows": "list",
+    "RobotReference": "string",
+    "ThresholdAction": "string",
+    "TimeOfDay": "string",
+    "TimeZoneName": "string",
+    "Weekday": "string",
+    "Weekdays": "list",
+    "WindowDuration": "integer",
 }
 _NAMED_SHAPES = (
     "CreateRobotApplicationVersionRequest",
@@ -125,6 +152,7 @@ DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(shape, kind, None, REQUIREMENTS) for shape, kind in _REQUIREMENT_SHAPES.items()),
     *(Difference(f"{shape}.trials", "Trials", None, TRIALS) for shape in _VIDEO_SHAPES),
     *(Difference(shape, kind, None, TRIALS) for shape, kind in _TRIAL_SHAPES.items()),
+    *(Difference(member, shape, None, ROLLOUTS) for member, shape in {**_ROLLOUT_MEMBERS, **_ROLLOUT_SHAPES}.items()),
     Difference("BatchPolicy.priority", "BatchPriority", None, PRIORITY),
     Difference("BatchPriority", "integer", None, PRIORITY),
     *(Difference(f"{shape}.application", "ApplicationReference", "Arn", BARE_NAME) for shape in _NAMED_SHAPES),

@@ -4,7 +4,7 @@
             offer                 cancel
   nothing ────────> open ─────────────────────> cancelling
      ^               │  close                       │  close
-     │               │ <────────────────────────────│
+     │   withhold    │ <────────────────────────────│
      │               │            carry_on          │
      └───────────────┴──────────────────────────────┘
 ```
@@ -159,6 +159,15 @@ class OpenOrders:
             feedback: what the robot said last; the same once more is then no error.
         """
         return self._change(robot, action_id, order=None, is_cancelling=False, last_feedback=feedback)
+
+    def withhold(self, robot: str, action_id: int) -> bool:
+        """Takes away an order that may be offered again later; `False`: it is not open, or the robot has read it."""
+        with self._lock:
+            state = self._robots.get(robot)
+            if state is None or not state.has(action_id) or state.is_fetched or state.is_cancelling:
+                return False
+            self._robots[robot] = replace(state, order=None, last_action_id=action_id - 1)
+            return True
 
     def mark_fetched(self, robot: str, action_id: int) -> bool:
         """Notes that the robot read its order; `False`: it is not open."""

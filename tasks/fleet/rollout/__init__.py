@@ -15,4 +15,4 @@ There are no clocks, stores or robots in here: time comes in as an argument, in 
 May import: `schemas.operations`, `schemas.rollouts`, `schemas.wire`.
 """
 
-__all__ = ["counts", "estimates", "ledger", "statuses", "thresholds", "waves"]
+__all__ = ["counts", "estimates", "ledger", "statuses", "thresholds", "waits", "waves", "windows"]

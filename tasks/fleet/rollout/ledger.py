@@ -12,9 +12,13 @@ How the whole ends:
 | each robot has ended | `Succeeded` | | |
 | the threshold is reached | `Failed` | `FailureThresholdBreached` | go on to their end |
 | its time is up | `Failed` | `FleetDeploymentTimeout` | canceled, with this code |
-| a person cancels it | `Canceled` | | canceled, `RobotDeploymentAborted` |
+| a person cancels it, or does not approve it | `Canceled` | | canceled, `RobotDeploymentAborted` |
 | its application is deleted | `Failed` | `RobotApplicationDoesNotExist` | canceled, with this code |
 | its fleet is deleted | `Failed` | `DeploymentFleetDoesNotExist` | canceled, with this code |
+
+While a rollout is *held*, since a person paused it or no maintenance window is open, no robot gets an order or fetches
+one, and the time-outs of orders that were not fetched stand still. Robots that have begun go on, and theirs run on. So
+does the time of the whole, also while it waits for approval.
 
 Orders that robots have not fetched are canceled, too; these robots are as if they had never been asked. After
 `Succeeded` and `FleetDeploymentTimeout`, robots that never fetched their order still get one when they return.
@@ -22,21 +26,33 @@ The status of a rollout that has ended stays; its robots may still change, by wh
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.rollouts.events import Offered, Outage, Paused, Resumed, RobotGone, RolloutEvent, StopCause, Stopped
+from ....schemas.rollouts.events import (
+    Approved,
+    Offered,
+    Outage,
+    Paused,
+    Resumed,
+    RobotGone,
+    RolloutEvent,
+    StopCause,
+    Stopped,
+)
 from ....schemas.rollouts.plan import RolloutPlan
 from ....schemas.rollouts.robots import UNANSWERED, RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollout
+from ....schemas.rollouts.rollout import Rollback, Rollout
 from .deadlines import Deadlines
 from .line import Line, waits, waits_again
-from .orders import changed, offered, reported, revoked, timed_out, withdrawn
+from .orders import changed, held_back, let_go, offered, reported, revoked, timed_out, withdrawn
 from .pauses import with_pause
 from .thresholds import Tally, Verdict
+from .windows import is_open, next_change_s
 
 _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
     "canceled": (Verdict("Canceled"), "RobotDeploymentAborted"),
+    "rejected": (Verdict("Canceled", None, "the deployment was not approved"), "RobotDeploymentAborted"),
     "superseded": (Verdict("Canceled", None, "the fleet has a newer deployment"), "RobotDeploymentAborted"),
     "application_deleted": (
         Verdict("Failed", "RobotApplicationDoesNotExist", "the robot application was deleted"),
@@ -61,7 +77,10 @@ class Due:
     """All orders that robots are to be told to give up until they answer: their numbers, by robot."""
 
     wake_s: float | None
-    """When the next time-out comes, in seconds since the epoch; nothing: only events change the rollout."""
+    """When the next time-out comes, or a maintenance window may open or close, in seconds since the epoch.
+
+    Nothing: only events change the rollout.
+    """
 
 
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
@@ -79,7 +98,8 @@ def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = N
             failure = {"failure_code": robot.unfit_code, "failure_reason": robot.unfit_reason}
             state = changed(state, outcome="failed", finished_s=now_s, **failure)
         robots[robot.arn] = state
-    ledger = Ledger(Rollout(plan=plan, robots=robots, began_s=now_s, now_s=now_s))
+    held = not is_open(plan.windows, now_s)
+    ledger = Ledger(Rollout(plan=plan, robots=robots, began_s=now_s, now_s=now_s, held=held))
     ledger.pass_time(now_s)
     return ledger.rollout()
 
@@ -121,6 +141,7 @@ class Ledger:
             self._tally.count(robot, state, 1)
         self._line = Line(rollout.plan, self._robots)
         self._deadlines = Deadlines(self._robots)
+        self._change_s = next_change_s(self._plan.windows, self._now_s)
         self._cancellations = {
             robot: action_id for robot, state in self._robots.items() if (action_id := _to_cancel(state)) is not None
         }
@@ -135,6 +156,12 @@ class Ledger:
         return self._rollout.status
 
     @property
+    def waits_for_approval(self) -> bool:
+        """Whether robots wait until a person has approved."""
+        is_asked = self._plan.requires_approval and self._rollout.approved_s is None
+        return is_asked and self._is_active and self._tally.canaries.has_ended
+
+    @property
     def open_orders(self) -> int:
         """How many robots have an open order."""
         return self._tally.open
@@ -142,6 +169,10 @@ class Ledger:
     def robot(self, arn: str) -> RobotDeploymentState:
         """How a robot of the rollout stands."""
         return self._robots[arn]
+
+    def note_rollback(self, rollback: Rollback) -> None:
+        """Notes how robots go back to the version before, once the rollout has failed."""
+        self._set(rollback=rollback)
 
     def unanswered(self) -> dict[str, int]:
         """Orders that were canceled and that robots may still carry out, by robot."""
@@ -157,7 +188,7 @@ class Ledger:
         return Due(
             offers=self._turns(),
             cancellations=dict(self._cancellations),
-            wake_s=self._wake_s(),
+            wake_s=self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None,
         )
 
     def apply(self, event: RolloutEvent, now_s: float) -> None:
@@ -175,9 +206,8 @@ class Ledger:
                 self._gone(event)
             case Stopped():
                 self._stopped(event)
-            case Paused() | Resumed():
-                pauses = with_pause(self._rollout.pauses, event, self._now_s)
-                self._set(paused=isinstance(event, Paused), pauses=pauses)
+            case Paused() | Resumed() | Approved():
+                self._decided(event)
             case Offered():
                 self._offer(event)
             case Outage():
@@ -192,7 +222,7 @@ class Ledger:
         self._judge()
 
     def pass_time(self, now_s: float) -> None:
-        """Lets time pass: orders, and the rollout, time out at their own moments."""
+        """Lets time pass: orders and the rollout time out, windows open and close, at their own moments."""
         self._judge()
         now_s = max(now_s, self._now_s)
         while (wake_s := self._wake_s()) is not None and wake_s <= now_s:
@@ -202,22 +232,36 @@ class Ledger:
                 robot = deadline[1]
                 self._put(robot, timed_out(self._robots[robot], self._plan.robot_timeout_s))
                 self._judge()
-            else:
+            elif self._is_active and self._end_s <= wake_s:
                 self._time_is_up()
+            else:
+                self._hold_or_let_go()
         self._now_s = now_s
 
     def _turns(self) -> tuple[str, ...]:
-        if self._rollout.paused or not self._rollout.takes_returns:
+        if self._rollout.held or not self._rollout.takes_returns:
             return ()
         free = self._plan.concurrency - self._tally.open
-        return self._line.next(free, first=self._is_active, others=self._tally.canaries.has_ended)
+        return self._line.next(free, first=self._is_active, others=self._is_released)
 
     def _wake_s(self) -> float | None:
         deadline = self._deadlines.next()
         times = [deadline[0]] if deadline is not None else []
         if self._is_active:
-            times.append(self._rollout.began_s + self._plan.job_timeout_s)
+            times.append(self._end_s)
+        if self._change_s is not None:
+            times.append(self._change_s)
         return min(times, default=None)
+
+    @property
+    def _end_s(self) -> float:
+        """When its time is up."""
+        return self._rollout.began_s + self._plan.job_timeout_s
+
+    @property
+    def _is_released(self) -> bool:
+        """Whether it may be the turn of others than canaries."""
+        return self._tally.canaries.has_ended and not self.waits_for_approval
 
     @property
     def _is_active(self) -> bool:
@@ -226,14 +270,39 @@ class Ledger:
     def _offer(self, event: Offered) -> None:
         """Notes an order, if the robot may have one now; otherwise the number is lost, which costs nothing."""
         state = self._robots.get(event.robot)
-        if state is None or self._rollout.paused or not self._rollout.takes_returns:
+        if state is None or self._rollout.held or not self._rollout.takes_returns:
             return
         first = waits(state) and self._is_active
-        turn = not first or event.robot in self._plan.canaries or self._tally.canaries.has_ended
+        turn = not first or event.robot in self._plan.canaries or self._is_released
         used = event.action_id in (state.action_id, state.earlier_action_id)
         free = self._tally.open < self._plan.concurrency
         if (first or waits_again(state)) and turn and free and not used:
             self._put(event.robot, offered(state, event.action_id, self._now_s, self._plan.robot_timeout_s))
+
+    def _decided(self, event: Paused | Resumed | Approved) -> None:
+        match event:
+            case Paused() if not self._rollout.paused:
+                pauses = with_pause(self._rollout.pauses, event, self._now_s)
+                self._set(paused=True, paused_by=event.by, paused_s=self._now_s, pauses=pauses)
+            case Resumed():
+                pauses = with_pause(self._rollout.pauses, event, self._now_s)
+                self._set(paused=False, paused_by=None, paused_s=None, pauses=pauses)
+            case Approved() if self.waits_for_approval:
+                self._set(approved_by=event.by, approved_s=self._now_s)
+            case _:
+                return
+        self._hold_or_let_go()
+
+    def _hold_or_let_go(self) -> None:
+        """Holds orders back that were not fetched, or lets them go, as it has to be now."""
+        windows = self._plan.windows
+        self._change_s = next_change_s(windows, self._now_s)
+        held = self._rollout.paused or not is_open(windows, self._now_s)
+        if held != self._rollout.held:
+            self._set(held=held)
+            change = held_back if held else let_go
+            for robot, state in list(self._robots.items()):
+                self._put(robot, change(state, self._now_s))
 
     def _gone(self, event: RobotGone) -> None:
         state = self._robots.get(event.robot)
@@ -245,9 +314,11 @@ class Ledger:
 
     def _stopped(self, event: Stopped) -> None:
         verdict, code = _STOPS[event.why]
+        if event.by is not None:
+            verdict = replace(verdict, reason=f"{verdict.reason or 'the deployment was canceled'}, says {event.by}")
         if self._is_active:
             self._end(verdict)
-        elif event.why == "canceled":  # a deployment that has ended stays as it is
+        elif event.why in ("canceled", "rejected"):  # a deployment that has ended stays as it is
             return
         self._set(takes_returns=False)
         self._revoke(code, verdict.reason or "the deployment was canceled", begun=True)
@@ -302,6 +373,7 @@ class Ledger:
             for robot, state in list(self._robots.items()):
                 if state.deadline_s is not None:
                     self._put(robot, changed(state, deadline_s=state.deadline_s + lasted_s))
+            self._now_s = now_s  # windows that opened in between were of no use
 
 
 def _to_cancel(state: RobotDeploymentState) -> int | None:

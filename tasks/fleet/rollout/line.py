@@ -41,6 +41,11 @@ class Line:
         else:
             self._returned.discard(robot)
 
+    @property
+    def has_returns(self) -> bool:
+        """Whether robots that were away wait for another order."""
+        return bool(self._returned)
+
     def next(self, count: int, *, first: bool, others: bool) -> tuple[str, ...]:
         """The robots whose turn it is.
 

@@ -41,7 +41,20 @@ def offered(state: State, action_id: int, now_s: float, timeout_s: float) -> Sta
         download_from_percent=None,
         download_from_s=None,
         deadline_s=now_s + timeout_s,
+        left_s=None,
     )
+
+
+def held_back(state: State, now_s: float) -> State:
+    """The robot whose order, which it has not fetched, is held back; its time stands still."""
+    if state.order != "offered" or state.deadline_s is None:
+        return state
+    return changed(state, deadline_s=None, left_s=max(0.0, state.deadline_s - now_s))
+
+
+def let_go(state: State, now_s: float) -> State:
+    """The robot whose order was held back and can be fetched again, in the time that is left."""
+    return state if state.left_s is None else changed(state, deadline_s=now_s + state.left_s, left_s=None)
 
 
 def reported(state: State, event: Report, now_s: float, timeout_s: float) -> State:
@@ -98,7 +111,7 @@ def revoked(state: State, now_s: float, code: DeploymentJobErrorCode, reason: st
 
 def withdrawn(state: State) -> State:
     """The robot whose open order is canceled, which is no failure."""
-    return changed(state, order="canceling", deadline_s=None)
+    return changed(state, order="canceling", deadline_s=None, left_s=None)
 
 
 def _failed(state: State, code: DeploymentJobErrorCode, reason: str | None, now_s: float) -> State:
@@ -113,7 +126,7 @@ def _begun(state: State, now_s: float, timeout_s: float) -> State:
         return changed(state, heard_s=now_s)
     state = changed(state, started_s=now_s, heard_s=now_s)
     if state.order == "offered":
-        return changed(state, order="fetched", deadline_s=now_s + timeout_s)
+        return changed(state, order="fetched", deadline_s=now_s + timeout_s, left_s=None)
     if state.outcome is None:  # the order was canceled on its way to the robot
         return _failed(state, "RobotDeploymentAborted", "the deployment was stopped while the robot began", now_s)
     return state
@@ -146,4 +159,4 @@ def _refused(state: State, now_s: float, timeout_s: float) -> State:
 
 def _closed(state: State, now_s: float) -> State:
     started_s = now_s if state.started_s is None else state.started_s
-    return changed(state, order="closed", deadline_s=None, started_s=started_s, heard_s=now_s)
+    return changed(state, order="closed", deadline_s=None, left_s=None, started_s=started_s, heard_s=now_s)

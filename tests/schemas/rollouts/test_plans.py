@@ -55,6 +55,9 @@ def test_a_stored_plan_says_what_holds_even_if_defaults_change() -> None:
         "robotTimeoutS": 18000.0,
         "jobTimeoutS": 2592000.0,
         "canaries": [],
+        "requiresApproval": False,
+        "windows": [],
+        "rollsBack": False,
     }
 
 

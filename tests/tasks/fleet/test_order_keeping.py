@@ -31,6 +31,38 @@ def test_orders_are_opened_given_up_and_closed_as_the_rollout_says() -> None:
     assert table.shown() == {}
 
 
+def test_an_order_that_is_held_back_is_hidden_and_comes_again() -> None:
+    table = Table("r1", "r2", "r3")
+    robots = {"r1": order(3), "r2": order(4, "fetched"), "r3": {}}
+    table.sync(open_rollout(**robots))
+
+    table.sync(open_rollout(held=True, **robots))
+    assert table.shown() == {"r2": ("deploy", 4)}, "not as one to be given up"
+    assert not table.orders.state("r3").is_expected
+    table.sync(open_rollout(held=True, **robots))
+    table.sync(open_rollout(**robots))
+    assert table.shown() == {"r1": ("deploy", 3), "r2": ("deploy", 4)}
+
+
+def test_an_order_that_the_robot_has_just_read_is_not_hidden() -> None:
+    table = Table("r1")
+    table.sync(open_rollout(r1=order(3)))
+    table.orders.mark_fetched("r1", 3)
+
+    table.sync(open_rollout(held=True, r1=order(3)))
+
+    assert table.shown() == {"r1": ("deploy", 3)}
+
+
+def test_robots_behind_an_approval_do_not_poll_often() -> None:
+    table = Table("r1", "r2")
+    planned = {"canaries": ("arn:r1",), "requires_approval": True}
+
+    table.sync(open_rollout(planned=planned, r1={}, r2={}))
+
+    assert [table.orders.state(robot).is_expected for robot in ("r1", "r2")] == [True, False]
+
+
 def test_what_the_robot_closed_does_not_come_back_while_the_catalog_is_behind() -> None:
     table = Table("r1")
     behind = open_rollout(r1=order(1, "fetched"))

@@ -32,7 +32,8 @@ def test_orders_come_again_once_the_catalog_answers(service: Service, caplog: py
             raise ServiceUnavailableException("the catalog does not answer")
         return [open_rollout(r1=order(1))]
 
-    watch = OrderWatch(service, table.robots, table.keeper, BundleFiles(service, table.keeper), read)
+    files, tended = BundleFiles(service, table.keeper), []
+    watch = OrderWatch(service, table.robots, table.keeper, files, read, tended.append)
     with caplog.at_level(logging.WARNING, "robomaker.robots"):
         watch.start()
         for number in range(1, 6):
@@ -45,4 +46,5 @@ def test_orders_come_again_once_the_catalog_answers(service: Service, caplog: py
         "robots get no new orders: the catalog does not answer",
         "robots get orders again",
     ]
+    assert [rollout.job for rollout in tended[0]] == ["job"], "those whose jobs have ended are tended"
     assert known[4] == {"job"}, "what has not changed need not be read again"

@@ -71,6 +71,7 @@ def test_what_is_installed_is_known_once_the_robot_said_so(desk: Desk) -> None:
 
     assert desk.events[-1] == ("job", Succeeded(robot=desk.arn, action_id=8), 5.0)
     assert (desk.document().installed_name, desk.document().installed_version) == ("courier", "3")
+    assert desk.document().installed_by == "job"
 
 
 def test_what_could_not_be_stored_can_be_said_again(desk: Desk) -> None:

@@ -1,5 +1,7 @@
 """Runs of deployment jobs: what becomes true of the job and of its robots, in simulated time."""
 
+import logging
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -8,6 +10,7 @@ from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 from prefect_robomaker.schemas.wire.errors import ConcurrentDeploymentException
 from prefect_robomaker.tasks.catalog import Catalog
 from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.fleet.control.decisions import approve, pause, resume
 from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
 from prefect_robomaker.tasks.service.service import Service
 
@@ -380,3 +383,34 @@ def test_a_job_whose_workers_keep_dying_fails_and_its_robots_are_told(yard: Yard
 
 def _die(catalog: Catalog, arn: str, owner: str) -> None:
     assert catalog.claim(arn, owner, -1)
+
+
+def test_a_job_of_an_older_release_says_that_it_begins(yard: Yard, caplog: pytest.LogCaptureFixture) -> None:
+    yard.robot("r0", good)
+    arn = deployed(yard)
+    yard.fleets.forget_defaults(arn)
+    notes: list[str] = []
+    yard.service = replace(yard.service, report_note=notes.append)
+
+    with caplog.at_level(logging.WARNING):
+        assert yard.run(arn)["status"] == "Succeeded"
+
+    (note,) = notes
+    assert f"{arn.rpartition('/')[2]}: an older release stored it on " in note
+    assert note.endswith("and did not carry it out; it begins now")
+    assert note in caplog.text
+
+
+def test_what_a_job_waits_for_is_said_once_each_time(yard: Yard) -> None:
+    yard.robot("r0", good)
+    arn = deployed(yard, {**ALL_AT_ONCE, "requiresApproval": True})
+    notes: list[str] = []
+    yard.service = replace(yard.service, report_note=notes.append)
+    yard.at_look[5] = lambda: pause(arn, "ada", yard.service)
+    yard.at_look[15] = lambda: resume(arn, yard.service)
+    yard.at_look[25] = lambda: approve(arn, "ada", yard.service)
+
+    assert yard.run(arn)["status"] == "Succeeded"
+
+    said = [note.partition(": ")[2].partition(";")[0] for note in notes]
+    assert said == ["waits for approval", "paused by ada", "waits for approval", "goes on"]

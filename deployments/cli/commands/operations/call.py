@@ -31,15 +31,12 @@ def execute(arguments: argparse.Namespace) -> int:
     """Calls the operation and prints its response."""
     from .....schemas.operations.registry import OPERATIONS
     from .....schemas.settings import Settings
-    from .....schemas.specs.check import load_request
-    from .....schemas.specs.resolving import resolve_input
     from ...inputs.operations import operation_name
+    from ...inputs.requests import read_request
     from ...job import perform
 
     operation = operation_name(arguments.operation)
-    text, name = _input(arguments.input)
-    checked = load_request(text, name, operation)
-    request = resolve_input(checked.steps[checked.order[0]], {})
+    request = read_request(arguments.input, operation)
     settings = Settings.from_environment(os.environ)
     if arguments.wait and OPERATIONS[operation].is_job:
         return perform(operation, _stored(operation, request, settings)["arn"], settings, arguments.output)
@@ -50,18 +47,6 @@ def execute(arguments: argparse.Namespace) -> int:
     if OPERATIONS[operation].is_job:
         sys.stderr.write(f"The job is stored; `robomaker perform {answer['arn']}` carries it to its end.\n")
     return 0
-
-
-def _input(given: str) -> tuple[str, str]:
-    """The request's text and what to call it in messages."""
-    from ...inputs.specifications import read_text
-
-    if given == "-":
-        return sys.stdin.read(), "standard input"
-    if given.lstrip().startswith("{"):
-        return given, "--input"
-    path = given.removeprefix("file://")
-    return read_text(path), path
 
 
 def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> dict[str, Any]:

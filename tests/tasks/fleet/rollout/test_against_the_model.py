@@ -9,7 +9,15 @@ from helpers.rollout_robots import CODES, Attempt, Script, watch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.events import Paused, Resumed, RobotGone, RolloutEvent, StopCause, Stopped
+from prefect_robomaker.schemas.rollouts.events import (
+    Approved,
+    Paused,
+    Resumed,
+    RobotGone,
+    RolloutEvent,
+    StopCause,
+    Stopped,
+)
 from prefect_robomaker.schemas.rollouts.robots import Departure
 from prefect_robomaker.schemas.wire.base import choices
 
@@ -38,6 +46,8 @@ def random_script(rng: random.Random, quality: float) -> Script:
 
 def random_people(rng: random.Random, names: list[str]) -> dict[int, list[RolloutEvent]]:
     people: dict[int, list[RolloutEvent]] = {}
+    for _ in range(rng.choice([0, 1, 2])):  # also where it is not asked for, or too early
+        people.setdefault(rng.randrange(SECONDS), []).append(Approved())
     for _ in range(rng.choice([0, 0, 1, 2, 4])):
         what = rng.choice(["gone", "gone", "pause", "pause", "stop"])
         second = rng.randrange(SECONDS)
@@ -53,6 +63,16 @@ def random_people(rng: random.Random, names: list[str]) -> dict[int, list[Rollou
     return people
 
 
+def random_windows(rng: random.Random) -> tuple[list[dict[str, object]], list[tuple[int, int]]]:
+    """Windows of the morning on which it all happens, 00:16:40 being its beginning; and the same in seconds."""
+    windows, spans = [], []
+    for _ in range(rng.choice([0, 0, 1, 2])):
+        minute, duration_s = rng.choice([14, 15, 16, 17, 18]), rng.randrange(60, 200)
+        windows.append({"startTime": f"00:{minute}", "durationInSeconds": duration_s})
+        spans.append((60 * minute, 60 * minute + duration_s))
+    return windows, spans
+
+
 def compare(seed: int) -> dict[str, object]:
     """One random fleet; its last facts."""
     rng = random.Random(seed)
@@ -65,9 +85,13 @@ def compare(seed: int) -> dict[str, object]:
     people = random_people(rng, names)
     repeats = rng.choice([None, seed])
     outage = (20, 20 + rng.randrange(1, 30)) if rng.random() < 0.2 else None
+    windows, spans = random_windows(rng)
+    requires_approval = rng.random() < 0.3
     plan = plan_of(
         names,
         unfit=unfit,
+        windows=windows,
+        requires_approval=requires_approval,
         concurrent_percentage=at_once,
         threshold_percentage=threshold,
         robot_timeout_s=ROBOT_TIMEOUT_S,
@@ -84,6 +108,8 @@ def compare(seed: int) -> dict[str, object]:
         job_timeout_s=JOB_TIMEOUT_S,
         canaries=canaries,
         unfit=unfit,
+        needs_yes=requires_approval,
+        opening_hours=spans,
     )
     seen = watch(product, scripts, SECONDS, people, repeats, outage)
     expected = watch(model, scripts, SECONDS, people, repeats, outage)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.rollouts.events import (
+    Approved,
     Canceled,
     CancelRefused,
     Failed,
@@ -45,6 +46,8 @@ PLANS = st.builds(
     robot_timeout_s=st.just(50),
     job_timeout_s=st.just(400),
     canaries=st.sampled_from([(), ("r0",)]),
+    requires_approval=st.booleans(),
+    windows=st.sampled_from([(), ({"startTime": "00:15", "durationInSeconds": 150},)]),  # it closes at 1050 s
 )
 REPORTS = st.one_of(
     *(made(kind, robot=ROBOTS, action_id=NUMBERS) for kind in (Offered, Offered, Fetched, Succeeded, Canceled)),
@@ -60,9 +63,10 @@ REPORTS = st.one_of(
 )
 PEOPLE = st.one_of(
     made(RobotGone, robot=ROBOTS, how=st.sampled_from(["left", "deleted"])),
-    made(Stopped, why=st.sampled_from(["canceled", "fleet_deleted", "application_deleted", "superseded"])),
+    made(Stopped, why=st.sampled_from(["canceled", "rejected", "fleet_deleted", "application_deleted", "superseded"])),
     st.just(Paused()),
     st.just(Resumed()),
+    st.just(Approved()),
     made(Outage, since_s=st.integers(900, 1400)),
 )
 EVENTS: st.SearchStrategy[RolloutEvent | None] = st.one_of(REPORTS, REPORTS, REPORTS, st.none(), st.none(), PEOPLE)
@@ -87,10 +91,14 @@ def check(ledger: Ledger) -> None:
     states = rollout.robots.values()
     assert sum(state.is_open for state in states) == ledger.open_orders <= plan.concurrency
     assert len(ledger.due().offers) <= plan.concurrency - ledger.open_orders
+    assert not (rollout.held and ledger.due().offers)
+    assert rollout.held or not rollout.paused
     for state in states:
         assert (state.failure_code is not None) == (state.outcome == "failed")
         assert (state.finished_s is not None) == (state.outcome is not None)
-        assert (state.deadline_s is not None) == state.is_open
+        is_held_back = rollout.held and state.order == "offered"
+        assert (state.deadline_s is not None) == (state.is_open and not is_held_back)
+        assert (state.left_s is not None) == is_held_back
         assert state.deadline_s is None or state.deadline_s > rollout.now_s
         assert not (state.returned and state.is_open)
         assert (state.action_id is None) == (state.order == "none")

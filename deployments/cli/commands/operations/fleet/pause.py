@@ -1,0 +1,30 @@
+"""Let no robot of a deployment begin until it is resumed.
+
+Robots that have begun go on to their end. Orders that robots have not fetched are held back, and their time-outs
+stand still; the 30 days of the whole do not. Any machine with the same catalog may say it.
+"""
+
+import argparse
+import os
+import sys
+
+from ....arguments import add_deployment, add_who
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_deployment(parser)
+    add_who(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Pauses it."""
+    from ......schemas.settings import Settings
+    from ......tasks.fleet.control.decisions import pause
+    from ......tasks.service.service import Service
+    from ....inputs.people import who
+
+    service = Service.open(Settings.from_environment(os.environ))
+    pause(arguments.job, who(arguments.by), service)
+    sys.stdout.write(f"{arguments.job}: paused; `robomaker fleet resume {arguments.job}` lets it go on\n")
+    return 0

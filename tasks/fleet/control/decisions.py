@@ -1,0 +1,132 @@
+"""What people decide about a deployment that is under way: pause, resume, approve, reject.
+
+Any process may say it while another runs the job: the catalog has the rollout, and what was said holds when the call
+returns. A deployment that has not begun keeps it as an event, and takes it in when it begins.
+"""
+
+from datetime import UTC, datetime
+
+from ....schemas.lifecycles import is_terminal
+from ....schemas.operations.deployment_jobs import DeploymentWait
+from ....schemas.rollouts.events import Approved, Paused, Resumed, RolloutEvent, Stopped
+from ....schemas.rollouts.rollout import Rollout
+from ....schemas.wire.arns import ResourceArn
+from ....schemas.wire.errors import InvalidParameterException
+from ...catalog import Resource
+from ...service.service import Service
+from ..kept_rollouts import KeptRollout
+from ..records import DEPLOYMENT, fleet_held, settle
+from ..rollout.ledger import Ledger
+
+
+def pause(job: str, by: str, service: Service) -> None:
+    """Lets no robot of a deployment begin until it is resumed; robots that have begun go on.
+
+    Args:
+        job: ARN of the deployment job.
+        by: who says so.
+        service: where it is stored.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+        InvalidParameterException: it has ended.
+    """
+    _tell(_under_way(job, service), Paused(by=by), service)
+
+
+def resume(job: str, service: Service) -> None:
+    """Lets a paused deployment go on; of no effect on one that is not paused.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+        InvalidParameterException: it has ended.
+    """
+    _tell(_under_way(job, service), Resumed(), service)
+
+
+def approve(job: str, by: str, service: Service) -> None:
+    """Lets a deployment that waits for approval go on.
+
+    Args:
+        job: ARN of the deployment job.
+        by: who says so.
+        service: where it is stored.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+        InvalidParameterException: it does not wait for approval.
+    """
+    found = _under_way(job, service)
+    _check_waits(found, service)
+    _tell(found, Approved(by=by), service)
+
+
+def reject(job: str, by: str, service: Service) -> None:
+    """Cancels a deployment that waits for approval.
+
+    Args:
+        job: ARN of the deployment job.
+        by: who says so.
+        service: where it is stored.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+        InvalidParameterException: it does not wait for approval.
+    """
+    found = _under_way(job, service)
+    _check_waits(found, service)
+    _tell(found, Stopped(why="rejected", by=by), service)
+    with fleet_held(str(found.parent), service) as fleet:
+        settle(fleet, service)
+
+
+def pause_that_waits(job: str, service: Service) -> DeploymentWait | None:
+    """The pause of a deployment that has not begun; nothing: it will begin.
+
+    Args:
+        job: ARN of the deployment job.
+        service: where it is stored.
+    """
+    said = [each for each in service.catalog.events(job) if each.event.get("kind") in ("paused", "resumed")]
+    if not said or said[-1].event["kind"] == "resumed":
+        return None
+    since = datetime.fromtimestamp(said[-1].at_s, UTC)
+    return DeploymentWait(cause="PAUSED", since=since, by=Paused.of_json(dict(said[-1].event)).by)
+
+
+def _under_way(arn: str, service: Service) -> Resource:
+    ResourceArn.parse(arn, DEPLOYMENT)
+    job = service.catalog.get(arn, kind=DEPLOYMENT)
+    if is_terminal(job.kind, job.status):
+        raise InvalidParameterException(f"{arn} has ended: it is {job.status}; nothing of it waits")
+    return job
+
+
+def _check_waits(job: Resource, service: Service) -> None:
+    stored = service.catalog.rollout(job.arn)
+    if stored is None:
+        raise InvalidParameterException(
+            f"{job.arn} is {job.status}: it has not begun, so it does not wait for approval"
+        )
+    kept = KeptRollout(job, service)
+    kept.fold()
+    ledger = Ledger(kept.rollout)
+    if not ledger.waits_for_approval:
+        raise InvalidParameterException(f"{job.arn} does not wait for approval: {_why_not(kept.rollout)}")
+
+
+def _why_not(rollout: Rollout) -> str:
+    if not rollout.plan.requires_approval:
+        return "its deploymentConfig has no requiresApproval"
+    if rollout.approved_s is not None:
+        return f"{rollout.approved_by or 'a person'} has approved it"
+    if rollout.status != "InProgress":
+        return f"it is {rollout.status}"
+    waiting = [arn for arn in rollout.plan.canaries if not rollout.robots[arn].has_ended]
+    return f"{len(waiting)} of its canaries have not ended, such as {waiting[0]}; approve when they have"
+
+
+def _tell(job: Resource, event: RolloutEvent, service: Service) -> None:
+    service.catalog.add_event(job.arn, event.to_json(), service.clock().timestamp())
+    if service.catalog.rollout(job.arn) is not None:
+        KeptRollout(job, service).fold()

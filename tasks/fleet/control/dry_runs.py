@@ -1,0 +1,125 @@
+"""Dry runs: what a deployment would do to which robot, and in which wave. Nothing is stored."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from ....schemas.documents.applications import ApplicationDocument
+from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ....schemas.lifecycles import is_terminal
+from ....schemas.rollouts.plan import RolloutPlan
+from ....schemas.wire.maintenance_windows import MaintenanceWindow
+from ...catalog import Resource
+from ...service.service import Service
+from ..beginnings import plan_of
+from ..records import DEPLOYMENT, last_deployment, robots_of
+from ..rollout.waves import waves_of
+from ..rollout.windows import is_open, opens_s
+from .requests import served_architectures
+
+AWAY_S = 300.0
+"""A robot that was not heard of for longer counts as away, in seconds."""
+
+
+@dataclass(frozen=True)
+class PlannedChange:
+    """What would be done to one robot."""
+
+    robot: str
+    """Its name."""
+
+    wave: int | None
+    """In which wave, from 1; `None`: it cannot get the application."""
+
+    is_canary: bool
+    before: str | None
+    """Application and version that it has; `None`: none is known."""
+
+    after: str | None
+    """Application and version that it would get; `None`: none."""
+
+    notes: tuple[str, ...]
+    """What a person should know, in words."""
+
+
+@dataclass(frozen=True)
+class DryRun:
+    """What a deployment would do."""
+
+    changes: tuple[PlannedChange, ...]
+    """To each robot, in the order in which their turn comes; those that cannot get the application last."""
+
+    at_once: int
+    """How many robots have orders at the same time, at most."""
+
+    requires_approval: bool
+    rolls_back: bool
+    windows: tuple[MaintenanceWindow, ...]
+    opens_s: float | None
+    """When the first robot may begin, in seconds since the epoch; `None`: at once."""
+
+    blocked_by: str | None
+    """ARN of a deployment of the fleet that has not ended, so that this one would be refused; `None`: there is none."""
+
+
+def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resource, service: Service) -> DryRun:
+    """What a deployment would do.
+
+    Args:
+        document: the deployment, as it would be stored.
+        application: the version of the application.
+        fleet: the fleet.
+        service: where robots are stored.
+    """
+    job = Resource.new(arn=f"{fleet.arn}/dry-run", kind=DEPLOYMENT, id="dry-run", status="Pending", document=document)
+    robots = list(reversed(robots_of(fleet.arn, service)))
+    served = served_architectures(application)
+    members = {RobotDocument.of(robot).architecture for robot in robots}
+    plan = plan_of(job, robots, members if served is None else members & served)
+    now_s = service.clock().timestamp()
+    last = last_deployment(fleet.arn, service)
+    return DryRun(
+        changes=_changes(plan, robots, application, now_s),
+        at_once=plan.concurrency,
+        requires_approval=plan.requires_approval,
+        rolls_back=plan.rolls_back,
+        windows=plan.windows,
+        opens_s=None if is_open(plan.windows, now_s) else opens_s(plan.windows, now_s),
+        blocked_by=None if last is None or is_terminal(DEPLOYMENT, last.status) else last.arn,
+    )
+
+
+def _changes(
+    plan: RolloutPlan, robots: Sequence[Resource], application: Resource, now_s: float
+) -> tuple[PlannedChange, ...]:
+    by_arn = {robot.arn: robot for robot in robots}
+    unfit = {robot.arn: robot.unfit_reason for robot in plan.robots if robot.unfit_code is not None}
+    after = f"{application.name} {ApplicationDocument.of(application).version}"
+    found: list[PlannedChange] = []
+    for wave, arns in enumerate(waves_of(plan), 1):
+        for arn in arns:
+            robot = RobotDocument.of(by_arn[arn])
+            before = _version(robot)
+            notes = [*_absence(robot, now_s), *(["has this version"] if before == after else [])]
+            is_canary = arn in plan.canaries
+            found.append(PlannedChange(by_arn[arn].name, wave, is_canary, before, after, tuple(notes)))
+    for arn, reason in unfit.items():
+        robot = RobotDocument.of(by_arn[arn])
+        notes = (str(reason), *_absence(robot, now_s))
+        found.append(PlannedChange(by_arn[arn].name, None, False, _version(robot), None, notes))
+    return tuple(found)
+
+
+def _version(robot: RobotDocument) -> str | None:
+    return " ".join(filter(None, (robot.installed_name, robot.installed_version))) or None
+
+
+def _absence(robot: RobotDocument, now_s: float) -> list[str]:
+    """Why a robot would not fetch an order now; empty: it would."""
+    if robot.token_sha256 is None:
+        return ["not enrolled"]
+    if robot.last_seen_s is None:
+        return ["never seen"]
+    if now_s - robot.last_seen_s > AWAY_S:
+        return [f"away since {datetime.fromtimestamp(int(robot.last_seen_s), UTC).isoformat()}"]
+    return []

@@ -1,0 +1,134 @@
+"""Rollbacks: robots that have a new version, of which too many failed, get the version that they had before.
+
+A deployment job has one version, so robots that had different ones come back in several jobs, one after the other.
+Each is made once, whichever process does it and wherever one dies: its client token tells the job that failed and the
+earlier version.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+from ....schemas.documents.fleets import DeploymentJobDocument, RobotsRolledBack
+from ....schemas.lifecycles import is_terminal
+from ....schemas.rollouts.rollout import Rollback, Rollout
+from ....schemas.wire.errors import ResourceNotFoundException
+from ...catalog import ClientToken, Resource
+from ...service.service import Service
+from ..kept_rollouts import KeptRollout
+from ..records import DEPLOYMENT, fleet_held, last_deployment, settle
+
+TAG = "robomaker:rollback-of"
+"""Tag of the jobs that bring robots back: the ARN of the job that failed."""
+
+_TOKENS = "RollBackDeployment"  # their own: no caller's token is ever the same
+_KEPT = ("concurrentDeploymentPercentage", "robotDeploymentTimeoutInSeconds", "maintenanceWindows")
+
+
+@dataclass(frozen=True)
+class _Return:
+    """Robots that go back to the same version."""
+
+    earlier: Resource
+    """A deployment job that had brought it."""
+
+    version: str
+    """Application, version and launch, as text."""
+
+    robots: tuple[str, ...]
+
+
+def roll_back(job: str, service: Service) -> bool:
+    """Does what comes next of a rollback: makes the next job that brings robots back, if there is one to make now.
+
+    Args:
+        job: ARN of a deployment job.
+        service: where it is stored.
+
+    Returns:
+        Whether more is to be done later.
+
+    Raises:
+        ThrottlingException: others have kept changing the fleet; ask again.
+        ServiceUnavailableException: the catalog does not answer; ask again.
+    """
+    stored = service.catalog.rollout(job)
+    if stored is None or not Rollout.of_json(dict(stored.rollout)).rollback_is_due:
+        return False
+    failed = service.catalog.get(job, kind=DEPLOYMENT)
+    try:
+        with fleet_held(str(failed.parent), service) as fleet:
+            return _next(KeptRollout(failed, service), fleet, service)
+    except ResourceNotFoundException:  # the fleet was deleted: there are no robots of it
+        KeptRollout(failed, service).note_rollback(Rollback(is_complete=True, reason="the fleet was deleted"))
+        return False
+
+
+def _next(kept: KeptRollout, fleet: Resource, service: Service) -> bool:
+    """Makes the next job; the caller holds the fleet's lease."""
+    rollout = kept.rollout
+    if not rollout.rollback_is_due:
+        return False
+    returns, left = _returns(rollout, service)
+    made: list[str] = []
+    reason = None if returns else "no robot that has the new version had another before"
+    for each in returns:
+        found = service.find_by_client_token(_token(kept.job, each))
+        if found is None:
+            last = last_deployment(fleet.arn, service)
+            if last is not None and last.arn not in (kept.job.arn, *made):
+                reason = f"the fleet has had another deployment since: {last.arn}"
+                break
+            if made and last is not None and not is_terminal(DEPLOYMENT, last.status):
+                kept.note_rollback(Rollback(jobs=tuple(made), left=left))
+                return True
+            found = _made(kept.job, each, fleet, service)
+            settle(fleet, service)
+        made.append(found.arn)
+    kept.note_rollback(Rollback(jobs=tuple(made), left=left, is_complete=True, reason=reason))
+    return False
+
+
+def _returns(rollout: Rollout, service: Service) -> tuple[list[_Return], tuple[str, ...]]:
+    """Robots that have the new version, by the version they had before; and those that had none."""
+    planned = {robot.arn: robot.earlier_job for robot in rollout.plan.robots}
+    switched = [
+        arn for arn in rollout.plan.order if rollout.robots[arn].outcome == "succeeded" and not rollout.robots[arn].gone
+    ]
+    jobs = service.catalog.get_many(sorted({planned[arn] or "" for arn in switched} - {""}))
+    by_version: dict[str, list[str]] = {}
+    newest: dict[str, Resource] = {}
+    left: list[str] = []
+    for arn in switched:
+        earlier = jobs.get(planned[arn] or "")
+        if earlier is None:
+            left.append(arn)
+            continue
+        version = json.dumps(DeploymentJobDocument.of(earlier).deployment_application_configs, sort_keys=True)
+        by_version.setdefault(version, []).append(arn)
+        newest.setdefault(version, earlier)
+    returns = [_Return(newest[version], version, tuple(robots)) for version, robots in by_version.items()]
+    return returns, tuple(left)
+
+
+def _token(failed: Resource, each: _Return) -> ClientToken:
+    made_of = hashlib.sha256(f"{failed.arn} {each.version}".encode()).hexdigest()
+    return ClientToken(_TOKENS, made_of[:64], made_of)
+
+
+def _made(failed: Resource, each: _Return, fleet: Resource, service: Service) -> Resource:
+    config = DeploymentJobDocument.of(failed).deployment_config
+    document = DeploymentJobDocument(
+        deployment_application_configs=DeploymentJobDocument.of(each.earlier).deployment_application_configs,
+        # As many robots as can go back: a threshold would leave the others with the version that is bad.
+        deployment_config={
+            **{name: config[name] for name in _KEPT if name in config},
+            "failureThresholdPercentage": 100,
+        },
+        rolls_back=RobotsRolledBack(job=failed.arn, robots=list(each.robots)),
+    )
+    labels = {"fleetName": [fleet.name]}
+    tags = {TAG: failed.arn}
+    return service.store_job(
+        DEPLOYMENT, "deployment", document, tags=tags, token=_token(failed, each), parent=fleet.arn, labels=labels
+    )

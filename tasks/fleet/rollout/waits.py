@@ -1,0 +1,49 @@
+"""What a rollout waits for besides its robots, as DescribeDeploymentJob shows it."""
+
+from datetime import UTC, datetime
+
+from ....schemas.operations.deployment_jobs import DeploymentWait
+from ....schemas.rollouts.rollout import Rollout
+from .ledger import Ledger
+from .windows import is_open, opens_s
+
+
+def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
+    """What has to happen before robots whose turn it is get orders; empty: nothing, or the rollout has ended.
+
+    Args:
+        rollout: the rollout.
+        now_s: the time, in seconds since the epoch.
+    """
+    if rollout.status != "InProgress":
+        return []
+    found: list[DeploymentWait] = []
+    if rollout.paused:
+        found.append(DeploymentWait(cause="PAUSED", since=_moment(rollout.paused_s), by=rollout.paused_by))
+    is_asked = rollout.plan.requires_approval and rollout.approved_s is None
+    if is_asked and Ledger(rollout).waits_for_approval:  # reading it takes a while in a large fleet
+        found.append(DeploymentWait(cause="APPROVAL"))
+    windows = rollout.plan.windows
+    if not is_open(windows, now_s):
+        found.append(DeploymentWait(cause="MAINTENANCE_WINDOW", until=_moment(opens_s(windows, now_s))))
+    return found
+
+
+def in_words(wait: DeploymentWait, job: str) -> str:
+    """What a deployment waits for, and what a person can do.
+
+    Args:
+        wait: one of `waits_for`.
+        job: ARN of the deployment job.
+    """
+    if wait.cause == "PAUSED":
+        by = f" by {wait.by}" if wait.by else ""
+        return f"paused{by}; `robomaker fleet resume {job}` lets it go on"
+    if wait.cause == "APPROVAL":
+        return f"waits for approval; `robomaker fleet approve {job}`, or `reject`, decides"
+    until = "" if wait.until is None else f" at {wait.until.isoformat(timespec='minutes')}"
+    return f"waits for its maintenance window, which opens{until}"
+
+
+def _moment(time_s: float | None) -> datetime | None:
+    return None if time_s is None else datetime.fromtimestamp(time_s, UTC)

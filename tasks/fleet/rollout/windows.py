@@ -1,0 +1,68 @@
+"""When maintenance windows are open; pure functions of the windows and the time.
+
+Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
+Several that overlap, or follow one another without a gap, are one.
+"""
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, date, datetime, time, timedelta
+from typing import get_args
+from zoneinfo import ZoneInfo
+
+from ....schemas.wire.maintenance_windows import MaintenanceWindow, Weekday
+
+_DAYS: tuple[str, ...] = get_args(get_args(Weekday)[0])
+_AHEAD_DAYS = 8
+
+
+def is_open(windows: Sequence[MaintenanceWindow], now_s: float) -> bool:
+    """Whether robots may be changed at a time.
+
+    Args:
+        windows: the windows; without any, robots may be changed at all times.
+        now_s: the time, in seconds since the epoch.
+    """
+    return not windows or _is_in(_spans(windows, now_s), now_s)
+
+
+def next_change_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float | None:
+    """Up to when `is_open` is certain to stay as it is, in seconds since the epoch, after the given time.
+
+    Usually it changes then; where it does not for a week, this is a moment to ask again. Nothing: it never changes.
+    """
+    if not windows:
+        return None
+    spans = list(_spans(windows, now_s))
+    is_open_now = _is_in(spans, now_s)
+    moments = sorted({moment for span in spans for moment in span if moment > now_s})
+    horizon_s = now_s + (_AHEAD_DAYS - 2) * 86400.0
+    changes = (moment for moment in moments if moment <= horizon_s and _is_in(spans, moment) != is_open_now)
+    return next(changes, horizon_s)
+
+
+def opens_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float:
+    """When robots may be changed next, in seconds since the epoch; now, if they may be now."""
+    moment: float | None = now_s
+    while moment is not None and not is_open(windows, moment):
+        moment = next_change_s(windows, moment)
+    return now_s if moment is None else moment
+
+
+def _is_in(spans: Iterator[tuple[float, float]] | Sequence[tuple[float, float]], moment_s: float) -> bool:
+    return any(start_s <= moment_s < end_s for start_s, end_s in spans)
+
+
+def _spans(windows: Sequence[MaintenanceWindow], now_s: float) -> Iterator[tuple[float, float]]:
+    """The beginnings and ends of the windows around a time."""
+    for window in windows:
+        zone = ZoneInfo(window.timeZone or "UTC")
+        today = datetime.fromtimestamp(now_s, UTC).astimezone(zone).date()
+        for offset in range(-2, _AHEAD_DAYS + 1):
+            day = today + timedelta(days=offset)
+            if window.days is None or _DAYS[day.weekday()] in window.days:
+                start_s = _start_s(window, day, zone)
+                yield start_s, start_s + window.durationInSeconds
+
+
+def _start_s(window: MaintenanceWindow, day: date, zone: ZoneInfo) -> float:
+    return datetime.combine(day, time.fromisoformat(window.startTime), zone).timestamp()
