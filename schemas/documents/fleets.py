@@ -88,3 +88,8 @@ class DeploymentJobDocument(FailureChanges, Document):
     rolls_back: RobotsRolledBack | None = Field(
         default=None, description="Which robots alone it is meant for, and why; absent: it is made by a call."
     )
+
+    @property
+    def required_batch(self) -> str | None:
+        """ARN of the simulation job batch that has to have passed with what is deployed; `None`: none has to."""
+        return self.deployment_config.get("requiresBatch")

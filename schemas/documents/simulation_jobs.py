@@ -97,6 +97,10 @@ class ResolvedDataSource(Part):
     destination: str | None = Field(default=None, description="Where applications find it; absent: by its name.")
 
 
+ARCHIVE = "archive "
+"""What `MadeOf` says of an application that was an archive begins with this; the archive's ETag follows."""
+
+
 class MadeOf(Part):
     """What the names in a job's request stood for when its run was prepared: with these it can be compared."""
 
@@ -107,6 +111,11 @@ class MadeOf(Part):
     once_only: str | None = Field(
         default=None, description="Why the same inputs may have another result; absent: they have the same."
     )
+
+    @property
+    def robot_etag(self) -> str | None:
+        """ETag of the robot application's archive; `None`: it was no archive, or there was none."""
+        return self.robot.removeprefix(ARCHIVE) if self.robot is not None and self.robot.startswith(ARCHIVE) else None
 
 
 class ReusedFrom(Part):

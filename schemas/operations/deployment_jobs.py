@@ -158,6 +158,11 @@ class DeploymentConfig(Shape):
         description="Extension: what follows when the threshold is reached: STOP (the default) leaves robots as they "
         "are; ROLLBACK gives those that have the new version the one that they had before.",
     )
+    requiresBatch: Arn | None = Field(
+        default=None,
+        description="Extension: ARN of a simulation job batch; no robot gets the version unless each of its jobs ran "
+        "it, and passed.",
+    )
 
     @model_validator(mode="after")
     def _canaries_said_once(self) -> Self:

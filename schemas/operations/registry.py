@@ -10,11 +10,13 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from ..runs.plan import VideoPolicy
+from ..wire.arns import ResourceArn
 from ..wire.base import Shape, choices
 from ..wire.common import MAX_SEED
 from ..wire.errors import InvalidParameterException
 from ..wire.operation_shape import ErrorClass, OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
+from .deployment_jobs import CreateDeploymentJobRequest
 from .resources import OPERATION_GROUPS
 from .simulation_job_batches import MOST_PRIORITY, StartSimulationJobBatchRequest
 from .simulation_jobs import SimulationJobRequestMembers
@@ -28,6 +30,7 @@ __all__ = [
     "operation_shape",
     "parse_request",
     "priority_of",
+    "required_batch_of",
     "seed_of",
     "video_of",
 ]
@@ -35,6 +38,7 @@ __all__ = [
 SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"
 PRIORITY_TAG = "robomaker:priority"
+REQUIRES_BATCH_TAG = "robomaker:requiresBatch"
 
 _Value = TypeVar("_Value")
 
@@ -140,6 +144,28 @@ def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
             f"tags.{PRIORITY_TAG} is {tag!r}; it has to be a whole number from {-MOST_PRIORITY} to {MOST_PRIORITY}"
         )
     return _agreed("batchPolicy.priority", PRIORITY_TAG, by_member, int(tag))
+
+
+def required_batch_of(request: CreateDeploymentJobRequest) -> str | None:
+    """The simulation job batch that a deployment requires, by its configuration or by its tag.
+
+    Raises:
+        InvalidParameterException: it is no ARN of a batch, or the tag says something else than the configuration.
+    """
+    member = "deploymentConfig.requiresBatch"
+    by_member = request.deploymentConfig.requiresBatch if request.deploymentConfig else None
+    tag = (request.tags or {}).get(REQUIRES_BATCH_TAG)
+    for place, arn in {member: by_member, f"tags.{REQUIRES_BATCH_TAG}": tag}.items():
+        if arn is not None:
+            _check_batch_arn(arn, place)
+    return by_member if tag is None else _agreed(member, REQUIRES_BATCH_TAG, by_member, tag)
+
+
+def _check_batch_arn(arn: str, place: str) -> None:
+    try:
+        ResourceArn.parse(arn, "simulation-job-batch")
+    except InvalidParameterException as error:
+        raise InvalidParameterException(f"{place}: {error}") from None
 
 
 def _agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:

@@ -16,6 +16,10 @@ class Artifact(StoredPart):
     sha256: str = Field(description="Its SHA-256, in hexadecimal digits.")
     sha1: str = Field(description="Its SHA-1, in hexadecimal digits.")
     md5: str = Field(description="Its MD5, in hexadecimal digits.")
+    archive_sha256: str | None = Field(
+        default=None,
+        description="SHA-256 of the application's archive in it, in hexadecimal digits; absent: not recorded.",
+    )
     name: str = Field(description="Name of the application in it.")
     version: str = Field(description="Version of the application in it.")
 

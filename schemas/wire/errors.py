@@ -25,6 +25,7 @@ RobomakerError
 │   └── TransferStoppedError                  a transfer that its caller stopped
 ├── BundleError                               an application archive that cannot be unpacked safely
 ├── WorldGenerationError                      no valid world within the allowed attempts
+├── AttestationError                          an attestation that is not what it has to be
 ├── LaunchError                               an application that cannot be started, and why
 └── StateConflictError                        a transition that its state machine does not allow
 ```
@@ -184,6 +185,10 @@ class BundleError(RobomakerError):
 
 class WorldGenerationError(RobomakerError):
     """No valid world came out of the allowed number of attempts; the message says what failed last."""
+
+
+class AttestationError(RobomakerError):
+    """An attestation is not signed by the key it has to be signed by, or says something else than it has to."""
 
 
 class LaunchError(RobomakerError):

@@ -32,7 +32,7 @@ FILE_NAME = "application.swu"
 """Name of the file in orders; the object's key tells versions apart."""
 
 _FOLDER = "robots"
-_FORM = 1  # of the files: another number makes all of them anew
+_FORM = 2  # of the files: another number makes all of them anew
 _ANY_HARDWARE = ("#RE:.*",)  # an application names architectures, and no revisions of boards
 
 
@@ -66,6 +66,32 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
         for architecture, source in found.items()
         if source is not None
     }
+
+
+def fetch_archive(source: StoredSource, version: str, path: Path, service: Service) -> None:
+    """Fetches an archive of a version, which has to be the one it was when the version was made.
+
+    Args:
+        source: the archive.
+        version: the version's number, for messages.
+        path: the file it becomes.
+        service: where it is stored.
+
+    Raises:
+        DeploymentError: it is gone, may not be read, or is another.
+        StorageError: the object store does not answer.
+    """
+    try:
+        fetched = service.store.get_file(source.s3_bucket, source.s3_key, path)
+    except (ObjectNotFoundError, BucketNotFoundError) as error:
+        raise DeploymentError(f"{source.uri} is gone: {error}", "ResourceNotFound") from error
+    except StorageAccessDeniedError as error:
+        raise DeploymentError(f"{source.uri} may not be read: {error}", "BadPermissionError") from error
+    if fetched.etag != source.etag:
+        raise DeploymentError(
+            f"{source.uri} has changed since version {version} was made: ETag {source.etag}, then {fetched.etag}",
+            "EtagMismatch",
+        )
 
 
 def _source(sources: list[StoredSource], architecture: str) -> StoredSource | None:
@@ -106,24 +132,13 @@ def _known(record: str, service: Service) -> Artifact | None:
 
 
 def _wrapped(source: StoredSource, release: Release, key: SigningKey, file: Path, service: Service) -> Artifact:
-    place = f"s3://{source.s3_bucket}/{source.s3_key}"
     archive = file.with_name("archive")
+    fetch_archive(source, release.version, archive, service)
     try:
-        fetched = service.store.get_file(source.s3_bucket, source.s3_key, archive)
-        if fetched.etag != source.etag:
-            raise DeploymentError(
-                f"{place} has changed since version {release.version} was made: "
-                f"ETag {source.etag}, then {fetched.etag}",
-                "EtagMismatch",
-            )
         with archive.open("rb") as bundle, file.open("wb") as target:
             facts = wrap(bundle, release, key, target)
-    except (ObjectNotFoundError, BucketNotFoundError) as error:
-        raise DeploymentError(f"{place} is gone: {error}", "ResourceNotFound") from error
-    except StorageAccessDeniedError as error:
-        raise DeploymentError(f"{place} may not be read: {error}", "BadPermissionError") from error
     except BundleError as error:
-        raise DeploymentError(f"{place}: {error}", "ExtractingBundleFailure") from error
+        raise DeploymentError(f"{source.uri}: {error}", "ExtractingBundleFailure") from error
     return Artifact(
         bucket=service.settings.bucket,
         key=f"{_FOLDER}/{facts.sha256}.swu",
@@ -134,4 +149,5 @@ def _wrapped(source: StoredSource, release: Release, key: SigningKey, file: Path
         sha256=facts.sha256,
         sha1=facts.sha1,
         md5=facts.md5,
+        archive_sha256=facts.bundle_sha256,
     )

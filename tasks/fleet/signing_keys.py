@@ -33,11 +33,11 @@ def signing_key(service: Service) -> SigningKey:
     try:
         if not path.exists():
             key = new_signing_key("robomaker", service.clock(), VALID_DAYS, service.chance.randbytes)
-            _write(path, key.private_pem + key.certificate_pem, 0o600)
+            write_once(path, key.private_pem + key.certificate_pem, 0o600)
         private_pem, separator, certificate_pem = path.read_bytes().partition(_CERTIFICATE)
         key = load_signing_key(private_pem, separator + certificate_pem)
         if not certificate_path(service).exists():
-            _write(certificate_path(service), key.certificate_pem, 0o644)
+            write_once(certificate_path(service), key.certificate_pem, 0o644)
     except OSError as error:
         raise ConfigurationError(f"the signing key {path} cannot be used: {error.strerror}") from error
     except ConfigurationError as error:
@@ -45,8 +45,17 @@ def signing_key(service: Service) -> SigningKey:
     return key
 
 
-def _write(path: Path, content: bytes, mode: int) -> None:
-    """Writes a whole file, unless there is one: no key ever takes the place of another."""
+def write_once(path: Path, content: bytes, mode: int) -> None:
+    """Writes a whole file, unless there is one: no key ever takes the place of another.
+
+    Args:
+        path: the file; its folder exists.
+        content: what it holds.
+        mode: who may read it, as `chmod` has it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     part = path.with_name(f".{uuid4().hex}.part")
     try:
         with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:

@@ -41,6 +41,9 @@ from .deployment_artifacts import report_end, show_wave
 POLL_S = 0.5
 """How often the run looks for what robots reported."""
 
+LOOK_AT_BATCH_S = 5.0
+"""How often the run looks whether the batch that it requires has passed."""
+
 _LOOK_AT_APPLICATION_S = 5.0
 _KEEP_ALIVE_S = 30.0
 
@@ -95,6 +98,10 @@ class DeploymentRun:
 
     def _prepare(self) -> None:
         try:
+            if DeploymentJobDocument.of(self._job).required_batch is not None:
+                self._step("wait-for-batch", self._wait_for_batch)
+                if self._is_canceled():
+                    return
             begun = self._step("prepare", self._begun)
         except (StateConflictError, ServiceUnavailableException):
             raise
@@ -105,9 +112,32 @@ class DeploymentRun:
         if begun is None:
             self._lease.transition("succeed")
 
+    def _wait_for_batch(self) -> None:
+        """Attests that the batch which the job requires has passed; waits while it runs, unless the job is canceled.
+
+        Raises:
+            DeploymentError: it has not passed, and cannot any more.
+            StateConflictError: the lease was lost, or the job was ended.
+        """
+        from ..fleet.attestations.required_batches import attest  # it needs the extra `fleet`
+
+        service = self._service.patient(self._job.id, self._is_unwanted)
+        told: set[str] = set()
+        while (running := attest(self._job, _application(self._job, self._service), service)) is not None:
+            if running.why not in told:
+                self._service.report_note(f"{self._job.id} waits for simulations: {running.why}")
+                told.add(running.why)
+            self._sleep(LOOK_AT_BATCH_S)
+            if self._is_canceled():
+                return
+            if self._lease.lost or self._has_ended():
+                raise StateConflictError(f"{self._job.arn}: it is not this run's any more")
+            self._lease.forget_lost_workers()
+
     def _begun(self) -> KeptRollout | None:
         """The rollout; none if each robot has the application already."""
-        from ..fleet.artifacts import prepare  # it needs the extra `fleet`
+        from ..fleet.artifacts import prepare  # they need the extra `fleet`
+        from ..fleet.attestations.required_batches import check_delivered
 
         document = DeploymentJobDocument.of(self._job)
         members = robots_of(str(self._job.parent), self._service)
@@ -120,6 +150,7 @@ class DeploymentRun:
         architectures = {RobotDocument.of(robot).architecture for robot in robots}
         patient = self._service.patient(self._job.id, self._is_unwanted)
         artifacts = prepare(application, architectures, patient)
+        check_delivered(self._job, artifacts, patient)
         plan = plan_of(self._job, robots, artifacts)
         return begin_rollout(self._job, plan, delivery(self._job, robots, artifacts), self._service)
 

@@ -20,6 +20,7 @@ from ...schemas.operations.deployment_jobs import (
     ListDeploymentJobsRequest,
     SyncDeploymentJobRequest,
 )
+from ...schemas.operations.registry import required_batch_of
 from ...schemas.rollouts.plan import DEFAULT_CONCURRENT_PERCENTAGE, DEFAULT_THRESHOLD_PERCENTAGE
 from ...schemas.rollouts.rollout import Rollout
 from ...schemas.wire.arns import ResourceArn
@@ -185,6 +186,8 @@ def _stored(
             f"fleet: {fleet.arn} has the deployment {last.arn}, which is {last.status}; cancel it, or wait for its end"
         )
     _check(document, fleet, service)
+    if document.required_batch is not None:
+        service.catalog.get(document.required_batch, kind="simulation-job-batch")
     labels = {"fleetName": [fleet.name]}
     job = service.store_job(DEPLOYMENT, "deployment", document, tags=tags, token=token, parent=fleet.arn, labels=labels)
     settle(fleet, service)
@@ -221,8 +224,11 @@ def _document(request: CreateDeploymentJobRequest) -> DeploymentJobDocument:
 
 
 def _config(request: CreateDeploymentJobRequest) -> dict[str, Any]:
-    """The request's configuration with the defaults that hold."""
-    return _obeyed({**_DEFAULTS, **(request.deploymentConfig or DeploymentConfig()).to_wire()})
+    """The request's configuration with the defaults that hold, and the batch that its tag may name."""
+    config = {**_DEFAULTS, **(request.deploymentConfig or DeploymentConfig()).to_wire()}
+    if (batch := required_batch_of(request)) is not None:
+        config["requiresBatch"] = batch
+    return _obeyed(config)
 
 
 def _obeyed(config: dict[str, Any]) -> dict[str, Any]:

@@ -46,6 +46,10 @@ PRIORITY = (
     "See [A machine that is shared](machines.md#a-machine-that-is-shared)."
 )
 ROLLOUTS = "Extension: control over a rollout. See [Control a rollout](fleets.md#control-a-rollout)."
+REQUIRES_BATCH = (
+    "Extension: the simulation job batch without which no robot gets the version; the job's tag "
+    "`robomaker:requiresBatch` says the same. See [Attestations](attestations.md)."
+)
 BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
@@ -155,6 +159,7 @@ DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(member, shape, None, ROLLOUTS) for member, shape in {**_ROLLOUT_MEMBERS, **_ROLLOUT_SHAPES}.items()),
     Difference("BatchPolicy.priority", "BatchPriority", None, PRIORITY),
     Difference("BatchPriority", "integer", None, PRIORITY),
+    Difference("DeploymentConfig.requiresBatch", "Arn", None, REQUIRES_BATCH),
     *(Difference(f"{shape}.application", "ApplicationReference", "Arn", BARE_NAME) for shape in _NAMED_SHAPES),
     Difference("ApplicationReference", "string", None, BARE_NAME),
     *(

@@ -21,6 +21,7 @@ class Wrapped:
     sha256: str
     sha1: str
     md5: str
+    bundle_sha256: str
 
 
 def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) -> Wrapped:
@@ -33,7 +34,7 @@ def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) 
         target: where the `.swu` is written.
 
     Returns:
-        Length and hashes of what was written.
+        Length and hashes of what was written, and the hash of the bundle in it.
 
     Raises:
         BundleError: the bundle is empty, has 4 GiB or more, or changed meanwhile.
@@ -57,7 +58,7 @@ def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) 
     except ValueError as error:
         raise BundleError(f"the bundle changed while it was wrapped: {error}") from None
     write_end(measured)
-    return measured.result()
+    return measured.result(digest.hexdigest())
 
 
 def _parts(bundle: BinaryIO) -> Iterator[bytes]:
@@ -82,5 +83,6 @@ class _Measured:
         self._size_bytes += len(data)
         return self._target.write(data)
 
-    def result(self) -> Wrapped:
-        return Wrapped(self._size_bytes, self._sha256.hexdigest(), self._sha1.hexdigest(), self._md5.hexdigest())
+    def result(self, bundle_sha256: str) -> Wrapped:
+        sha256, sha1, md5 = (each.hexdigest() for each in (self._sha256, self._sha1, self._md5))
+        return Wrapped(self._size_bytes, sha256, sha1, md5, bundle_sha256)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ....schemas.documents.applications import ApplicationDocument
-from ....schemas.documents.simulation_jobs import MadeOf
+from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
 from ....schemas.wire.errors import ResourceNotFoundException
@@ -162,7 +162,7 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
 
 
 def _archive(etag: str) -> str:
-    return f"archive {etag}"
+    return f"{ARCHIVE}{etag}"
 
 
 def _package(name: str) -> str:

@@ -1,0 +1,161 @@
+"""What an attestation says: an in-toto statement (v1) with a test result (v0.1).
+
+The subjects are the archives of a version. Which of them ran in the simulations stands beside each: simulations run
+the one for their own machine.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.alias_generators import to_camel
+
+from ....schemas.documents.applications import ApplicationDocument, StoredSource
+from ....schemas.wire.errors import AttestationError
+from ...catalog import Resource
+from .tested_batches import TestedBatch
+
+STATEMENT_TYPE = "https://in-toto.io/Statement/v1"
+PREDICATE_TYPE = "https://in-toto.io/attestation/test-result/v0.1"
+
+
+class _Attested(BaseModel):
+    model_config = ConfigDict(alias_generator=to_camel, validate_by_name=True, frozen=True, extra="forbid")
+
+
+class Digest(_Attested):
+    """What identifies a content."""
+
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="SHA-256, in hexadecimal digits.")
+
+
+class ArchiveFacts(_Attested):
+    """What else is said of an archive."""
+
+    application: str = Field(description="ARN of its application.")
+    version: str = Field(description="Number of its version.")
+    architecture: str | None = Field(description="What it runs on; null: anything.")
+    simulated: bool = Field(description="Whether simulations of the batch ran this very archive.")
+
+
+class Archive(_Attested):
+    """An archive of the version that was tested: a subject of the statement."""
+
+    name: str = Field(description="Application, version and architecture; no two are the same.")
+    uri: str = Field(description="Where it lay.")
+    digest: Digest = Field(description="What it is.")
+    annotations: ArchiveFacts = Field(description="What it is of.")
+
+
+class BatchFacts(_Attested):
+    """What a batch tested, in numbers."""
+
+    jobs: int = Field(description="How many jobs it had.")
+    seeds: int = Field(description="How many different seeds these had.")
+    trials: int = Field(description="How many episodes of jobs with trials.")
+    worlds: int = Field(description="How many different worlds.")
+    requirements: list[str] = Field(description="Names of what the runs were judged by.")
+
+
+class Configuration(_Attested):
+    """How was tested: by which batch."""
+
+    name: Literal["simulation job batch"] = Field(default="simulation job batch", description="What it is.")
+    uri: str = Field(description="ARN of the batch.")
+    digest: Digest = Field(description="Hash of the batch's request, as canonical JSON.")
+    annotations: BatchFacts = Field(description="What it tested.")
+
+
+class TestResult(_Attested):
+    """The predicate: what came out."""
+
+    __test__ = False  # no class of tests
+
+    result: Literal["PASSED"] = Field(default="PASSED", description="What came out; nothing else is ever attested.")
+    configuration: tuple[Configuration] = Field(description="How was tested.")
+    passed_tests: list[str] = Field(description="Ids of the simulation jobs.")
+    warned_tests: list[str] = Field(default=[], max_length=0, description="None: nothing else is ever attested.")
+    failed_tests: list[str] = Field(default=[], max_length=0, description="None, likewise.")
+
+
+class Statement(_Attested):
+    """An in-toto statement."""
+
+    type: Literal["https://in-toto.io/Statement/v1"] = Field(
+        default=STATEMENT_TYPE, alias="_type", description="Its form."
+    )
+    subject: list[Archive] = Field(min_length=1, description="What was tested.")
+    predicate_type: Literal["https://in-toto.io/attestation/test-result/v0.1"] = Field(
+        default=PREDICATE_TYPE, description="The predicate's form."
+    )
+    predicate: TestResult = Field(description="What came out.")
+
+    @property
+    def batch(self) -> Configuration:
+        """The batch that tested it."""
+        (configuration,) = self.predicate.configuration
+        return configuration
+
+    @property
+    def archives(self) -> frozenset[str]:
+        """SHA-256 of each archive, in hexadecimal digits."""
+        return frozenset(archive.digest.sha256 for archive in self.subject)
+
+    def to_bytes(self) -> bytes:
+        """The statement as canonical JSON: the same statement gives the same bytes."""
+        return json.dumps(self.model_dump(by_alias=True), sort_keys=True, separators=(",", ":")).encode()
+
+    @classmethod
+    def of_bytes(cls, payload: bytes) -> "Statement":
+        """Reads what `to_bytes` made.
+
+        Raises:
+            AttestationError: it is no such statement.
+        """
+        try:
+            return cls.model_validate_json(payload)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"]))
+            raise AttestationError(
+                f"the attestation is no statement of a test result: {place}: {first['msg']}"
+            ) from None
+
+
+def statement_of(batch: TestedBatch, application: Resource, digests: Mapping[str, str]) -> Statement:
+    """What is attested of a version.
+
+    Args:
+        batch: the batch that passed with it.
+        application: the version, as `find_application` finds it.
+        digests: SHA-256 of each of its archives, by `StoredSource.uri`.
+    """
+    sources = ApplicationDocument.of(application).sources or []
+    configuration = Configuration(
+        uri=batch.arn,
+        digest=Digest(sha256=batch.request_sha256),
+        annotations=BatchFacts(
+            jobs=len(batch.jobs),
+            seeds=len({job.seed for job in batch.jobs}),
+            trials=sum(job.trials for job in batch.jobs),
+            worlds=len({world for job in batch.jobs for world in job.worlds}),
+            requirements=sorted({name for job in batch.jobs for name in job.requirements}),
+        ),
+    )
+    return Statement(
+        subject=[_archive(application, source, digests[source.uri], batch) for source in sources],
+        predicate=TestResult(configuration=(configuration,), passed_tests=[job.id for job in batch.jobs]),
+    )
+
+
+def _archive(application: Resource, source: StoredSource, sha256: str, batch: TestedBatch) -> Archive:
+    version = ApplicationDocument.of(application).version
+    facts = ArchiveFacts(
+        application=application.arn,
+        version=version,
+        architecture=source.architecture,
+        simulated=any(job.etag == source.etag for job in batch.jobs),
+    )
+    name = f"{application.name}/{version}/{source.architecture or 'any'}"
+    return Archive(name=name, uri=source.uri, digest=Digest(sha256=sha256), annotations=facts)
