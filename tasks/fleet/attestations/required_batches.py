@@ -25,7 +25,7 @@ from ..artifacts import fetch_archive
 from .attestation_keys import attestation_key, known_public_key
 from .envelopes import sign, verified
 from .statements import Statement, statement_of
-from .tested_batches import RunningBatch, StoredBatch, TestedBatch, judge
+from .tested_batches import PassedBatch, RunningBatch, StoredBatch, judge
 
 LONGEST_WAIT = timedelta(days=14)
 """How long after its creation a deployment waits for its batch: as long as a batch may run."""
@@ -64,7 +64,7 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
     return None
 
 
-def signed(batch: TestedBatch, application: Resource, service: Service) -> bytes:
+def signed(batch: PassedBatch, application: Resource, service: Service) -> bytes:
     """The envelope that says that a batch passed with a version.
 
     Raises:

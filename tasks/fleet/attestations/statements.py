@@ -14,7 +14,7 @@ from pydantic.alias_generators import to_camel
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.wire.errors import AttestationError
 from ...catalog import Resource
-from .tested_batches import TestedBatch
+from .tested_batches import PassedBatch
 
 STATEMENT_TYPE = "https://in-toto.io/Statement/v1"
 PREDICATE_TYPE = "https://in-toto.io/attestation/test-result/v0.1"
@@ -67,10 +67,8 @@ class Configuration(_Attested):
     annotations: BatchFacts = Field(description="What it tested.")
 
 
-class TestResult(_Attested):
+class Predicate(_Attested):
     """The predicate: what came out."""
-
-    __test__ = False  # no class of tests
 
     result: Literal["PASSED"] = Field(default="PASSED", description="What came out; nothing else is ever attested.")
     configuration: tuple[Configuration] = Field(description="How was tested.")
@@ -89,7 +87,7 @@ class Statement(_Attested):
     predicate_type: Literal["https://in-toto.io/attestation/test-result/v0.1"] = Field(
         default=PREDICATE_TYPE, description="The predicate's form."
     )
-    predicate: TestResult = Field(description="What came out.")
+    predicate: Predicate = Field(description="What came out.")
 
     @property
     def batch(self) -> Configuration:
@@ -123,7 +121,7 @@ class Statement(_Attested):
             ) from None
 
 
-def statement_of(batch: TestedBatch, application: Resource, digests: Mapping[str, str]) -> Statement:
+def statement_of(batch: PassedBatch, application: Resource, digests: Mapping[str, str]) -> Statement:
     """What is attested of a version.
 
     Args:
@@ -145,11 +143,11 @@ def statement_of(batch: TestedBatch, application: Resource, digests: Mapping[str
     )
     return Statement(
         subject=[_archive(application, source, digests[source.uri], batch) for source in sources],
-        predicate=TestResult(configuration=(configuration,), passed_tests=[job.id for job in batch.jobs]),
+        predicate=Predicate(configuration=(configuration,), passed_tests=[job.id for job in batch.jobs]),
     )
 
 
-def _archive(application: Resource, source: StoredSource, sha256: str, batch: TestedBatch) -> Archive:
+def _archive(application: Resource, source: StoredSource, sha256: str, batch: PassedBatch) -> Archive:
     version = ApplicationDocument.of(application).version
     facts = ArchiveFacts(
         application=application.arn,

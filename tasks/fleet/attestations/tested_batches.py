@@ -14,6 +14,7 @@ from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.lifecycles import is_terminal
+from ....schemas.runs.trials import Trials
 from ....schemas.wire.errors import DeploymentError, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service
@@ -26,10 +27,8 @@ _LATEST = "$LATEST"
 
 
 @dataclass(frozen=True)
-class TestedJob:
+class PassedJob:
     """A job that passed."""
-
-    __test__ = False  # no class of tests
 
     id: str
     etag: str
@@ -44,14 +43,12 @@ class TestedJob:
 
 
 @dataclass(frozen=True)
-class TestedBatch:
+class PassedBatch:
     """A batch of which each job passed."""
-
-    __test__ = False  # no class of tests
 
     arn: str
     request_sha256: str
-    jobs: tuple[TestedJob, ...]
+    jobs: tuple[PassedJob, ...]
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,7 @@ class StoredBatch:
         return cls(batch, service.catalog.children(arn, kind=JOB))
 
 
-def judge(stored: StoredBatch, application: Resource) -> TestedBatch | RunningBatch:
+def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBatch:
     """Finds out whether a batch has passed with a version.
 
     Args:
@@ -108,17 +105,17 @@ def judge(stored: StoredBatch, application: Resource) -> TestedBatch | RunningBa
         raise DeploymentError(f"the required batch {arn} is {stored.batch.status}{why}", _NOT_PASSED)
     if running:
         return running[0]
-    passed = tuple(each for each in judged if isinstance(each, TestedJob))
+    passed = tuple(each for each in judged if isinstance(each, PassedJob))
     if not passed or len(passed) != len(document.requests):
         raise DeploymentError(
             f"the required batch {arn} has {len(passed)} jobs of {len(document.requests)} requests; "
             "each has to be there, and to have passed",
             _NOT_PASSED,
         )
-    return TestedBatch(arn, _hash_of(document.request), passed)
+    return PassedBatch(arn, _hash_of(document.request), passed)
 
 
-def tested_application(stored: StoredBatch) -> tuple[str, str]:
+def application_of(stored: StoredBatch) -> tuple[str, str]:
     """The robot application that a batch's first job ran: ARN or name, and its version.
 
     Raises:
@@ -130,7 +127,7 @@ def tested_application(stored: StoredBatch) -> tuple[str, str]:
     raise DeploymentError(f"{stored.batch.arn} has no job that ran a robot application", _NOT_PASSED)
 
 
-def _judge_job(job: Resource, batch: str, application: Resource) -> TestedJob | RunningBatch:
+def _judge_job(job: Resource, batch: str, application: Resource) -> PassedJob | RunningBatch:
     document = SimulationJobDocument.of(job)
     name = f"job {job.id} of the required batch {batch}"
     if not is_terminal(JOB, job.status):
@@ -142,11 +139,11 @@ def _judge_job(job: Resource, batch: str, application: Resource) -> TestedJob | 
     if document.verdict != "PASS":
         why = document.verdict_reason or "no reason is known"
         raise DeploymentError(f"{name} has the verdict {document.verdict}: {why}", _NOT_PASSED)
-    return TestedJob(
+    return PassedJob(
         id=job.id,
         etag=_ran(document, name, application),
         seed=document.seed,
-        trials=int((document.trials or {}).get("count", 0)),
+        trials=Trials.model_validate(document.trials).count if document.trials else 0,
         worlds=frozenset(_worlds(document.request)),
         requirements=tuple(str(requirement["name"]) for requirement in document.requirements),
     )
@@ -162,7 +159,7 @@ def _ran(document: SimulationJobDocument, name: str, application: Resource) -> s
     etag = document.made_of.robot_etag if document.made_of else None
     if etag is None:
         raise DeploymentError(
-            f"{name} ran {application.name} as no archive, so that nothing says that it is the version deployed",
+            f"{name} ran no archive of {application.name}, so what it ran cannot be what robots get",
             _NOT_PASSED,
         )
     if etag not in {source.etag for source in version.sources or []}:

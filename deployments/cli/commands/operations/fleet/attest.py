@@ -27,8 +27,8 @@ def execute(arguments: argparse.Namespace) -> int:
         BATCH,
         RunningBatch,
         StoredBatch,
+        application_of,
         judge,
-        tested_application,
     )
     from ......tasks.service.service import Service
     from ......tasks.simulations.planning.applications import find_application
@@ -36,7 +36,7 @@ def execute(arguments: argparse.Namespace) -> int:
     ResourceArn.parse(arguments.batch, BATCH)
     service = Service.open(Settings.from_environment(os.environ))
     stored = StoredBatch.of(arguments.batch, service)
-    reference, version = tested_application(stored)
+    reference, version = application_of(stored)
     application = find_application(reference, "robot", arguments.application_version or version, service)
     judged = judge(stored, application)
     if isinstance(judged, RunningBatch):
