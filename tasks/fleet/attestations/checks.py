@@ -46,8 +46,11 @@ class DeploymentCheck(Model):
             lines.append(f"  {self.reason}")
         if self.verdict is not None:
             lines.append(f"  {self.verdict} in {self.batch}")
-            lines.append(f"  jobs {len(self.jobs)}, seeds {self.seeds}, trials {self.trials}, worlds {self.worlds}")
-            lines.append(f"  requirements: {', '.join(self.requirements) or 'the environment’s own'}")
+            judged_by = ", ".join(self.requirements) or "of the environment"
+            lines.append(
+                f"  jobs {len(self.jobs)}, seeds {self.seeds}, trials {self.trials}, worlds {self.worlds}, "
+                f"requirements {judged_by}"
+            )
             for name, sha256 in self.archives.items():
                 lines.append(f"  {name} sha256:{sha256}{'' if name in self.simulated else ' (not simulated itself)'}")
             lines.append(f"  signed by {self.key_id}")

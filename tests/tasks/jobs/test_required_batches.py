@@ -203,10 +203,10 @@ def test_the_tag_says_the_same(yard: Yard, batches: Batches) -> None:
     ],
 )
 def test_what_names_no_batch_is_refused(yard: Yard, config: str | None, tag: str | None, says: str) -> None:
-    members = {"deploymentConfig": {"requiresBatch": config} if config else {}, "tags": {TAG: tag} if tag else {}}
+    asked = {"requiresBatch": config} if config else {}
 
     with pytest.raises(InvalidParameterException, match=says):
-        ordered(yard, "", **members)
+        ordered(yard, "", deploymentConfig=asked, tags={TAG: tag} if tag else {})
 
 
 def test_a_batch_that_is_not_there_is_refused(yard: Yard) -> None:
