@@ -1,14 +1,21 @@
 """A nightly batch that really runs, and the deployment that requires it."""
 
+import secrets
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from helpers.deployed_robots import Yard, good
+from helpers.endpoint_process import Serve
+from helpers.fleet_calls import Fleets
+from helpers.living_robots import LivingRobot, living
+from helpers.polling_robot import PollingRobot
+from helpers.processes import wait_for
 from helpers.swing_fixtures import Simulate
 
 from prefect_robomaker.tasks.fleet.attestations.attestation_keys import attestation_key
 from prefect_robomaker.tasks.fleet.attestations.checks import check_deployment
+from prefect_robomaker.tasks.fleet.known_robots import enrol
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
@@ -73,3 +80,31 @@ def test_what_passed_the_night_is_deployed_and_what_failed_is_not(yard: Yard, ni
     check = check_deployment(service.catalog.get(job["arn"]), attestation_key(service).public_key, service)
     assert (check.answer, check.seeds, check.simulated) == ("verified", 2, ["pusher/1/any"])
     assert check.jobs == [each["arn"].rpartition("/")[2] for each in passed["createdRequests"]]
+
+
+@pytest.mark.deep
+def test_a_deployment_over_http_waits_for_its_night_and_then_goes(
+    serve: Serve, swing: Simulate, service: Service, prefect_server: str
+) -> None:
+    pattern = service.catalog.get(swing(perform=False)["arn"]).document["request"]
+    fleets = Fleets(service)
+    fleet = fleets.fleet()
+    fleets.robot("rover", fleet)
+    token = enrol("rover", service, secrets.token_bytes, rotate=False)
+    pusher = pattern["robotApplications"][0]["application"]
+    application = fleets.call("DescribeRobotApplication", application=pusher)["arn"]
+    fleets.call("CreateRobotApplicationVersion", application=application)
+    with serve(PREFECT_API_URL=prefect_server) as served:
+        robot = LivingRobot(PollingRobot(served.url, "rover", token), "good")
+        with living([robot]):
+            batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [pattern]})["arn"]
+            order = fleets.order(fleet, application, tags={"robomaker:requiresBatch": batch})
+            job = served.call("CreateDeploymentJob", order)["arn"]
+            described = lambda: served.call("DescribeDeploymentJob", {"job": job})  # noqa: E731
+            ended = ("Succeeded", "Failed")
+            wait_for(lambda: described()["status"] in ended, f"the end of {job}; {served.log.read_text()}", 200.0)
+
+    assert service.catalog.get(job).status == "Succeeded"
+    assert len(robot.started) == 1
+    check = check_deployment(service.catalog.get(job), attestation_key(service).public_key, service)
+    assert (check.answer, check.batch) == ("verified", batch)
