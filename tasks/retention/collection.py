@@ -19,6 +19,7 @@ from .inventory import (
     find_orders,
     find_runs,
     find_worlds,
+    required_batches,
     takers_over,
     with_failure,
     worlds_of_jobs,
@@ -88,10 +89,13 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
         notes.append("a run's record cannot be read, so jobs of SDKs and worlds are left: it may name them")
     if policy.sdk_jobs and readable:
         units += [_judged(unit, policy, service) for unit in find_orders(service, runs)]
-    reasons = why_kept((unit.candidate for unit in units), policy, service.clock())
+    required = required_batches(service)
+    needed = {arn: f"{deployment} requires it" for arn, deployment in required.items()}
+    reasons = why_kept((unit.candidate for unit in units), policy, service.clock()) | needed
     names = {unit.candidate.id: unit.names for unit in units}
     # Jobs of runs that go on, or whose records cannot be read, are in no unit.
-    holders = takers_over(service, {arn for unit in units for arn in unit.jobs}) | named_by(names, reasons.keys())
+    takers = takers_over(service, {arn for unit in units for arn in unit.jobs})
+    holders = takers | named_by(names, reasons.keys()) | required
     chosen = _Chosen(units, reasons, holders, [], notes)
     return replace(chosen, worlds=_orphans(policy, service, runs, chosen)) if readable else chosen
 

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.fleet_calls import Fleets
 from helpers.s3_server import S3Server
+from helpers.tested_batches import Batches, courier, etag
 
 from prefect_robomaker.schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
@@ -329,6 +331,26 @@ def test_jobs_of_sdks_go_only_when_asked_and_never_those_of_a_run_that_may_go_on
     assert [item.id for item in report.removed] == [early.arn]
     assert {key.split("/")[1] for key in keys(service)} == {"sim-late"}
     assert running.exists()
+
+
+def test_the_batch_that_the_last_deployment_of_a_fleet_requires_stays(service: Service) -> None:
+    application = courier(service)
+    batches = Batches(service, etag(service))
+    arns = [batches.batch(), batches.batch()]
+    fleets = Fleets(service)
+    fleet = fleets.fleet()
+    fleets.robot("rover", fleet)
+    for arn in arns:
+        job = fleets.deploy(fleet, application.arn, arn[-12:], deploymentConfig={"requiresBatch": arn})["arn"]
+        fleets.cancel(job)
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
+
+    report = collect(MONTH.model_copy(update={"sdk_jobs": True}), later)
+
+    assert [item.id for item in report.removed] == arns[:1]
+    (kept,) = (item for item in report.items if item.id == arns[1])
+    assert (kept.action, kept.reason) == ("keep", f"{job} requires it")
+    assert len(service.catalog.children(arns[1], "simulation-job")) == 1
 
 
 def test_worlds_that_a_job_names_stay(service: Service, job: Any) -> None:
