@@ -15,11 +15,6 @@ class StoredSource(Part):
     architecture: str | None = Field(default=None, description="What it runs on; absent: anything.")
     etag: str = Field(description="ETag it had when the application or its version was made.")
 
-    @property
-    def uri(self) -> str:
-        """Where it lies, as a person writes it."""
-        return f"s3://{self.s3_bucket}/{self.s3_key}"
-
 
 class StoredEnvironment(Part):
     """An installed package or a container image."""

@@ -18,10 +18,15 @@ class Artifact(StoredPart):
     md5: str = Field(description="Its MD5, in hexadecimal digits.")
     archive_sha256: str | None = Field(
         default=None,
-        description="SHA-256 of the application's archive in it, in hexadecimal digits; absent: not recorded.",
+        description="SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive.",
     )
     name: str = Field(description="Name of the application in it.")
     version: str = Field(description="Version of the application in it.")
+
+    @property
+    def delivers(self) -> str:
+        """SHA-256 of the application's archive that a robot gets by it, in hexadecimal digits."""
+        return self.archive_sha256 or self.sha256
 
 
 class Delivery(StoredPart):

@@ -15,5 +15,6 @@ __all__ = [
     "records",
     "robot_reports",
     "signing_keys",
+    "sources",
     "stored_rollouts",
 ]

@@ -1,4 +1,4 @@
-"""What robots of a deployment download: the application's archives, each wrapped into a signed `.swu`.
+"""What robots with updaters of others download: the application's archives, each wrapped into a signed `.swu`.
 
 A file is made once for an archive, a version, a key and a folder on the robot. In the object store, `robots/` has the
 files under their hashes, and under the hash of all that, as JSON, which file it is.
@@ -19,11 +19,11 @@ from ...schemas.wire.errors import (
     BundleError,
     DeploymentError,
     ObjectNotFoundError,
-    StorageAccessDeniedError,
 )
 from ..catalog import Resource
 from ..service.service import Service
 from .signing_keys import signing_key
+from .sources import fetch_source, place_of, sources_by_architecture
 from .swu.description import Release
 from .swu.signing import SigningKey
 from .swu.wrapping import wrap
@@ -53,51 +53,11 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
         StorageError: the object store does not answer.
         ConfigurationError: the signing key cannot be used.
     """
-    sources = ApplicationDocument.of(application).sources
-    if not sources:
-        raise DeploymentError(
-            f"{application.arn} has no archives that robots could download; give its version sources",
-            "MissingRobotDeploymentResource",
-        )
     key = signing_key(service)
-    found = {architecture: _source(sources, architecture) for architecture in sorted(set(architectures))}
     return {
         architecture: _artifact(application, source, key, service)
-        for architecture, source in found.items()
-        if source is not None
+        for architecture, source in sources_by_architecture(application, architectures).items()
     }
-
-
-def fetch_archive(source: StoredSource, version: str, path: Path, service: Service) -> None:
-    """Fetches an archive of a version, which has to be the one it was when the version was made.
-
-    Args:
-        source: the archive.
-        version: the version's number, for messages.
-        path: the file it becomes.
-        service: where it is stored.
-
-    Raises:
-        DeploymentError: it is gone, may not be read, or is another.
-        StorageError: the object store does not answer.
-    """
-    try:
-        fetched = service.store.get_file(source.s3_bucket, source.s3_key, path)
-    except (ObjectNotFoundError, BucketNotFoundError) as error:
-        raise DeploymentError(f"{source.uri} is gone: {error}", "ResourceNotFound") from error
-    except StorageAccessDeniedError as error:
-        raise DeploymentError(f"{source.uri} may not be read: {error}", "BadPermissionError") from error
-    if fetched.etag != source.etag:
-        raise DeploymentError(
-            f"{source.uri} has changed since version {version} was made: ETag {source.etag}, then {fetched.etag}",
-            "EtagMismatch",
-        )
-
-
-def _source(sources: list[StoredSource], architecture: str) -> StoredSource | None:
-    """The archive for an architecture; one for any serves where there is none of its own."""
-    by_architecture = {source.architecture: source for source in sources}
-    return by_architecture.get(architecture) or by_architecture.get(None)
 
 
 def _artifact(application: Resource, source: StoredSource, key: SigningKey, service: Service) -> Artifact:
@@ -133,12 +93,12 @@ def _known(record: str, service: Service) -> Artifact | None:
 
 def _wrapped(source: StoredSource, release: Release, key: SigningKey, file: Path, service: Service) -> Artifact:
     archive = file.with_name("archive")
-    fetch_archive(source, release.version, archive, service)
+    fetch_source(source, release.version, archive, service)
     try:
         with archive.open("rb") as bundle, file.open("wb") as target:
             facts = wrap(bundle, release, key, target)
     except BundleError as error:
-        raise DeploymentError(f"{source.uri}: {error}", "ExtractingBundleFailure") from error
+        raise DeploymentError(f"{place_of(source)}: {error}", "ExtractingBundleFailure") from error
     return Artifact(
         bucket=service.settings.bucket,
         key=f"{_FOLDER}/{facts.sha256}.swu",

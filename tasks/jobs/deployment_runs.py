@@ -150,9 +150,10 @@ class DeploymentRun:
         architectures = {RobotDocument.of(robot).architecture for robot in robots}
         patient = self._service.patient(self._job.id, self._is_unwanted)
         artifacts = prepare(application, architectures, patient)
-        check_delivered(self._job, artifacts, patient)
         plan = plan_of(self._job, robots, artifacts)
-        return begin_rollout(self._job, plan, delivery(self._job, robots, artifacts), self._service)
+        gets = delivery(self._job, robots, artifacts)
+        check_delivered(self._job, gets, patient)
+        return begin_rollout(self._job, plan, gets, self._service)
 
     def _roll_out(self) -> None:
         if self._service.catalog.rollout(self._job.arn) is None:  # it had nothing to do, and its worker died then

@@ -89,7 +89,7 @@ def _disagreement(statement: Statement, batch: str, delivery: Delivery) -> str |
     """What an attestation says that is not so of a deployment."""
     if statement.batch.uri != batch:
         return f"the attestation is about the batch {statement.batch.uri}, {batch} is required"
-    other = unattested(statement, delivery.artifacts)
+    other = unattested(statement, delivery)
     return None if other is None else f"{other}, which the attestation is not about"
 
 

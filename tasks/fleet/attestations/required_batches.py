@@ -6,13 +6,12 @@ nothing but the batch, the version and the key, so a run that begins anew makes 
 
 import hashlib
 import tempfile
-from collections.abc import Mapping
 from datetime import timedelta
 from pathlib import Path
 
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.fleets import DeploymentJobDocument
-from ....schemas.rollouts.artifacts import Artifact
+from ....schemas.rollouts.artifacts import Delivery
 from ....schemas.wire.errors import (
     AttestationError,
     BucketNotFoundError,
@@ -21,7 +20,7 @@ from ....schemas.wire.errors import (
 )
 from ...catalog import Resource
 from ...service.service import Service
-from ..artifacts import fetch_archive
+from ..sources import fetch_source, place_of
 from .attestation_keys import attestation_key, known_public_key
 from .envelopes import sign, verified
 from .statements import Statement, statement_of
@@ -85,12 +84,12 @@ def attestations_of(job: Resource, service: Service) -> tuple[bytes, ...]:
     return () if DeploymentJobDocument.of(job).required_batch is None else (_attested(job, service)[0],)
 
 
-def check_delivered(job: Resource, artifacts: Mapping[str, Artifact], service: Service) -> None:
+def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
     """Checks that what robots would get is what the attestation is about.
 
     Args:
         job: the deployment job; one that requires no batch is not checked.
-        artifacts: what robots would get, by architecture.
+        gets: what robots would get.
         service: where the envelope is.
 
     Raises:
@@ -100,15 +99,15 @@ def check_delivered(job: Resource, artifacts: Mapping[str, Artifact], service: S
     if DeploymentJobDocument.of(job).required_batch is None:
         return
     statement = _attested(job, service)[1]
-    if (other := unattested(statement, artifacts)) is not None:
+    if (other := unattested(statement, gets)) is not None:
         raise DeploymentError(f"{other}; the attestation of {statement.batch.uri} is about others", "EtagMismatch")
 
 
-def unattested(statement: Statement, artifacts: Mapping[str, Artifact]) -> str | None:
-    """Says which archive robots would get that a statement is not about; `None`: there is none."""
-    for architecture, artifact in sorted(artifacts.items()):
-        if artifact.archive_sha256 not in statement.archives:
-            return f"robots of {architecture} get an archive with the SHA-256 {artifact.archive_sha256}"
+def unattested(statement: Statement, gets: Delivery) -> str | None:
+    """Says which archive a robot would get that a statement is not about; `None`: there is none."""
+    for robot, artifact in sorted(gets.by_robot().items()):
+        if artifact.delivers not in statement.archives:
+            return f"{robot} gets an archive with the SHA-256 {artifact.delivers}"
     return None
 
 
@@ -134,7 +133,7 @@ def _digests(application: Resource, service: Service) -> dict[str, str]:
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         for source in document.sources or []:
             archive = Path(scratch, "archive")
-            fetch_archive(source, document.version, archive, service)
+            fetch_source(source, document.version, archive, service)
             with archive.open("rb") as content:
-                digests[source.uri] = hashlib.file_digest(content, "sha256").hexdigest()
+                digests[place_of(source)] = hashlib.file_digest(content, "sha256").hexdigest()
     return digests

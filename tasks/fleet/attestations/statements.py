@@ -14,6 +14,7 @@ from pydantic.alias_generators import to_camel
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.wire.errors import AttestationError
 from ...catalog import Resource
+from ..sources import place_of
 from .tested_batches import PassedBatch
 
 STATEMENT_TYPE = "https://in-toto.io/Statement/v1"
@@ -127,7 +128,7 @@ def statement_of(batch: PassedBatch, application: Resource, digests: Mapping[str
     Args:
         batch: the batch that passed with it.
         application: the version, as `find_application` finds it.
-        digests: SHA-256 of each of its archives, by `StoredSource.uri`.
+        digests: SHA-256 of each of its archives, by `place_of`.
     """
     sources = ApplicationDocument.of(application).sources or []
     configuration = Configuration(
@@ -142,7 +143,7 @@ def statement_of(batch: PassedBatch, application: Resource, digests: Mapping[str
         ),
     )
     return Statement(
-        subject=[_archive(application, source, digests[source.uri], batch) for source in sources],
+        subject=[_archive(application, source, digests[place_of(source)], batch) for source in sources],
         predicate=Predicate(configuration=(configuration,), passed_tests=[job.id for job in batch.jobs]),
     )
 
@@ -156,4 +157,4 @@ def _archive(application: Resource, source: StoredSource, sha256: str, batch: Pa
         simulated=any(job.etag == source.etag for job in batch.jobs),
     )
     name = f"{application.name}/{version}/{source.architecture or 'any'}"
-    return Archive(name=name, uri=source.uri, digest=Digest(sha256=sha256), annotations=facts)
+    return Archive(name=name, uri=place_of(source), digest=Digest(sha256=sha256), annotations=facts)

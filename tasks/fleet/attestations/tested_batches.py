@@ -18,6 +18,7 @@ from ....schemas.runs.trials import Trials
 from ....schemas.wire.errors import DeploymentError, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service
+from ..sources import place_of
 
 BATCH = "simulation-job-batch"
 JOB = "simulation-job"
@@ -162,10 +163,11 @@ def _ran(document: SimulationJobDocument, name: str, application: Resource) -> s
             f"{name} ran no archive of {application.name}, so what it ran cannot be what robots get",
             _NOT_PASSED,
         )
+    archives = [f"{place_of(source)} ({source.etag})" for source in version.sources or []]
     if etag not in {source.etag for source in version.sources or []}:
         raise DeploymentError(
             f"{name} ran another archive of {application.name}, with ETag {etag}; "
-            f"version {version.version} has {', '.join(f'{each.uri} ({each.etag})' for each in version.sources or [])}",
+            f"version {version.version} has {', '.join(archives)}",
             "EtagMismatch",
         )
     return etag

@@ -5,8 +5,10 @@ from typing import Any
 
 import pytest
 from helpers.deployed_robots import Yard, good
+from helpers.fleet_calls import LAUNCH
 from helpers.tested_batches import Batches, courier, etag
 
+from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentLaunchConfig
 from prefect_robomaker.schemas.rollouts.artifacts import Delivery
 from prefect_robomaker.schemas.wire.errors import (
     DeploymentError,
@@ -237,9 +239,10 @@ def test_an_attestation_that_was_changed_or_is_gone_is_refuted(yard: Yard, batch
         attestations_of(resource, yard.service)
 
     store.delete(bucket, key)
+    gets = Delivery(artifacts={}, architectures={}, launch=DeploymentLaunchConfig.model_validate(LAUNCH))
     assert (checked(yard, job).answer, checked(yard, job).reason) == ("refuted", "its attestation is gone")
     with pytest.raises(DeploymentError, match="the attestation is gone"):
-        check_delivered(resource, {}, yard.service)
+        check_delivered(resource, gets, yard.service)
 
 
 def test_the_attestation_of_another_deployment_is_refuted(yard: Yard, batches: Batches) -> None:
@@ -262,11 +265,11 @@ def test_what_is_delivered_has_to_be_what_was_attested(yard: Yard, batches: Batc
     job = yard.service.catalog.get(yard.run(ordered(yard, batches.batch()))["arn"])
     stored = yard.service.catalog.rollout(job.arn)
     assert stored is not None
-    artifacts = Delivery.of_json(dict(stored.delivery)).artifacts
-    check_delivered(job, artifacts, yard.service)
-    other = {name: each.model_copy(update={"archive_sha256": "0" * 64}) for name, each in artifacts.items()}
+    gets = Delivery.of_json(dict(stored.delivery))
+    check_delivered(job, gets, yard.service)
+    other = {name: each.model_copy(update={"archive_sha256": "0" * 64}) for name, each in gets.artifacts.items()}
 
-    with pytest.raises(DeploymentError, match="robots of X86_64 get an archive with the SHA-256 0000") as refused:
-        check_delivered(job, other, yard.service)
+    with pytest.raises(DeploymentError, match=r"robot/rover/.* gets an archive with the SHA-256 0000") as refused:
+        check_delivered(job, gets.model_copy(update={"artifacts": other}), yard.service)
 
     assert refused.value.failure_code == "EtagMismatch"

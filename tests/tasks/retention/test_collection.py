@@ -340,16 +340,18 @@ def test_the_batch_that_the_last_deployment_of_a_fleet_requires_stays(service: S
     fleets = Fleets(service)
     fleet = fleets.fleet()
     fleets.robot("rover", fleet)
+    jobs = []
     for arn in arns:
-        job = fleets.deploy(fleet, application.arn, arn[-12:], deploymentConfig={"requiresBatch": arn})["arn"]
-        fleets.cancel(job)
+        order = {"deploymentConfig": {"requiresBatch": arn}}
+        jobs.append(fleets.deploy(fleet, application.arn, arn[-12:], **order)["arn"])
+        fleets.cancel(jobs[-1])
     later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
 
     report = collect(MONTH.model_copy(update={"sdk_jobs": True}), later)
 
     assert [item.id for item in report.removed] == arns[:1]
     (kept,) = (item for item in report.items if item.id == arns[1])
-    assert (kept.action, kept.reason) == ("keep", f"{job} requires it")
+    assert (kept.action, kept.reason) == ("keep", f"{jobs[-1]} requires it")
     assert len(service.catalog.children(arns[1], "simulation-job")) == 1
 
 

@@ -1,0 +1,89 @@
+"""The archives of an application's version: which one an architecture gets, and whether it is still the same."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from ...schemas.documents.applications import ApplicationDocument, StoredSource
+from ...schemas.wire.errors import (
+    BucketNotFoundError,
+    DeploymentError,
+    ObjectNotFoundError,
+    StorageAccessDeniedError,
+)
+from ..catalog import Resource
+from ..service.service import Service
+
+
+def sources_by_architecture(application: Resource, architectures: Iterable[str]) -> dict[str, StoredSource]:
+    """The archive of each architecture; those that there is none for are absent.
+
+    Raises:
+        DeploymentError: the application has no archives at all.
+    """
+    sources = ApplicationDocument.of(application).sources
+    if not sources:
+        raise DeploymentError(
+            f"{application.arn} has no archives that robots could download; give its version sources",
+            "MissingRobotDeploymentResource",
+        )
+    known = {source.architecture: source for source in sources}
+    found = {each: known.get(each) or known.get(None) for each in sorted(set(architectures))}
+    return {architecture: source for architecture, source in found.items() if source is not None}
+
+
+def place_of(source: StoredSource) -> str:
+    """Where an archive lies, for people."""
+    return f"s3://{source.s3_bucket}/{source.s3_key}"
+
+
+def fetch_source(source: StoredSource, version: str, path: Path, service: Service) -> None:
+    """Fetches an archive.
+
+    Args:
+        source: the archive.
+        version: the application's.
+        path: where it goes.
+        service: where it is stored.
+
+    Raises:
+        DeploymentError: it is gone, may not be read, or is not the one it was when the version was made.
+        StorageError: the object store does not answer.
+    """
+    place, store = place_of(source), service.store
+    found = _named(place, lambda: store.get_file(source.s3_bucket, source.s3_key, path).etag)
+    if found != source.etag:
+        raise DeploymentError(
+            f"{place} has changed since version {version} was made: ETag {source.etag}, then {found}", "EtagMismatch"
+        )
+
+
+def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service: Service) -> None:
+    """Fetches the program that robots ask before they download.
+
+    Args:
+        bucket: where it lies.
+        key: the same.
+        etag: what it had when the deployment was created; nothing: that was not noted.
+        path: where it goes.
+        service: where it is stored.
+
+    Raises:
+        DeploymentError: it is gone, may not be read, or is another one.
+        StorageError: the object store does not answer.
+    """
+    place = f"s3://{bucket}/{key}"
+    found = _named(place, lambda: service.store.get_file(bucket, key, path).etag)
+    if etag is not None and found != etag:
+        raise DeploymentError(
+            f"downloadConditionFile: {place} has changed since the deployment was created: ETag {etag}, then {found}",
+            "EtagMismatch",
+        )
+
+
+def _named(place: str, fetch: Callable[[], str]) -> str:
+    try:
+        return fetch()
+    except (ObjectNotFoundError, BucketNotFoundError) as error:
+        raise DeploymentError(f"{place} is gone: {error}", "ResourceNotFound") from error
+    except StorageAccessDeniedError as error:
+        raise DeploymentError(f"{place} may not be read: {error}", "BadPermissionError") from error
