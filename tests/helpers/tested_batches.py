@@ -58,15 +58,15 @@ class Batches:
         )
         batch = self.service.store_job("simulation-job-batch", "batch", document, tags=None, token=None, status=status)
         for index, job in enumerate(jobs):
-            self.stored.append(self.job(batch.arn, index, **job))
+            self.stored.append(self.job(batch.arn, **{"request_index": index, **job}))
         return batch.arn
 
-    def job(self, batch: str, index: int = 0, status: str = "Completed", **members: Any) -> str:
+    def job(self, batch: str, status: str = "Completed", request_index: int = 0, **members: Any) -> str:
         """Stores a job of a batch that passed, unless `members` of its document say otherwise; returns its id."""
         passed = {
             "request": self._request(),
-            "request_index": index,
-            "seed": index,
+            "request_index": request_index,
+            "seed": request_index,
             "verdict": "PASS",
             "requirements": [{"kind": "time_limit", "name": self.requirement, "limit_s": 9.0}],
             "made_of": MadeOf(robot=f"archive {self.etag}"),

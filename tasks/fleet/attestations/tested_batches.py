@@ -62,7 +62,7 @@ class RunningBatch:
 
 @dataclass(frozen=True)
 class StoredBatch:
-    """A batch with its jobs, as they were when they were read."""
+    """A batch with its jobs in the order of their requests, as they were when they were read."""
 
     batch: Resource
     jobs: tuple[Resource, ...]
@@ -78,7 +78,8 @@ class StoredBatch:
             batch = service.catalog.get(arn, kind=BATCH)
         except ResourceNotFoundException as error:
             raise DeploymentError(f"the required batch is gone: {error}", _NOT_PASSED) from error
-        return cls(batch, service.catalog.children(arn, kind=JOB))
+        jobs = service.catalog.children(arn, kind=JOB)
+        return cls(batch, tuple(sorted(jobs, key=lambda job: SimulationJobDocument.of(job).request_index or 0)))
 
 
 def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBatch:

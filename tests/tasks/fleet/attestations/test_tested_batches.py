@@ -115,6 +115,15 @@ def test_a_job_that_was_restarted_is_waited_for(batches: Batches, application: R
     assert f"job {batches.stored[1]}" in found.why
 
 
+def test_jobs_are_in_the_order_of_their_requests(batches: Batches, application: Resource) -> None:
+    arn = batches.batch({"request_index": 1}, {"request_index": 0})
+
+    found = judged(batches, arn, application)
+
+    assert isinstance(found, PassedBatch)
+    assert [job.id for job in found.jobs] == batches.stored[::-1]
+
+
 def test_one_failure_refuses_a_batch_under_way_at_once(batches: Batches, application: Resource) -> None:
     with pytest.raises(DeploymentError, match="has the verdict FAIL"):
         judged(batches, batches.batch({"verdict": "FAIL"}, status="InProgress", missing=5), application)
