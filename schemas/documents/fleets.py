@@ -1,6 +1,6 @@
 """The documents of robots, of fleets, and of the deployment jobs that bring applications to them."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -20,6 +20,25 @@ class RobotEnrolment(Changes):
     token_sha256: str | None = Field(
         default=None, description="SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled."
     )
+
+
+    kind: Literal["agent"] | None = Field(
+        default=None, description="What runs on it: our own agent; absent: an updater of others."
+    )
+    enrolment_sha256: str | None = Field(
+        default=None, description="SHA-256 of the one-time token of an agent, in hexadecimal digits; absent: none."
+    )
+    enrolment_expires_s: float | None = Field(
+        default=None, description="Until when that token is taken, in seconds since the epoch."
+    )
+    enrolment_root: int | None = Field(
+        default=None, description="Version of the root of the repository that the agent is to trust."
+    )
+
+    @property
+    def has_agent(self) -> bool:
+        """Whether an agent runs on it, or is about to, since nothing else does."""
+        return self.kind == "agent" or (self.token_sha256 is None and self.enrolment_sha256 is not None)
 
 
 class RobotSighting(Changes):

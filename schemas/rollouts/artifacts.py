@@ -1,4 +1,4 @@
-"""What robots of a rollout download: one file for each architecture."""
+"""What robots of a rollout download: one file for each architecture, and another for agents."""
 
 from pydantic import Field
 
@@ -22,6 +22,9 @@ class Artifact(StoredPart):
     )
     name: str = Field(description="Name of the application in it.")
     version: str = Field(description="Version of the application in it.")
+    target: str | None = Field(
+        default=None, description="Path of the signed deployment document that an agent fetches; absent: none."
+    )
 
     @property
     def delivers(self) -> str:
@@ -32,10 +35,15 @@ class Artifact(StoredPart):
 class Delivery(StoredPart):
     """What each robot of a rollout gets; it does not change."""
 
-    artifacts: dict[str, Artifact] = Field(description="The files, by architecture.")
+    artifacts: dict[str, Artifact] = Field(description="The files of updaters of others, by architecture.")
+    agent_artifacts: dict[str, Artifact] = Field(default={}, description="The files of agents, by architecture.")
+    agents: frozenset[str] = Field(default=frozenset(), description="The robots that have an agent, by ARN.")
     architectures: dict[str, str] = Field(description="The architecture of each robot that gets one, by ARN.")
     launch: DeploymentLaunchConfig = Field(description="How the application is started.")
 
     def by_robot(self) -> dict[str, Artifact]:
         """The file of each robot, by ARN."""
-        return {robot: self.artifacts[architecture] for robot, architecture in self.architectures.items()}
+        return {robot: self._files(robot)[architecture] for robot, architecture in self.architectures.items()}
+
+    def _files(self, robot: str) -> dict[str, Artifact]:
+        return self.agent_artifacts if robot in self.agents else self.artifacts

@@ -25,7 +25,12 @@ DEFAULT_THRESHOLD_PERCENTAGE = 20
 JOB_TIMEOUT_S = 30 * 24 * 3600.0
 """How long a whole deployment may take, in seconds."""
 
-UnfitCode = Literal["MissingRobotArchitecture", "MissingRobotApplicationArchitecture", "MissingRobotDeploymentResource"]
+UnfitCode = Literal[
+    "DownloadConditionFailed",
+    "MissingRobotApplicationArchitecture",
+    "MissingRobotArchitecture",
+    "MissingRobotDeploymentResource",
+]
 """Why a robot cannot get the application at all."""
 
 

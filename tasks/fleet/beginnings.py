@@ -4,7 +4,8 @@ A robot with an order that it has not answered gets that one's cancellation firs
 answer; the earlier one has nothing to wait for then.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from ...schemas.documents.base import StoredResource
 from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
@@ -18,32 +19,37 @@ from ...schemas.rollouts.plan import (
     RolloutPlan,
 )
 from ...schemas.wire.arns import ResourceArn
-from ...schemas.wire.errors import DeploymentError
 from ..catalog import Resource
 from ..service.service import Service
 from .kept_rollouts import KeptRollout
 from .rollout.ledger import begin
 
 
-def plan_of(job: StoredResource, robots: Iterable[Resource], architectures: Collection[str]) -> RolloutPlan:
+@dataclass(frozen=True)
+class Prepared:
+    """The files that were made for a deployment, by architecture."""
+
+    for_updaters: Mapping[str, Artifact]
+    for_agents: Mapping[str, Artifact]
+
+    def of(self, robot: Resource) -> Artifact | None:
+        """The file of a robot; `None`: there is none for it."""
+        document = RobotDocument.of(robot)
+        return (self.for_agents if document.has_agent else self.for_updaters).get(document.architecture)
+
+
+def plan_of(job: StoredResource, robots: Iterable[Resource], prepared: Prepared) -> RolloutPlan:
     """The plan of a deployment.
 
     Args:
         job: its job.
         robots: whom it is meant for, in the order in which their turn comes.
-        architectures: those that there is a file for; robots of others fail.
-
-    Raises:
-        DeploymentError: the job, which an older release stored, has a condition that no robot can be asked.
+        prepared: the files; robots without one fail.
     """
     document = DeploymentJobDocument.of(job)
     config = DeploymentConfig.model_validate(document.deployment_config)
-    if config.downloadConditionFile is not None:
-        raise DeploymentError("no robot can be asked the downloadConditionFile yet", "DownloadConditionFailed")
-    (application,) = document.deployment_application_configs
-    release = (ResourceArn.parse(application["application"]).name, str(application["applicationVersion"]))
     members = list(robots)
-    planned = tuple(_planned(robot, architectures, release) for robot in members)
+    planned = tuple(_planned(robot, document, prepared) for robot in members)
     return RolloutPlan(
         robots=planned,
         canaries=_canaries(config, members, planned),
@@ -57,16 +63,19 @@ def plan_of(job: StoredResource, robots: Iterable[Resource], architectures: Coll
     )
 
 
-def _planned(robot: Resource, architectures: Collection[str], release: tuple[str, str]) -> PlannedRobot:
-    document = RobotDocument.of(robot)
-    architecture, installed = document.architecture, document.installed
-    if architecture in architectures:
-        has_it = (document.installed_name, document.installed_version) == release
-        earlier = None if has_it else document.installed_by
-        return PlannedRobot(arn=robot.arn, installed=installed, earlier_job=earlier)
-    reason = f"version {release[1]} of the application has no source for {architecture}; add one in another version"
-    code = "MissingRobotApplicationArchitecture"
-    return PlannedRobot(arn=robot.arn, installed=installed, unfit_code=code, unfit_reason=reason)
+def _planned(robot: Resource, job: DeploymentJobDocument, prepared: Prepared) -> PlannedRobot:
+    known = RobotDocument.of(robot)
+    planned = PlannedRobot(arn=robot.arn, installed=known.installed)
+    if "downloadConditionFile" in job.deployment_config and not known.has_agent:
+        reason = "only agents ask the downloadConditionFile, and this robot has another updater (docs/fleets.md)"
+        return planned.model_copy(update={"unfit_code": "DownloadConditionFailed", "unfit_reason": reason})
+    (application,) = job.deployment_application_configs
+    version = str(application["applicationVersion"])
+    if prepared.of(robot) is None:
+        reason = f"version {version} of the application has no source for {known.architecture}; add one in another version"
+        return planned.model_copy(update={"unfit_code": "MissingRobotApplicationArchitecture", "unfit_reason": reason})
+    has_it = (known.installed_name, known.installed_version) == (ResourceArn.parse(application["application"]).name, version)
+    return planned if has_it else planned.model_copy(update={"earlier_job": known.installed_by})
 
 
 def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Sequence[PlannedRobot]) -> tuple[str, ...]:
@@ -79,13 +88,15 @@ def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Seq
     return tuple(dict.fromkeys(arn for arn in named if arn in frozenset(fit)))
 
 
-def delivery(job: Resource, robots: Iterable[Resource], artifacts: dict[str, Artifact]) -> Delivery:
-    """What robots get, of the files by architecture."""
+def delivery(job: Resource, robots: Iterable[Resource], prepared: Prepared) -> Delivery:
+    """What robots get, of the files."""
     (config,) = DeploymentJobDocument.of(job).deployment_application_configs
-    architectures = {robot.arn: RobotDocument.of(robot).architecture for robot in robots}
+    served = {robot.arn: RobotDocument.of(robot) for robot in robots if prepared.of(robot) is not None}
     return Delivery(
-        artifacts=artifacts,
-        architectures={robot: each for robot, each in architectures.items() if each in artifacts},
+        artifacts=dict(prepared.for_updaters),
+        agent_artifacts=dict(prepared.for_agents),
+        agents=frozenset(arn for arn, document in served.items() if document.has_agent),
+        architectures={arn: document.architecture for arn, document in served.items()},
         launch=DeploymentApplicationConfig.model_validate(config).launchConfig,
     )
 

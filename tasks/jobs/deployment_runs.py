@@ -26,7 +26,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..execution.job_leases import Lease
 from ..execution.task_runs import show_note, shown_as, step_runner
-from ..fleet.beginnings import begin_rollout, delivery, plan_of
+from ..fleet.beginnings import Prepared, begin_rollout, delivery, plan_of
 from ..fleet.control.rollbacks import roll_back
 from ..fleet.kept_rollouts import KeptRollout
 from ..fleet.records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
@@ -136,8 +136,7 @@ class DeploymentRun:
 
     def _begun(self) -> KeptRollout | None:
         """The rollout; none if each robot has the application already."""
-        from ..fleet.artifacts import prepare  # they need the extra `fleet`
-        from ..fleet.attestations.required_batches import check_delivered
+        from ..fleet.attestations.required_batches import check_delivered  # it needs the extra `fleet`
 
         document = DeploymentJobDocument.of(self._job)
         members = robots_of(str(self._job.parent), self._service)
@@ -147,13 +146,25 @@ class DeploymentRun:
         if not robots and (document.repeats or document.rolls_back):
             return None
         application = _application(self._job, self._service)
-        architectures = {RobotDocument.of(robot).architecture for robot in robots}
         patient = self._service.patient(self._job.id, self._is_unwanted)
-        artifacts = prepare(application, architectures, patient)
-        plan = plan_of(self._job, robots, artifacts)
-        gets = delivery(self._job, robots, artifacts)
+        prepared = self._prepared(application, robots, patient)
+        plan = plan_of(self._job, robots, prepared)
+        gets = delivery(self._job, robots, prepared)
         check_delivered(self._job, gets, patient)
         return begin_rollout(self._job, plan, gets, self._service)
+
+    def _prepared(self, application: Resource, robots: Sequence[Resource], patient: Service) -> Prepared:
+        """The files of the robots; signed `.swu` files only where a robot's updater is not our agent."""
+        from ..fleet.agent_artifacts import publish  # both need the extra `fleet`
+        from ..fleet.artifacts import prepare
+
+        documents = [RobotDocument.of(robot) for robot in robots]
+        agents = {document.architecture for document in documents if document.has_agent}
+        others = {document.architecture for document in documents if not document.has_agent}
+        return Prepared(
+            for_updaters=prepare(application, others, patient) if others else {},
+            for_agents=publish(self._job, application, agents, patient) if agents else {},
+        )
 
     def _roll_out(self) -> None:
         if self._service.catalog.rollout(self._job.arn) is None:  # it had nothing to do, and its worker died then

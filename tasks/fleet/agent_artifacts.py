@@ -1,0 +1,138 @@
+"""What agents of robots download: archives, condition and deployment document, as targets of the repository."""
+
+import hashlib
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...schemas.documents.applications import ApplicationDocument, StoredSource
+from ...schemas.documents.fleets import DeploymentJobDocument
+from ...schemas.operations.deployment_jobs import DeploymentApplicationConfig, DeploymentConfig
+from ...schemas.rollouts.artifacts import Artifact
+from ..catalog import Resource
+from ..service.service import Service
+from .sources import fetch_condition, fetch_source, sources_by_architecture
+from .trust.deployment_documents import (
+    DeploymentTargets,
+    attestation_path,
+    bundle_path,
+    condition_path,
+    document_path,
+    suffix_of,
+)
+from .trust.publishing import publisher_of
+from .trust.targets import FileHashes, TargetStep
+
+_MAGIC_BYTES = 2
+
+
+@dataclass(frozen=True)
+class _Bundle:
+    target: str
+    key: str
+    hashes: FileHashes
+
+
+def publish(
+    job: Resource,
+    application: Resource,
+    architectures: Iterable[str],
+    service: Service,
+    attestations: Sequence[bytes] = (),
+) -> dict[str, Artifact]:
+    """Publishes a deployment for agents; all of it becomes visible at once.
+
+    Args:
+        job: the deployment job.
+        application: the application's version, as `find_application` finds it.
+        architectures: those of the robots with agents.
+        service: where the archives are, and where the repository is.
+        attestations: what others attest of the version, each a signed envelope as JSON.
+
+    Returns:
+        What orders say, by architecture; architectures that the application has no archive for are absent.
+
+    Raises:
+        DeploymentError: an archive or the condition is gone, may not be read, or has changed; or the application has no
+            archives at all.
+        StorageError: the object store does not answer.
+        ConfigurationError: a key is missing, or the store has what the keys have not signed.
+    """
+    sources = sources_by_architecture(application, architectures)
+    if not sources:
+        return {}
+    step = TargetStep(publisher_of(service), application.name)
+    version = ApplicationDocument.of(application).version
+    with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+        bundles = _add_bundles(step, sources, version, Path(scratch), service)
+        condition = _add_condition(step, job, Path(scratch, "condition"), service)
+    attested = [_add_attestation(step, each) for each in attestations]
+    (config,) = DeploymentJobDocument.of(job).deployment_application_configs
+    document = DeploymentTargets(
+        job=job.arn,
+        fleet=str(job.parent),
+        application=application.name,
+        version=version,
+        bundles={architecture: bundle.target for architecture, bundle in bundles.items()},
+        condition=condition,
+        launch=DeploymentApplicationConfig.model_validate(config).launchConfig,
+        attestations=attested,
+        tags=dict(job.tags),
+    )
+    target = step.add_bytes(document_path(application.name, job.id), document.to_bytes())
+    step.publish()
+    return {
+        architecture: _artifact(bundle, application.name, version, target, service)
+        for architecture, bundle in bundles.items()
+    }
+
+
+def _add_bundles(
+    step: TargetStep, sources: Mapping[str, StoredSource], version: str, scratch: Path, service: Service
+) -> dict[str, _Bundle]:
+    """Adds the archive of each architecture; one that serves several is fetched once."""
+    added: dict[tuple[str, str], _Bundle] = {}
+    for source in sources.values():
+        place = (source.s3_bucket, source.s3_key)
+        if place in added:
+            continue
+        path = scratch / "bundle"
+        fetch_source(source, version, path, service)
+        hashes = FileHashes.of(path)
+        with path.open("rb") as file:
+            suffix = suffix_of(file.read(_MAGIC_BYTES))
+        target = bundle_path(step.application, hashes.sha256, suffix)
+        added[place] = _Bundle(target, step.add_file(target, path, hashes), hashes)
+    return {architecture: added[source.s3_bucket, source.s3_key] for architecture, source in sources.items()}
+
+
+def _add_condition(step: TargetStep, job: Resource, path: Path, service: Service) -> str | None:
+    document = DeploymentJobDocument.of(job)
+    file = DeploymentConfig.model_validate(document.deployment_config).downloadConditionFile
+    if file is None:
+        return None
+    fetch_condition(file.bucket, file.key, file.etag, path, service)
+    hashes = FileHashes.of(path)
+    target = condition_path(step.application, hashes.sha256)
+    step.add_file(target, path, hashes)
+    return target
+
+
+def _add_attestation(step: TargetStep, envelope: bytes) -> str:
+    return step.add_bytes(attestation_path(step.application, hashlib.sha256(envelope).hexdigest()), envelope)
+
+
+def _artifact(bundle: _Bundle, name: str, version: str, target: str, service: Service) -> Artifact:
+    return Artifact(
+        bucket=service.settings.bucket,
+        key=bundle.key,
+        file_name=bundle.target.rpartition("/")[2],
+        name=name,
+        version=version,
+        target=target,
+        size_bytes=bundle.hashes.size_bytes,
+        sha256=bundle.hashes.sha256,
+        sha1=bundle.hashes.sha1,
+        md5=bundle.hashes.md5,
+    )

@@ -1,0 +1,20 @@
+# pyright: reportUnsupportedDunderAll=false
+"""What agents of robots trust: a repository of The Update Framework (TUF) as plain files in the object store.
+
+```
+   keys ───────────────────┐
+   (data home)             v
+   what is there ──> what comes next (metadata, pure) ──> files ──> the numbered timestamp: from here on it is visible
+   (verified)                                             (each number is written once, by one publisher)
+```
+
+May import: `schemas`, `tasks.service`, `tasks.storage`.
+"""
+
+__all__ = [
+    "ceremonies",
+    "deployment_documents",
+    "files",
+    "publishing",
+    "standing",
+]

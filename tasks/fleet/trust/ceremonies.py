@@ -1,0 +1,181 @@
+"""Key ceremonies: root keys that are made for other places, and roots that several holders sign one after the other."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from securesystemslib.signer import CryptoSigner, Key
+from tuf.api.metadata import Metadata, Root
+from tuf.api.serialization import DeserializationError
+
+from ....schemas.wire.errors import ConfigurationError
+from .files import root_bytes
+from .keys import KeyFolder, new_key, read_key, remove_file, write_private
+from .metadata import Changes, to_metadata
+from .publishing import Coming, Publisher, roles_signed
+from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES
+from .roots import check_ceremony, first_root, following_root, is_signed, missing_signatures, sign_root
+
+ROOT = "root"
+
+
+def begin_apart(publisher: Publisher, root_keys: int, threshold: int, folder: Path) -> Metadata[Root]:
+    """Makes the repository's first root, with root keys that lie elsewhere.
+
+    Args:
+        publisher: of this machine; it gets the keys of the other roles.
+        root_keys: how many root keys are made.
+        threshold: how many of them have to sign a root.
+        folder: where they go, such as a medium that is taken away; it is made.
+
+    Raises:
+        ConfigurationError: there is a repository already, the numbers make no sense, or a folder cannot be used.
+    """
+    check_ceremony(root_keys, threshold)
+    machine = publisher.machine
+    with machine.keys.held():
+        if machine.root() is not None:
+            raise ConfigurationError(
+                f"there are keys already, in {machine.folder}; `robomaker robots keys renew-root --rotate root "
+                "--to FOLDER` moves the root keys elsewhere"
+            )
+        apart = KeyFolder(folder)
+        with apart.held():
+            roots = [new_key(ROOT, folder, publisher.random_bytes) for _ in range(root_keys)]
+        online = {role: new_key(role, machine.folder, publisher.random_bytes) for role in KEY_ROLES if role != ROOT}
+        keys = {role: online[role].public_key for role in ONLINE_ROLES}
+        root = first_root(roots, threshold, keys, publisher.clock())
+        machine.note_root(root_bytes(root))
+    publisher.publish(lambda current: None if current else Changes())
+    return root
+
+
+def rotate_applications(publisher: Publisher) -> None:
+    """Replaces the key that signs for all applications; it needs no root.
+
+    Raises:
+        ConfigurationError: a key is missing.
+        StorageError: the object store does not answer.
+    """
+    machine = publisher.machine
+    publisher.root()
+    with machine.keys.held():
+        key = new_key(APPLICATIONS, machine.folder, publisher.random_bytes)
+    everything = publisher.publish(
+        lambda current: Changes(resign=frozenset(roles_signed(current))), None, Coming(applications=key)
+    )
+    if everything is not None:
+        machine.keys.remove_others(APPLICATIONS, {key.public_key.keyid})
+
+
+def draft_root(publisher: Publisher, rotate: Sequence[str], folder: Path | None) -> tuple[Metadata[Root], list[Path]]:
+    """The root that waits for signatures; a new one, where none does.
+
+    Args:
+        publisher: of this machine.
+        rotate: roles that get new keys; nothing: the same keys, valid for longer.
+        folder: where new root keys go, as many as before; nothing: into the data home.
+
+    Returns:
+        The root, and the files of new root keys, which have to sign it as well.
+
+    Raises:
+        ConfigurationError: one waits that was made with other roles in mind.
+    """
+    known, machine = publisher.root(), publisher.machine
+    waiting = _waiting(publisher, known)
+    if waiting is not None:
+        if rotate:
+            raise ConfigurationError(
+                f"a root waits for signatures in {machine.draft_path}; sign that one without --rotate, or remove it"
+            )
+        return waiting, []
+    with machine.keys.held():
+        replaced: dict[str, Sequence[Key]] = {}
+        for role in rotate:
+            if role != ROOT:
+                replaced[role] = [new_key(role, machine.folder, publisher.random_bytes).public_key]
+        made: list[Path] = []
+        if ROOT in rotate:
+            replaced[ROOT], made = _new_root_keys(publisher, known, folder)
+        draft = following_root(known, publisher.clock(), replaced)
+        write_private(machine.draft_path, root_bytes(draft), replace=True)
+    return draft, made
+
+
+def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[Path]) -> int:
+    """Adds signatures to a root, and publishes it once there are enough.
+
+    Args:
+        publisher: of this machine.
+        draft: the root, from `draft_root`.
+        key_files: of root keys; nothing: those in the data home.
+
+    Returns:
+        How many signatures it still needs; 0: it is published.
+
+    Raises:
+        ConfigurationError: a file is no key, or none of a root key.
+        StorageError: the object store does not answer.
+    """
+    known, machine = publisher.root(), publisher.machine
+    signers = [read_key(path) for path in key_files] or _own_keys(publisher, draft, known)
+    sign_root(draft, known, signers)
+    with machine.keys.held():
+        write_private(machine.draft_path, root_bytes(draft), replace=True)
+    if not is_signed(draft, known):
+        return missing_signatures(draft, known)
+    _publish_root(publisher, draft)
+    return 0
+
+
+def _publish_root(publisher: Publisher, root: Metadata[Root]) -> None:
+    # First what both the old and the new keys have signed: a robot may have either root at any moment.
+    publisher.publish(lambda current: Changes(resign=frozenset(roles_signed(current))), None, Coming(root=root))
+    if not publisher.files.write(ROOT, root.signed.version, root_bytes(root)):
+        raise ConfigurationError(
+            f"another machine published root {root.signed.version} meanwhile; "
+            f"remove {publisher.machine.draft_path} and begin again"
+        )
+    publisher.root()
+    with publisher.machine.keys.held():
+        remove_file(publisher.machine.draft_path)
+        for role in (ROOT, *ONLINE_ROLES):
+            publisher.machine.keys.remove_others(role, root.signed.roles[role].keyids)
+
+
+def _waiting(publisher: Publisher, known: Metadata[Root]) -> Metadata[Root] | None:
+    path = publisher.machine.draft_path
+    try:
+        draft = to_metadata(path.read_bytes(), Root)
+    except FileNotFoundError:
+        return None
+    except (OSError, DeserializationError) as error:
+        raise ConfigurationError(f"{path} is no root: {error}; remove it and begin again") from error
+    if draft.signed.version != known.signed.version + 1:
+        raise ConfigurationError(
+            f"{path} is root {draft.signed.version}, and the newest is {known.signed.version}; remove it and begin again"
+        )
+    return draft
+
+
+def _new_root_keys(
+    publisher: Publisher, known: Metadata[Root], folder: Path | None
+) -> tuple[list[Key], list[Path]]:
+    count = len(known.signed.roles[ROOT].keyids)
+    place = KeyFolder(folder) if folder is not None else publisher.machine.keys
+    if folder is not None:
+        with place.held():
+            pass
+    before = set(place.path.glob(f"{ROOT}-*.pem"))
+    keys = [new_key(ROOT, place.path, publisher.random_bytes).public_key for _ in range(count)]
+    return keys, sorted(set(place.path.glob(f"{ROOT}-*.pem")) - before)
+
+
+def _own_keys(publisher: Publisher, draft: Metadata[Root], known: Metadata[Root]) -> list[CryptoSigner]:
+    counting: Mapping[str, None] = dict.fromkeys([*draft.signed.roles[ROOT].keyids, *known.signed.roles[ROOT].keyids])
+    keys = [key for key in publisher.machine.keys.of_role(ROOT) if key.public_key.keyid in counting]
+    if not keys:
+        raise ConfigurationError(
+            "the root keys are not on this machine; name their files with --key, one for each holder"
+        )
+    return keys

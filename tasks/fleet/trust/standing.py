@@ -1,0 +1,69 @@
+"""How the repository stands: each role's version, whose keys sign for it, and when what it signed expires."""
+
+from datetime import datetime
+from typing import NamedTuple
+
+from tuf.api.metadata import Root
+
+from .metadata import Repository
+from .publishing import delegated_roles
+from .roles import ONLINE_ROLES, lifetime_of
+
+_WARN_SHARE = 2  # the service signs again long before: half of what it waits for is left only if it could not
+
+
+class RoleStanding(NamedTuple):
+    """How one role stands."""
+
+    role: str
+    version: int
+    expires: datetime
+    keyids: list[str]
+    threshold: int
+    warning: str
+    """What is to be done about it; empty: nothing."""
+
+
+def standings(repository: Repository, now: datetime) -> list[RoleStanding]:
+    """How each role stands.
+
+    Args:
+        repository: all of it.
+        now: the time.
+    """
+    root = repository.root.signed
+    content = {
+        Root.type: root,
+        "targets": repository.targets.signed,
+        "snapshot": repository.snapshot.signed,
+        "timestamp": repository.timestamp.signed,
+        **{role: repository.applications[role].signed for role in delegated_roles(repository)},
+    }
+    found: list[RoleStanding] = []
+    for role, each in content.items():
+        above = root if role in (Root.type, *ONLINE_ROLES) else repository.targets.signed
+        delegated = above.get_delegated_role(role)
+        warning = warning_of(role, each.expires, now)
+        found.append(RoleStanding(role, each.version, each.expires, delegated.keyids, delegated.threshold, warning))
+    return found
+
+
+def warning_of(role: str, expires: datetime, now: datetime) -> str:
+    """What is to be done about a role that expires; empty: nothing.
+
+    Args:
+        role: the role.
+        expires: when what it signed last expires.
+        now: the time.
+    """
+    left = expires - now
+    ahead = lifetime_of(role).renew_before
+    if left > (ahead if role == Root.type else ahead / _WARN_SHARE):
+        return ""
+    remedy = "sign a new one with `robomaker robots keys renew-root`" if role == Root.type else (
+        "let `robomaker serve` run where the keys are, or call `robomaker robots keys renew`"
+    )
+    told = f"expired on {expires:%Y-%m-%d %H:%M} UTC, and agents install nothing" if left.total_seconds() <= 0 else (
+        f"expires on {expires:%Y-%m-%d %H:%M} UTC, and agents install nothing from then on"
+    )
+    return f"{role} {told}; {remedy}"
