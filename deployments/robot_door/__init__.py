@@ -11,4 +11,4 @@ knows no catalog; `tasks.fleet.ddi` has orders and documents, and what mounts it
 May import: `schemas.wire`, `tasks.fleet.ddi`, `starlette`'s types and the standard library.
 """
 
-__all__ = ["door", "downloads"]
+__all__ = ["agents", "door", "downloads"]

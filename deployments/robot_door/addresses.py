@@ -11,7 +11,18 @@ from ...schemas.wire.errors import ConfigurationError
 from ...tasks.fleet.ddi.orders import ROBOT_ID
 from .answers import DoorRefusal
 
-Resource = Literal["base", "order", "order_feedback", "cancel", "cancel_feedback", "attributes", "artifact"]
+Resource = Literal[
+    "base",
+    "order",
+    "order_feedback",
+    "cancel",
+    "cancel_feedback",
+    "attributes",
+    "artifact",
+    "metadata",
+    "target",
+    "enrolment",
+]
 
 METHODS: dict[Resource, tuple[str, ...]] = {
     "base": ("GET",),
@@ -21,6 +32,9 @@ METHODS: dict[Resource, tuple[str, ...]] = {
     "cancel_feedback": ("POST",),
     "attributes": ("PUT",),
     "artifact": ("GET", "HEAD"),
+    "metadata": ("GET",),
+    "target": ("GET", "HEAD"),
+    "enrolment": ("POST",),
 }
 
 _REST = re.compile(
@@ -28,6 +42,7 @@ _REST = re.compile(
     r"|(?P<order>/deploymentBase/(?P<order_id>[0-9]{1,10}))(?P<order_feedback>/feedback)?"
     r"|(?P<cancel>/cancelAction/(?P<cancel_id>[0-9]{1,10}))(?P<cancel_feedback>/feedback)?"
     r"|(?P<artifact>/softwaremodules/(?P<artifact_id>[0-9]{1,10})/artifacts/(?P<file>[^/]+))"
+    r"|/repository/(?:metadata/(?P<metadata>[^/]+)|targets/(?P<target>.+))"
 )
 _HOST = re.compile(r"[A-Za-z0-9._-]{1,253}(:[0-9]{1,5})?|\[[0-9A-Fa-f:.]{2,45}\](:[0-9]{1,5})?")
 _TENANT = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -41,6 +56,7 @@ class Address:
     resource: Resource
     action_id: int = 0
     file: str = ""
+    """Name of the artifact, or of the file in the repository."""
 
 
 class Addresses:
@@ -61,6 +77,10 @@ class Addresses:
         self.prefix = f"/{tenant}/controller/v1/"
         """What paths of robots begin with."""
 
+        self.enrolment_prefix = f"/{tenant}/agents/v1/"
+        """What paths begin with at which agents enrol."""
+
+        self._enrolment = re.compile(rf"{re.escape(self.enrolment_prefix)}(?P<robot>{ROBOT_ID})/enrolment/?")
         self._path = re.compile(rf"{re.escape(self.prefix)}(?P<robot>{ROBOT_ID})(?:{_REST.pattern})/?")
         self._public_url = None if public_url is None else _checked(public_url)
 
@@ -70,11 +90,16 @@ class Addresses:
         Raises:
             DoorRefusal: nothing (404).
         """
+        if (enrolment := self._enrolment.fullmatch(path)) is not None:
+            return Address(enrolment["robot"], "enrolment")
         found = self._path.fullmatch(path)
         if found is None:
             raise DoorRefusal(404, "there is nothing at this path")
         parts = found.groupdict()
         number = parts["order_id"] or parts["cancel_id"] or parts["artifact_id"] or "0"
+        for resource in ("metadata", "target"):
+            if parts[resource]:
+                return Address(parts["robot"], resource, file=parts[resource])
         for resource in ("order_feedback", "cancel_feedback", "order", "cancel", "attributes", "artifact"):
             if parts[resource]:
                 return Address(parts["robot"], resource, int(number), parts["file"] or "")

@@ -44,6 +44,11 @@ async def send_document(send: Send, document: bytes) -> None:
     await _send(send, 200, document, HAL)
 
 
+async def send_plain(send: Send, document: bytes) -> None:
+    """Answers with a document that is plain JSON."""
+    await _send(send, 200, document, _JSON)
+
+
 async def send_refusal(send: Send, refusal: DoorRefusal) -> None:
     """Answers with an error."""
     body = {"errorCode": f"robomaker.{_CODES[refusal.status]}", "message": str(refusal)}

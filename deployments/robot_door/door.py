@@ -8,7 +8,11 @@ from dataclasses import dataclass
 
 from starlette.types import Receive, Scope, Send
 
-from ...schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from ...schemas.wire.errors import (
+    InvalidParameterException,
+    ResourceNotFoundException,
+    ServiceUnavailableException,
+)
 from ...tasks.fleet.ddi.documents import base_document, cancel_document, order_document
 from ...tasks.fleet.ddi.feedback import Feedback, OrderEnd, parse_attributes, parse_feedback
 from ...tasks.fleet.ddi.open_orders import MAX_FEEDBACKS, OpenOrders, RobotState
@@ -22,6 +26,7 @@ from ...tasks.fleet.ddi.reports import (
 )
 from ...tasks.fleet.ddi.tokens import token_in
 from .addresses import METHODS, Address, Addresses, Resource
+from .agents import AgentAnswers, AgentSide
 from .answers import DoorRefusal, send_document, send_refusal
 from .bodies import Disconnected, read_body
 from .downloads import Downloads, ReadPart
@@ -78,6 +83,7 @@ class RobotDoor:
         clock: the time, in seconds since 1970.
         chance: random numbers from 0 to below 1.
         settings: how robots poll.
+        agents: what our own agents ask for besides; nothing: they find nothing.
 
     Raises:
         ConfigurationError: tenant or public address are not right.
@@ -92,6 +98,7 @@ class RobotDoor:
         clock: Callable[[], float],
         chance: Callable[[], float],
         settings: DoorSettings | None = None,
+        agents: AgentSide | None = None,
     ) -> None:
         self.settings = settings or DoorSettings()
         self._addresses = Addresses(self.settings.tenant, self.settings.public_url)
@@ -100,6 +107,7 @@ class RobotDoor:
         self._clock = clock
         self._chance = chance
         self._downloads = Downloads(read_part)
+        self._agents = None if agents is None else AgentAnswers(agents, self._downloads, clock)
         self._last_seen = LastSeen(self._report_seen, self.settings.last_seen_s)
         self._threads = ThreadPoolExecutor(_SINKS, thread_name_prefix="robot-reports")
         self._serve: dict[Resource, Callable[[_Request], Awaitable[None]]] = {
@@ -110,12 +118,14 @@ class RobotDoor:
             "cancel_feedback": self._cancel_feedback,
             "attributes": self._attributes,
             "artifact": self._artifact,
+            "metadata": self._repository,
+            "target": self._repository,
         }
 
     @property
-    def prefix(self) -> str:
+    def prefixes(self) -> tuple[str, ...]:
         """What the paths begin with that are answered here."""
-        return self._addresses.prefix
+        return self._addresses.prefix, self._addresses.enrolment_prefix
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answers one request, or lives with the server."""
@@ -137,13 +147,13 @@ class RobotDoor:
         try:
             address = self._addresses.read(scope["path"])
             headers = dict(scope["headers"])
+            if address.resource == "enrolment":
+                await self._enrolment(scope, receive, send, address, headers)
+                return
             state = self._orders.check_token(address.robot, token_in(headers.get(b"authorization")))
             if state is None:
                 raise DoorRefusal(401, "Authorization: TargetToken … of this robot is missing or wrong", _CHALLENGE)
-            allowed = METHODS[address.resource]
-            if scope["method"] not in allowed:
-                names = ", ".join(allowed)
-                raise DoorRefusal(405, f"only {names} is allowed here", [(b"allow", names.encode())])
+            _check_method(scope, address.resource)
             await self._serve[address.resource](_Request(scope, receive, send, address, state, headers))
         except DoorRefusal as refusal:
             await send_refusal(send, refusal)
@@ -238,6 +248,28 @@ class RobotDoor:
         range_, if_range = request.headers.get(b"range"), request.headers.get(b"if-range")
         await self._downloads.serve(order, request.scope["method"], range_, if_range, request.receive, request.send)
 
+    async def _repository(self, request: _Request) -> None:
+        if self._agents is None:
+            raise DoorRefusal(404, "there is no repository here")
+        file, headers = request.address.file, request.headers
+        if request.address.resource == "metadata":
+            await self._agents.metadata(file, request.send)
+            return
+        range_, if_range = headers.get(b"range"), headers.get(b"if-range")
+        await self._agents.target(file, request.scope["method"], range_, if_range, request.receive, request.send)
+
+    async def _enrolment(
+        self, scope: Scope, receive: Receive, send: Send, address: Address, headers: Mapping[bytes, bytes]
+    ) -> None:
+        if self._agents is None:
+            raise DoorRefusal(404, "agents cannot enrol here")
+        _check_method(scope, address.resource)
+        authorization, length = headers.get(b"authorization"), headers.get(b"content-length")
+        try:
+            await self._agents.enrol(address.robot, authorization, length, receive, send)
+        except ServiceUnavailableException as error:
+            raise DoorRefusal(503, str(error), [(b"retry-after", b"5")]) from error
+
     def _url(self, request: _Request) -> str:
         return self._addresses.robot_url(request.scope, request.headers.get(b"host"), request.address.robot)
 
@@ -250,6 +282,13 @@ class RobotDoor:
 
     def _report_seen(self, seen: Mapping[str, float]) -> None:
         self._threads.submit(self._sink, RobotsSeen(seen)).add_done_callback(_log_failure)
+
+
+def _check_method(scope: Scope, resource: Resource) -> None:
+    allowed = METHODS[resource]
+    if scope["method"] not in allowed:
+        names = ", ".join(allowed)
+        raise DoorRefusal(405, f"only {names} is allowed here", [(b"allow", names.encode())])
 
 
 def _log_failure(done: Future[None]) -> None:

@@ -3,7 +3,10 @@
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from starlette.types import Receive, Send
 
@@ -11,6 +14,8 @@ from ...schemas.wire.errors import ObjectNotFoundError, StorageError
 from ...tasks.fleet.ddi.orders import RobotOrder
 from .answers import DoorRefusal
 from .ranges import Part, part_of
+
+Result = TypeVar("Result")
 
 ReadPart = Callable[[RobotOrder, int, int], bytes]
 """Reads that many bytes of an order's file, from an offset on; called from several threads."""
@@ -39,11 +44,26 @@ def reader_of_files(path_of: Callable[[RobotOrder], Path]) -> ReadPart:
     return read
 
 
+@dataclass(frozen=True)
+class ServedFile:
+    """A file that does not change."""
+
+    name: str
+    """What errors call it."""
+
+    size_bytes: int
+    sha256: str
+    """Its `ETag`."""
+
+    read: Callable[[int, int], bytes]
+    """Reads that many bytes from an offset on; called from several threads."""
+
+
 class Downloads:
     """Sends files; readers run in threads, since they wait for disks and servers.
 
     Args:
-        read: reads parts of files.
+        read: reads parts of orders' files.
     """
 
     def __init__(self, read: ReadPart) -> None:
@@ -54,13 +74,34 @@ class Downloads:
         """Ends the threads."""
         self._threads.shutdown(cancel_futures=True)
 
+    async def run(self, call: Callable[[], Result]) -> Result:
+        """Runs a call that waits for disks and servers.
+
+        Raises:
+            DoorRefusal: there is no such file (404), or it cannot be read now (503).
+        """
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._threads, call)
+        except ObjectNotFoundError as error:
+            raise DoorRefusal(404, str(error)) from error
+        except StorageError as error:
+            raise DoorRefusal(503, str(error)) from error
+
     async def serve(
         self, order: RobotOrder, method: str, range_: bytes | None, if_range: bytes | None, receive: Receive, send: Send
     ) -> None:
-        """Answers a request for an order's file.
+        """Answers a request for an order's file; see `serve_file`."""
+        name = f"the file of order {order.action_id}"
+        file = ServedFile(name, order.size_bytes, order.sha256, partial(self._read, order))
+        await self.serve_file(file, method, range_, if_range, receive, send)
+
+    async def serve_file(
+        self, file: ServedFile, method: str, range_: bytes | None, if_range: bytes | None, receive: Receive, send: Send
+    ) -> None:
+        """Answers a request for a file.
 
         Args:
-            order: whose file.
+            file: the file.
             method: GET, or HEAD for the headers alone.
             range_: the header `Range`.
             if_range: the header `If-Range`.
@@ -71,14 +112,14 @@ class Downloads:
             DoorRefusal: there is no such part (416) or no such file (404), or it cannot be read now (503). Once
                 bytes were sent, errors of the reader end the connection, and the robot asks for the rest.
         """
-        etag = f'"{order.sha256}"'.encode()
-        part = part_of(order.size_bytes, etag, range_, if_range)
-        if method == "HEAD":
-            await send(_head(order, etag, part))
+        etag = f'"{file.sha256}"'.encode()
+        part = part_of(file.size_bytes, etag, range_, if_range)
+        if method == "HEAD" or part.start >= part.stop:
+            await send(_head(file, etag, part))
             await send({"type": "http.response.body"})
             return
-        chunk = await self._first(order, part)
-        await send(_head(order, etag, part))
+        chunk = await self.run(lambda: _chunk(file, part.start, part.stop))
+        await send(_head(file, etag, part))
         gone = asyncio.ensure_future(_hung_up(receive))
         try:
             start = part.start
@@ -87,30 +128,22 @@ class Downloads:
                 await send({"type": "http.response.body", "body": chunk, "more_body": start < part.stop})
                 if start >= part.stop:
                     return
-                chunk = await self._chunk(order, start, part.stop)
+                chunk = await asyncio.get_running_loop().run_in_executor(self._threads, _chunk, file, start, part.stop)
         finally:
             gone.cancel()
 
-    async def _first(self, order: RobotOrder, part: Part) -> bytes:
-        try:
-            return await self._chunk(order, part.start, part.stop)
-        except ObjectNotFoundError as error:
-            raise DoorRefusal(404, str(error)) from error
-        except StorageError as error:
-            raise DoorRefusal(503, str(error)) from error
 
-    async def _chunk(self, order: RobotOrder, start: int, stop: int) -> bytes:
-        length = min(CHUNK_BYTES, stop - start)
-        chunk = await asyncio.get_running_loop().run_in_executor(self._threads, self._read, order, start, length)
-        if len(chunk) != length:
-            raise StorageError(
-                f"the file of order {order.action_id} is not the one that was ordered: "
-                f"{len(chunk)} bytes at {start}, expected {length}"
-            )
-        return chunk
+def _chunk(file: ServedFile, start: int, stop: int) -> bytes:
+    length = min(CHUNK_BYTES, stop - start)
+    chunk = file.read(start, length)
+    if len(chunk) != length:
+        raise StorageError(
+            f"{file.name} is not the one that was ordered: {len(chunk)} bytes at {start}, expected {length}"
+        )
+    return chunk
 
 
-def _head(order: RobotOrder, etag: bytes, part: Part) -> dict[str, object]:
+def _head(file: ServedFile, etag: bytes, part: Part) -> dict[str, object]:
     headers = [
         (b"content-type", b"application/octet-stream"),
         (b"content-length", b"%d" % (part.stop - part.start)),
@@ -119,7 +152,7 @@ def _head(order: RobotOrder, etag: bytes, part: Part) -> dict[str, object]:
         (b"cache-control", b"no-store"),
     ]
     if not part.is_whole:
-        headers.append((b"content-range", b"bytes %d-%d/%d" % (part.start, part.stop - 1, order.size_bytes)))
+        headers.append((b"content-range", b"bytes %d-%d/%d" % (part.start, part.stop - 1, file.size_bytes)))
     return {"type": "http.response.start", "status": 200 if part.is_whole else 206, "headers": headers}
 
 

@@ -21,6 +21,8 @@ from ...tasks.fleet.stored_rollouts import report, served_rollouts
 from ...tasks.service.service import Service
 from ..robot_door.door import DoorSettings, RobotDoor
 from ..robot_door.downloads import reader_of_files
+from .agents import ServedAgents
+from .upkeep import TrustUpkeep
 
 
 class RobotsBeside:
@@ -53,7 +55,9 @@ class RobotsBeside:
             clock=time.time,
             chance=service.chance.random,
             settings=DoorSettings(public_url=service.settings.robots_url, idle_sleep_s=service.settings.robot_poll_s),
+            agents=ServedAgents(service, self._watch.wake),
         )
+        self._upkeep = TrustUpkeep(service)
 
     def wake(self) -> None:
         """Has orders looked for at once."""
@@ -61,7 +65,7 @@ class RobotsBeside:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serves one request, or the server's start and end."""
-        if scope["type"] == "http" and scope["path"].startswith(self._door.prefix):
+        if scope["type"] == "http" and scope["path"].startswith(self._door.prefixes):
             await self._door(scope, receive, send)
         elif scope["type"] == "lifespan":
             await self._endpoint(scope, receive, self._with_life(send))
@@ -74,9 +78,11 @@ class RobotsBeside:
         async def sent(message: Message) -> None:
             if message["type"] == "lifespan.startup.complete":
                 self._watch.start()
+                self._upkeep.start()
             elif message["type"] == "lifespan.shutdown.complete":
                 await self._door.close()
                 await asyncio.to_thread(self._watch.stop)
+                await asyncio.to_thread(self._upkeep.stop)
             await send(message)
 
         return sent

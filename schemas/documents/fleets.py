@@ -21,7 +21,6 @@ class RobotEnrolment(Changes):
         default=None, description="SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled."
     )
 
-
     kind: Literal["agent"] | None = Field(
         default=None, description="What runs on it: our own agent; absent: an updater of others."
     )
@@ -30,6 +29,9 @@ class RobotEnrolment(Changes):
     )
     enrolment_expires_s: float | None = Field(
         default=None, description="Until when that token is taken, in seconds since the epoch."
+    )
+    enrolment_taken: str | None = Field(
+        default=None, description="SHA-256 of the robot's token that came with the one-time token; absent: none came."
     )
     enrolment_root: int | None = Field(
         default=None, description="Version of the root of the repository that the agent is to trust."

@@ -1,6 +1,7 @@
 """What robots say of orders in hawkBit's words, as events of a rollout.
 
-Updaters of others send no code of ours, so why an order failed is told from what was said before:
+Our agent says why an order failed, by the numbers of `agent.failure_codes`. Updaters of others do not, so it is told
+from what was said before:
 
 | what the robot said | event |
 | --- | --- |
@@ -9,6 +10,7 @@ Updaters of others send no code of ours, so why an order failed is told from wha
 | `Installed Chunk.`, which is SWUpdate's | `Progressed`, ExecutingPostLaunch: a health check is to say how it went |
 | closed, success, after it proceeded | `Succeeded` |
 | closed, success, without | `Failed`, RobotDeploymentAborted: nothing was installed |
+| closed, failure, with a number of ours | `Failed`, with that code |
 | closed, failure, before it was installed | `Failed`, ExtractingBundleFailure, or what kept the file from the robot |
 | closed, failure, afterwards | `Failed`, PostLaunchFileFailure |
 | canceled, or the cancellation closed | `Canceled` |
@@ -18,7 +20,7 @@ SWUpdate's last message does not say why it failed; `ERROR : …` among the deta
 """
 
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import cast, get_args
 
 from ...schemas.operations.deployment_jobs import RobotDeploymentStep
 from ...schemas.rollouts.events import (
@@ -31,6 +33,7 @@ from ...schemas.rollouts.events import (
     ReportedCode,
     Succeeded,
 )
+from .agent.failure_codes import NAMES
 from .ddi.feedback import Execution, Feedback, OrderEnd
 from .ddi.reports import CancelFeedback, OrderFeedback, OrderFetched
 
@@ -114,9 +117,17 @@ def _progress(feedback: Feedback, robot: str, known: SaidBefore) -> Progressed:
 
 
 def _failure(feedback: Feedback, robot: str, known: SaidBefore) -> Failed:
+    if (said := _code(feedback)) is not None:
+        texts = [text for text in feedback.details if text not in _STEPS]
+        return Failed(robot=robot, action_id=feedback.action_id, code=said, reason="; ".join(texts) or None)
     code: ReportedCode = "PostLaunchFileFailure" if known.installed else known.withheld or "ExtractingBundleFailure"
     reason = "; ".join(known.errors or feedback.details)
     return Failed(robot=robot, action_id=feedback.action_id, code=code, reason=reason or None)
+
+
+def _code(feedback: Feedback) -> ReportedCode | None:
+    """The failure code that an agent of ours said; numbers of others mean nothing here."""
+    return cast("ReportedCode | None", NAMES.get(feedback.code or 0))
 
 
 def _success(feedback: Feedback, robot: str, known: SaidBefore) -> Report:

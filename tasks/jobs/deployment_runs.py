@@ -155,8 +155,8 @@ class DeploymentRun:
 
     def _prepared(self, application: Resource, robots: Sequence[Resource], patient: Service) -> Prepared:
         """The files of the robots; signed `.swu` files only where a robot's updater is not our agent."""
-        from ..fleet.agent_artifacts import publish  # both need the extra `fleet`
-        from ..fleet.artifacts import prepare
+        from ..fleet.artifacts import prepare  # both need the extra `fleet`
+        from ..fleet.trust.deployments import publish
 
         documents = [RobotDocument.of(robot) for robot in robots]
         agents = {document.architecture for document in documents if document.has_agent}

@@ -9,6 +9,12 @@ from .orders import RobotOrder
 LAUNCH_KEY = "robomaker.launch"
 """Key of the metadata of an order's chunk that says what to launch: a `DeploymentLaunchConfig` as JSON text."""
 
+TARGET_KEY = "robomaker.target"
+"""Key of the metadata that names the signed deployment document, which is all that an agent goes by."""
+
+TAGS_KEY = "robomaker.tags"
+"""Key of the metadata with the robot's tags: an object of texts as JSON. They are not signed."""
+
 _MAX_SLEEP_S = 24 * 3600 - 1
 
 
@@ -52,11 +58,21 @@ def order_document(robot_url: str, order: RobotOrder) -> bytes:
         "name": order.name,
         "artifacts": [artifact],
     }
-    if order.launch is not None:
-        text = order.launch.model_dump_json(by_alias=True, exclude_none=True)
-        chunk["metadata"] = [{"key": LAUNCH_KEY, "value": text}]
+    if metadata := _metadata(order):
+        chunk["metadata"] = [{"key": key, "value": value} for key, value in metadata.items()]
     deployment = {"download": "forced", "update": "forced", "chunks": [chunk]}
     return _json({"id": str(order.action_id), "deployment": deployment})
+
+
+def _metadata(order: RobotOrder) -> dict[str, str]:
+    found: dict[str, str] = {}
+    if order.launch is not None:
+        found[LAUNCH_KEY] = order.launch.model_dump_json(by_alias=True, exclude_none=True)
+    if order.target is not None:
+        found[TARGET_KEY] = order.target
+    if order.tags is not None:
+        found[TAGS_KEY] = json.dumps(order.tags)
+    return found
 
 
 def cancel_document(action_id: int) -> bytes:

@@ -39,3 +39,7 @@ class RobotOrder(BaseModel):
     launch: DeploymentLaunchConfig | None = Field(
         default=None, description="What is launched; updaters of others do not read it."
     )
+    target: str | None = Field(
+        default=None, description="Path of the signed deployment document that an agent fetches; absent: none."
+    )
+    tags: dict[str, str] | None = Field(default=None, description="Tags of the robot, for its agent; absent: none.")

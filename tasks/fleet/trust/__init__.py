@@ -8,13 +8,14 @@
    (verified)                                             (each number is written once, by one publisher)
 ```
 
-May import: `schemas`, `tasks.service`, `tasks.storage`.
+May import: `schemas`, `tasks.catalog`, `tasks.fleet`, `tasks.service`, `tasks.storage`.
 """
 
 __all__ = [
     "ceremonies",
-    "deployment_documents",
-    "files",
+    "deployments",
+    "enrolment",
     "publishing",
+    "serving",
     "standing",
 ]

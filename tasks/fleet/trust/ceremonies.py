@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """Key ceremonies: root keys that are made for other places, and roots that several holders sign one after the other."""
 
 from collections.abc import Mapping, Sequence
@@ -160,7 +161,7 @@ def _waiting(publisher: Publisher, known: Metadata[Root]) -> Metadata[Root] | No
 
 def _new_root_keys(
     publisher: Publisher, known: Metadata[Root], folder: Path | None
-) -> tuple[list[Key], list[Path]]:
+) -> tuple[Sequence[Key], list[Path]]:
     count = len(known.signed.roles[ROOT].keyids)
     place = KeyFolder(folder) if folder is not None else publisher.machine.keys
     if folder is not None:

@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """The repository's files in the object store: read and checked as a client would, written each number once.
 
 Who reads it trusts nothing that the store gives: everything has to be signed by the keys of a root that leads back to

@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """Private keys of the repository: ed25519, each in a file of its own that only its user reads.
 
 A file is named after its role and its key, so that an old and a new key of one role can lie beside each other while

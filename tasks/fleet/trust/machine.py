@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """What one machine knows of the repository: its keys, the newest root it has seen, and the newest timestamp.
 
 It lies in the data home, out of reach of those who can change the object store. So a store that was set back, or has

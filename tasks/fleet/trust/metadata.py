@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """What the repository says next, as a pure function of what it says, what changes, the keys and the time.
 
 A version number that another publisher has used already, and may have died over, is passed over: `taken`.

@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """Publishing: what comes next is written beside what is there, and becomes visible by one write.
 
 ```

@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """Roots: the first one, and those that follow. A root says whose signatures count; robots know the first by its hash."""
 
 from collections.abc import Mapping, Sequence
@@ -28,9 +29,7 @@ def check_ceremony(root_keys: int, threshold: int) -> None:
         raise ConfigurationError(f"threshold: {threshold} is not right; 1 to {root_keys}, the number of keys, are")
 
 
-def first_root(
-    root_keys: Sequence[Signer], threshold: int, online: Mapping[str, Key], now: datetime
-) -> Metadata[Root]:
+def first_root(root_keys: Sequence[Signer], threshold: int, online: Mapping[str, Key], now: datetime) -> Metadata[Root]:
     """The first root, signed by all root keys.
 
     Args:

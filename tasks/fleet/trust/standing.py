@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """How the repository stands: each role's version, whose keys sign for it, and when what it signed expires."""
 
 from datetime import datetime
@@ -60,10 +61,14 @@ def warning_of(role: str, expires: datetime, now: datetime) -> str:
     ahead = lifetime_of(role).renew_before
     if left > (ahead if role == Root.type else ahead / _WARN_SHARE):
         return ""
-    remedy = "sign a new one with `robomaker robots keys renew-root`" if role == Root.type else (
-        "let `robomaker serve` run where the keys are, or call `robomaker robots keys renew`"
+    remedy = (
+        "sign a new one with `robomaker robots keys renew-root`"
+        if role == Root.type
+        else ("let `robomaker serve` run where the keys are, or call `robomaker robots keys renew`")
     )
-    told = f"expired on {expires:%Y-%m-%d %H:%M} UTC, and agents install nothing" if left.total_seconds() <= 0 else (
-        f"expires on {expires:%Y-%m-%d %H:%M} UTC, and agents install nothing from then on"
+    told = (
+        f"expired on {expires:%Y-%m-%d %H:%M} UTC, and agents install nothing"
+        if left.total_seconds() <= 0
+        else (f"expires on {expires:%Y-%m-%d %H:%M} UTC, and agents install nothing from then on")
     )
     return f"{role} {told}; {remedy}"

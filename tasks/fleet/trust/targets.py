@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """Targets: files that are put into the object store, and then named by an application's metadata."""
 
 import hashlib
@@ -43,7 +44,6 @@ class TargetStep:
     application: str
     _targets: dict[str, TargetFile] = field(default_factory=dict[str, TargetFile])
 
-
     def add_file(self, target: str, path: Path, hashes: FileHashes) -> str:
         """Puts a file into the object store, unless it is there.
 
@@ -87,5 +87,3 @@ class TargetStep:
         if all(named.get(path) == target for path, target in self._targets.items()):
             return None
         return Changes(add={self.application: self._targets})
-
-

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.documents.applications import ApplicationDocument, StoredSource
-from ...schemas.documents.fleets import DeploymentJobDocument
-from ...schemas.operations.deployment_jobs import DeploymentApplicationConfig, DeploymentConfig
-from ...schemas.rollouts.artifacts import Artifact
-from ..catalog import Resource
-from ..service.service import Service
-from .sources import fetch_condition, fetch_source, sources_by_architecture
-from .trust.deployment_documents import (
+from ....schemas.documents.applications import ApplicationDocument, StoredSource
+from ....schemas.documents.fleets import DeploymentJobDocument
+from ....schemas.operations.deployment_jobs import DeploymentApplicationConfig, DeploymentConfig
+from ....schemas.rollouts.artifacts import Artifact
+from ...catalog import Resource
+from ...service.service import Service
+from ..sources import fetch_condition, fetch_source, sources_by_architecture
+from .deployment_documents import (
     DeploymentTargets,
     attestation_path,
     bundle_path,
@@ -21,8 +21,8 @@ from .trust.deployment_documents import (
     document_path,
     suffix_of,
 )
-from .trust.publishing import publisher_of
-from .trust.targets import FileHashes, TargetStep
+from .publishing import publisher_of
+from .targets import FileHashes, TargetStep
 
 _MAGIC_BYTES = 2
 

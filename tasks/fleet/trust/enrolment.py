@@ -1,0 +1,129 @@
+"""Enrolment of agents: a one-time token that a person carries to the robot, for a token that the robot made itself.
+
+The one-time token is 40 characters, a dash, and the SHA-256 of the root that the robot is to trust. So the robot knows
+whom to trust before it has asked anything, and the server never sees the robot's own token.
+"""
+
+import hashlib
+import hmac
+import re
+from typing import NamedTuple
+
+from ....schemas.documents.fleets import RobotEnrolment
+from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from ...catalog import Resource
+from ...service.service import Service
+from .files import root_bytes
+from .keys import RandomBytes
+from .metadata import Changes
+from .publishing import publisher_of
+
+VALID_S = 3600.0
+"""How long a one-time token is taken."""
+
+_ROBOT = "robot"
+_SECRET_BYTES = 20
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+
+
+class OneTimeToken(NamedTuple):
+    """What a person carries to the robot."""
+
+    text: str
+    """The whole token."""
+
+    expires_s: float
+    """Until when it is taken, in seconds since the epoch."""
+
+
+def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotate: bool) -> OneTimeToken:
+    """Makes a one-time token, of which the catalog keeps the hash; one that the robot had before is worth nothing more.
+
+    Args:
+        robot: the robot.
+        service: where it is stored.
+        random_bytes: gives that many bytes that others cannot guess.
+        rotate: whether a token that the robot has is to be replaced, once it comes with the one-time token.
+
+    Raises:
+        InvalidParameterException: the robot has a token that is not to be replaced.
+        ConfigurationError: a key is missing, or the store has what the keys have not signed.
+    """
+    publisher = publisher_of(service)
+    publisher.publish(lambda current: None if current else Changes())
+    root = publisher.root()
+    secret = random_bytes(_SECRET_BYTES).hex()
+    expires_s = service.clock().timestamp() + VALID_S
+
+    def offered(stored: dict[str, object]) -> RobotEnrolment:
+        if RobotEnrolment.model_validate(_members(stored)).token_sha256 is not None and not rotate:
+            raise InvalidParameterException(
+                f"robot {robot.name!r} has a token already; --rotate replaces it as soon as the agent has enrolled"
+            )
+        return RobotEnrolment(
+            enrolment_sha256=_hash(secret),
+            enrolment_expires_s=expires_s,
+            enrolment_taken=None,
+            enrolment_root=root.signed.version,
+        )
+
+    service.catalog.update(robot.arn, offered)
+    return OneTimeToken(f"{secret}-{hashlib.sha256(root_bytes(root)).hexdigest()}", expires_s)
+
+
+def take(name: str, secret: str, token_sha256: str, service: Service) -> str | None:
+    """Lets an agent in.
+
+    Args:
+        name: the robot's.
+        secret: the 40 characters of its one-time token.
+        token_sha256: of the token that the robot made itself, in hexadecimal digits.
+        service: where it is stored.
+
+    Returns:
+        The root that it is to trust, as JSON; the same again if the first answer got lost. `None`: the one-time token
+        is wrong, too old, or was used with another token.
+
+    Raises:
+        InvalidParameterException: the hash is none.
+        ServiceError: the catalog does not answer.
+    """
+    if not _SHA256.fullmatch(token_sha256):
+        raise InvalidParameterException(
+            f"tokenSha256: {ascii(token_sha256)[:60]} is not right; 64 lower-case hexadecimal digits are"
+        )
+    robot = service.catalog.find(_ROBOT, name)
+    if robot is None:
+        return None
+    now_s = service.clock().timestamp()
+
+    def taken(stored: dict[str, object]) -> RobotEnrolment:
+        known = RobotEnrolment.model_validate(_members(stored))
+        if not _is_taken(known, secret, token_sha256, now_s):
+            raise _Refused
+        return RobotEnrolment(kind="agent", token_sha256=token_sha256, enrolment_taken=token_sha256)
+
+    try:
+        updated = service.catalog.update(robot.arn, taken)
+    except (_Refused, ResourceNotFoundException):
+        return None
+    version = RobotEnrolment.model_validate(_members(dict(updated.document))).enrolment_root or 1
+    return publisher_of(service).files.metadata("root", version).decode()
+
+
+class _Refused(Exception):
+    """The one-time token is not right."""
+
+
+def _is_taken(known: RobotEnrolment, secret: str, token_sha256: str, now_s: float) -> bool:
+    is_right = hmac.compare_digest(_hash(secret), known.enrolment_sha256 or "")
+    is_young = known.enrolment_expires_s is not None and now_s < known.enrolment_expires_s
+    return is_right and is_young and known.enrolment_taken in (None, token_sha256)
+
+
+def _members(stored: dict[str, object]) -> dict[str, object]:
+    return {name: stored[name] for name in RobotEnrolment.members() if name in stored}
+
+
+def _hash(secret: str) -> str:
+    return hashlib.sha256(secret.encode()).hexdigest()
