@@ -4,7 +4,7 @@ A robot with an order that it has not answered gets that one's cancellation firs
 answer; the earlier one has nothing to wait for then.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ...schemas.documents.base import StoredResource
@@ -37,19 +37,25 @@ class Prepared:
         document = RobotDocument.of(robot)
         return (self.for_agents if document.has_agent else self.for_updaters).get(document.architecture)
 
+    def has(self, robot: Resource) -> bool:
+        """Whether there is a file for a robot."""
+        return self.of(robot) is not None
 
-def plan_of(job: StoredResource, robots: Iterable[Resource], prepared: Prepared) -> RolloutPlan:
+
+def plan_of(
+    job: StoredResource, robots: Iterable[Resource], has_file: Callable[[Resource], bool]
+) -> RolloutPlan:
     """The plan of a deployment.
 
     Args:
         job: its job.
         robots: whom it is meant for, in the order in which their turn comes.
-        prepared: the files; robots without one fail.
+        has_file: whether there is a file for a robot; those without one fail.
     """
     document = DeploymentJobDocument.of(job)
     config = DeploymentConfig.model_validate(document.deployment_config)
     members = list(robots)
-    planned = tuple(_planned(robot, document, prepared) for robot in members)
+    planned = tuple(_planned(robot, document, has_file(robot)) for robot in members)
     return RolloutPlan(
         robots=planned,
         canaries=_canaries(config, members, planned),
@@ -63,7 +69,7 @@ def plan_of(job: StoredResource, robots: Iterable[Resource], prepared: Prepared)
     )
 
 
-def _planned(robot: Resource, job: DeploymentJobDocument, prepared: Prepared) -> PlannedRobot:
+def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> PlannedRobot:  # noqa: FBT001
     known = RobotDocument.of(robot)
     planned = PlannedRobot(arn=robot.arn, installed=known.installed)
     if "downloadConditionFile" in job.deployment_config and not known.has_agent:
@@ -71,7 +77,7 @@ def _planned(robot: Resource, job: DeploymentJobDocument, prepared: Prepared) ->
         return planned.model_copy(update={"unfit_code": "DownloadConditionFailed", "unfit_reason": reason})
     (application,) = job.deployment_application_configs
     version = str(application["applicationVersion"])
-    if prepared.of(robot) is None:
+    if not has_file:
         reason = f"version {version} of the application has no source for {known.architecture}; add one in another version"
         return planned.model_copy(update={"unfit_code": "MissingRobotApplicationArchitecture", "unfit_reason": reason})
     has_it = (known.installed_name, known.installed_version) == (ResourceArn.parse(application["application"]).name, version)
@@ -91,7 +97,7 @@ def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Seq
 def delivery(job: Resource, robots: Iterable[Resource], prepared: Prepared) -> Delivery:
     """What robots get, of the files."""
     (config,) = DeploymentJobDocument.of(job).deployment_application_configs
-    served = {robot.arn: RobotDocument.of(robot) for robot in robots if prepared.of(robot) is not None}
+    served = {robot.arn: RobotDocument.of(robot) for robot in robots if prepared.has(robot)}
     return Delivery(
         artifacts=dict(prepared.for_updaters),
         agent_artifacts=dict(prepared.for_agents),

@@ -148,7 +148,7 @@ class DeploymentRun:
         application = _application(self._job, self._service)
         patient = self._service.patient(self._job.id, self._is_unwanted)
         prepared = self._prepared(application, robots, patient)
-        plan = plan_of(self._job, robots, prepared)
+        plan = plan_of(self._job, robots, prepared.has)
         gets = delivery(self._job, robots, prepared)
         check_delivered(self._job, gets, patient)
         return begin_rollout(self._job, plan, gets, self._service)

@@ -28,6 +28,7 @@ from ...schemas.wire.errors import (
     ConcurrentDeploymentException,
     InvalidParameterException,
     ResourceNotFoundException,
+    StorageError,
 )
 from ..catalog import ClientToken, Resource
 from ..execution.claims import run_under_lease
@@ -76,7 +77,7 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
     token = ClientToken.of("CreateDeploymentJob", request)
     job = service.find_by_client_token(token)
     if job is None:
-        document = _document(request)
+        document = _document(request, service)
         with fleet_held(request.fleet, service) as fleet:
             job = service.find_by_client_token(token) or _stored(document, fleet, service, token, request.tags)
     return {**_summary(job), "tags": dict(job.tags)}
@@ -96,7 +97,7 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
     assert isinstance(request, CreateDeploymentJobRequest)
     ResourceArn.parse(request.fleet, FLEET)
     fleet = service.catalog.get(request.fleet, kind=FLEET)
-    document = _document(request)
+    document = _document(request, service)
     return dry_run(document, _check(document, fleet, service), fleet, service)
 
 
@@ -203,7 +204,7 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
     document = DeploymentJobDocument.of(last)
     document = DeploymentJobDocument(
         deployment_application_configs=document.deployment_application_configs,
-        deployment_config=_obeyed(document.deployment_config),
+        deployment_config=_with_condition(document.deployment_config, service),
         repeats=True,
     )
     return _stored(document, fleet, service, token)
@@ -218,27 +219,36 @@ def _check(document: DeploymentJobDocument, fleet: Resource, service: Service) -
     return application
 
 
-def _document(request: CreateDeploymentJobRequest) -> DeploymentJobDocument:
+def _document(request: CreateDeploymentJobRequest, service: Service) -> DeploymentJobDocument:
     configs = [config.to_wire() for config in request.deploymentApplicationConfigs]
-    return DeploymentJobDocument(deployment_application_configs=configs, deployment_config=_config(request))
+    return DeploymentJobDocument(deployment_application_configs=configs, deployment_config=_config(request, service))
 
 
-def _config(request: CreateDeploymentJobRequest) -> dict[str, Any]:
+def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, Any]:
     """The request's configuration with the defaults that hold, and the batch that its tag may name."""
     config = {**_DEFAULTS, **(request.deploymentConfig or DeploymentConfig()).to_wire()}
     if (batch := required_batch_of(request)) is not None:
         config["requiresBatch"] = batch
-    return _obeyed(config)
+    return _with_condition(config, service)
 
 
-def _obeyed(config: dict[str, Any]) -> dict[str, Any]:
-    """The configuration, if robots are asked all that it wants them to be asked."""
-    if "downloadConditionFile" in config:
+def _with_condition(config: dict[str, Any], service: Service) -> dict[str, Any]:
+    """The configuration, with the ETag that its condition file has now."""
+    file = config.get("downloadConditionFile")
+    if file is None:
+        return config
+    place, known = f"s3://{file['bucket']}/{file['key']}", (file.get("etag") or "").strip('"')
+    try:
+        etag = service.store.head(file["bucket"], file["key"]).etag
+    except StorageError as error:
         raise InvalidParameterException(
-            "deploymentConfig.downloadConditionFile: no robot can be asked this yet, and deploying without would not "
-            "be safe; leave it out, and let a script of the robot decide (docs/fleets.md)"
+            f"deploymentConfig.downloadConditionFile: {place} cannot be read ({error}); give a program that robots ask"
+        ) from error
+    if known and known != etag:
+        raise InvalidParameterException(
+            f"deploymentConfig.downloadConditionFile.etag: {known} is not that of {place}, which is {etag}"
         )
-    return config
+    return {**config, "downloadConditionFile": {**file, "etag": etag}}
 
 
 def _job(arn: str, service: Service) -> Resource:

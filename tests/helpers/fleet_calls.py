@@ -5,7 +5,9 @@ from typing import Any
 
 from helpers.application_calls import Applications
 from prefect_robomaker.schemas.documents.base import Changes
-from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument
+from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument, RobotEnrolment
+from prefect_robomaker.tasks.fleet.ddi.tokens import hash_token
+from prefect_robomaker.tasks.fleet.records import robots_of
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -88,6 +90,12 @@ class Fleets:
         config = DeploymentJobDocument.of(self.service.catalog.get(job)).deployment_config
         kept = {name: value for name, value in config.items() if name in _ALL_RELEASES}
         self.service.catalog.update(job, _Config(deployment_config=kept))
+
+    def let_agents_in(self, fleet: str) -> None:
+        """Makes all robots of a fleet such with an agent, as if they had enrolled."""
+        for robot in robots_of(fleet, self.service):
+            enrolment = RobotEnrolment(kind="agent", token_sha256=hash_token(robot.name).hex())
+            self.service.catalog.update(robot.arn, enrolment)
 
     def give_condition(self, job: str, file: dict[str, str]) -> None:
         """Gives a job a download condition, as it may have been stored by an older release."""

@@ -21,11 +21,18 @@ def check_robots(
         robots: those of the fleet.
 
     Raises:
-        InvalidParameterException: the fleet has no robots, none can run the application, or a canary is not among them.
+        InvalidParameterException: the fleet has no robots, none can run the application or be asked the condition, or
+            a canary is not among them.
     """
     if not robots:
         raise InvalidParameterException(f"fleet: {fleet} has no robots; register some first")
-    architectures = {RobotDocument.of(robot).architecture for robot in robots}
+    documents = [RobotDocument.of(robot) for robot in robots]
+    if "downloadConditionFile" in document.deployment_config and not any(each.has_agent for each in documents):
+        raise InvalidParameterException(
+            f"deploymentConfig.downloadConditionFile: only agents ask it, and no robot of {fleet} has one; "
+            "enroll robots with `robomaker robots enroll NAME --agent` first, or leave it out (docs/fleets.md)"
+        )
+    architectures = {each.architecture for each in documents}
     served = served_architectures(application)
     if served is not None and not architectures & served:
         version = document.deployment_application_configs[0]["applicationVersion"]

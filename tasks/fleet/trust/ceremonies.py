@@ -2,7 +2,9 @@
 """Key ceremonies: root keys that are made for other places, and roots that several holders sign one after the other."""
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from securesystemslib.signer import CryptoSigner, Key
 from tuf.api.metadata import Metadata, Root
@@ -66,6 +68,41 @@ def rotate_applications(publisher: Publisher) -> None:
     )
     if everything is not None:
         machine.keys.remove_others(APPLICATIONS, {key.public_key.keyid})
+
+
+class RenewedRoot(NamedTuple):
+    """What came of a ceremony."""
+
+    version: int
+    expires: datetime
+    missing: int
+    """How many signatures it still needs; 0: it is published."""
+
+    new_keys: list[Path]
+    """Files of new root keys, which have signed it already."""
+
+
+def renew_root(
+    publisher: Publisher, rotate: Sequence[str], key_files: Sequence[Path], folder: Path | None
+) -> RenewedRoot:
+    """Makes the root that follows, or goes on with the one that waits, and adds signatures.
+
+    Args:
+        publisher: of this machine.
+        rotate: roles that get new keys.
+        key_files: root keys of holders; nothing: those in the data home.
+        folder: where new root keys go; nothing: into the data home.
+
+    Raises:
+        ConfigurationError: a file is no root key, or a root that was made with other roles in mind waits.
+        StorageError: the object store does not answer.
+    """
+    for path in key_files:
+        read_key(path)  # before anything is made
+    draft, made = draft_root(publisher, rotate, folder)
+    files = [*key_files, *made] if key_files else []
+    missing = sign_draft(publisher, draft, files)
+    return RenewedRoot(draft.signed.version, draft.signed.expires, missing, made)
 
 
 def draft_root(publisher: Publisher, rotate: Sequence[str], folder: Path | None) -> tuple[Metadata[Root], list[Path]]:
@@ -154,7 +191,8 @@ def _waiting(publisher: Publisher, known: Metadata[Root]) -> Metadata[Root] | No
         raise ConfigurationError(f"{path} is no root: {error}; remove it and begin again") from error
     if draft.signed.version != known.signed.version + 1:
         raise ConfigurationError(
-            f"{path} is root {draft.signed.version}, and the newest is {known.signed.version}; remove it and begin again"
+            f"{path} is root {draft.signed.version}, and the newest is {known.signed.version}; "
+            "remove it and begin again"
         )
     return draft
 

@@ -2,8 +2,8 @@
 """Publishing: what comes next is written beside what is there, and becomes visible by one write.
 
 ```
-   target files ─> N.application-….json ─> N.targets.json ─> N.snapshot.json ─> timestamps/N.json ─> metadata/timestamp.json
-                   └──────── a number that exists is passed over ────────┘      └ the one write       └ a copy
+   target files ─> N.application-….json ─> N.targets.json ─> N.snapshot.json ─> timestamps/N.json ─> timestamp.json
+                   └──────── a number that exists is passed over ────────┘      └ the one write      └ a copy
 ```
 
 A publisher that dies before the one write leaves files that nothing names. Of two that publish at once, one makes the

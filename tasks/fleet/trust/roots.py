@@ -1,5 +1,5 @@
 # pyright: reportPrivateImportUsage=false
-"""Roots: the first one, and those that follow. A root says whose signatures count; robots know the first by its hash."""
+"""Roots: the first, which robots know by its hash, and those that follow. A root says whose signatures count."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy

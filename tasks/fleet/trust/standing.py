@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from tuf.api.metadata import Root
 
+from ...service.service import Service
 from .metadata import Repository
-from .publishing import delegated_roles
+from .publishing import delegated_roles, publisher_of
 from .roles import ONLINE_ROLES, lifetime_of
 
 _WARN_SHARE = 2  # the service signs again long before: half of what it waits for is left only if it could not
@@ -23,6 +24,20 @@ class RoleStanding(NamedTuple):
     threshold: int
     warning: str
     """What is to be done about it; empty: nothing."""
+
+
+def standing_of(service: Service) -> list[RoleStanding]:
+    """How each role of a service's repository stands; nothing where there are no keys.
+
+    Raises:
+        ConfigurationError: the store has what the keys have not signed.
+        StorageError: the object store does not answer.
+    """
+    publisher = publisher_of(service)
+    if publisher.machine.root() is None:
+        return []
+    repository = publisher.read(publisher.root(), None)
+    return [] if repository is None else standings(repository, service.clock())
 
 
 def standings(repository: Repository, now: datetime) -> list[RoleStanding]:

@@ -269,15 +269,32 @@ def test_a_condition_that_no_robot_is_asked_is_refused_and_not_ignored(
     fleets: Fleets, yard: str, application: str
 ) -> None:
     file = {"bucket": BUCKET, "key": "may.sh"}
+    fleets.service.store.ensure_bucket(BUCKET)
+    fleets.service.store.put_bytes(BUCKET, "may.sh", b"exit 0")
 
-    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: no robot can be asked this yet"):
+    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: only agents ask it, and no robot of"):
         fleets.deploy(yard, application, deploymentConfig={"downloadConditionFile": file})
 
     job = fleets.deploy(yard, application)
     fleets.cancel(job["arn"])
     fleets.give_condition(job["arn"], file)
-    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: no robot can be asked this yet"):
+    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: only agents ask it, and no robot of"):
         fleets.call("SyncDeploymentJob", fleet=yard, clientRequestToken="again")
+
+
+def test_the_etag_of_a_condition_is_that_of_the_moment(fleets: Fleets, yard: str, application: str) -> None:
+    fleets.let_agents_in(yard)
+    file = {"bucket": BUCKET, "key": "may.sh"}
+    fleets.service.store.ensure_bucket(BUCKET)
+    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile: s3://\S+/may.sh cannot be read"):
+        fleets.deploy(yard, application, deploymentConfig={"downloadConditionFile": file})
+    etag = fleets.service.store.put_bytes(BUCKET, "may.sh", b"exit 0").etag
+    with pytest.raises(InvalidParameterException, match=r"downloadConditionFile.etag: other is not that of s3://"):
+        fleets.deploy(yard, application, deploymentConfig={"downloadConditionFile": {**file, "etag": "other"}})
+
+    job = fleets.deploy(yard, application, deploymentConfig={"downloadConditionFile": file})
+
+    assert job["deploymentConfig"]["downloadConditionFile"] == {**file, "etag": etag}
 
 
 # Repeating the latest

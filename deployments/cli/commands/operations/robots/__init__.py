@@ -1,3 +1,3 @@
-"""Let robots in, and look at them: enroll, list."""
+"""Let robots in, look at them, and keep the keys of what they install: enroll, list, keys."""
 
 __all__: list[str] = []

@@ -1,6 +1,7 @@
-"""Give a robot a token, and say how its updater is started.
+"""Give a robot a token, and say how its updater or its agent is started.
 
-The token is shown this once. `robomaker serve` lets the robot in a few seconds later.
+The token is shown this once. `robomaker serve` lets the robot in a few seconds later. An agent gets a one-time token,
+which it exchanges within an hour for one that it made itself.
 """
 
 import argparse
@@ -9,9 +10,13 @@ import os
 import secrets
 import shlex
 import sys
-from typing import NamedTuple
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, NamedTuple
 
 from ....arguments import add_output
+
+if TYPE_CHECKING:
+    from ......tasks.service.service import Service
 
 _DEFAULT_URL = "http://127.0.0.1:8057"
 _TENANT = "DEFAULT"
@@ -36,6 +41,7 @@ class Enrolment(NamedTuple):
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
     parser.add_argument("name", metavar="NAME", help="name of the robot, as in CreateRobot")
+    parser.add_argument("--agent", action="store_true", help="for our own agent; without it, for updaters of hawkBit")
     parser.add_argument("--rotate", action="store_true", help="replace the token that it has")
     add_output(parser, "text", "json")
 
@@ -43,14 +49,35 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Stores the token's hash; prints the token and what the robot needs besides."""
     from ......schemas.settings import Settings
-    from ......tasks.fleet.known_robots import enrol
-    from ......tasks.fleet.signing_keys import certificate_path, signing_key
     from ......tasks.service.service import Service
 
     service = Service.open(Settings.from_environment(os.environ))
+    url = (service.settings.robots_url or _DEFAULT_URL).rstrip("/")
+    return (_enrol_agent if arguments.agent else _enrol_updater)(arguments, url, service)
+
+
+def _enrol_agent(arguments: argparse.Namespace, url: str, service: "Service") -> int:
+    from ......tasks.fleet.known_robots import enrollable
+    from ......tasks.fleet.trust.enrolment import offer
+
+    robot = enrollable(arguments.name, service)
+    token = offer(robot, service, secrets.token_bytes, rotate=arguments.rotate)
+    expires = datetime.fromtimestamp(int(token.expires_s), UTC).isoformat()
+    words = ["robomaker-agent", "enroll", token.text, "--url", url, "--name", arguments.name]
+    if arguments.output == "json":
+        members = {"url": url, "controller_id": arguments.name, "token": token.text, "expires": expires}
+        sys.stdout.write(json.dumps({"schema_version": 1, **members, "agent": words}, indent=2) + "\n")
+    else:
+        sys.stdout.write(f"On the robot, until {expires}, once:\n\n  {shlex.join(words)}\n")
+    return 0
+
+
+def _enrol_updater(arguments: argparse.Namespace, url: str, service: "Service") -> int:
+    from ......tasks.fleet.known_robots import enrol
+    from ......tasks.fleet.signing_keys import certificate_path, signing_key
+
     signing_key(service)  # before there is a token that would be lost if this failed
     token = enrol(arguments.name, service, secrets.token_bytes, rotate=arguments.rotate)
-    url = (service.settings.robots_url or _DEFAULT_URL).rstrip("/")
     enrolment = Enrolment(url, _TENANT, arguments.name, token, str(certificate_path(service)))
     if arguments.output == "json":
         answer = {"schema_version": 1, **enrolment._asdict(), "swupdate": enrolment.swupdate}

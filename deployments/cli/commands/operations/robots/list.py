@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from ....arguments import add_output
 
 if TYPE_CHECKING:
+    from ......schemas.documents.fleets import RobotDocument
     from ......tasks.service.service import Service
 
 _PAGE = 500
-_COLUMNS = ("robot", "status", "version", "last_seen", "fleet")
+_COLUMNS = ("robot", "kind", "status", "version", "last_seen", "fleet")
 
 Row = dict[str, str | bool | None]
 
@@ -53,6 +54,7 @@ def _rows(service: "Service") -> Iterator[Row]:
             seen_s = document.last_seen_s
             yield {
                 "robot": robot.name,
+                "kind": _kind(document),
                 "status": robot.status,
                 "version": document.installed,
                 "last_seen": None if seen_s is None else datetime.fromtimestamp(int(seen_s), UTC).isoformat(),
@@ -61,6 +63,13 @@ def _rows(service: "Service") -> Iterator[Row]:
             }
         if (after := page.next_token) is None:
             return
+
+
+def _kind(document: "RobotDocument") -> str | None:
+    """What runs on it: our agent, or an updater of others; nothing before either was enrolled."""
+    if document.has_agent:
+        return "agent"
+    return None if document.token_sha256 is None else "updater"
 
 
 def _table(rows: list[Row]) -> str:

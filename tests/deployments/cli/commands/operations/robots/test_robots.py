@@ -33,13 +33,14 @@ def test_a_robot_is_told_all_that_its_updater_needs(robomaker, rover, monkeypatc
 
 def test_robots_are_listed(robomaker, rover) -> None:
     assert robomaker("robots", "list").out.splitlines() == [
-        "robot  status     version  last seen     fleet",
-        "rover  Available  -        not enrolled  -",
+        "robot  kind  status     version  last seen     fleet",
+        "rover  -     Available  -        not enrolled  -",
     ]
     robomaker("robots", "enroll", "rover")
     (robot,) = json.loads(robomaker("robots", "list", "-o", "json").out)["robots"]
     assert robot == {
         "robot": "rover",
+        "kind": "updater",
         "status": "Available",
         "version": None,
         "last_seen": None,

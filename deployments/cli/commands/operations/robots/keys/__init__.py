@@ -1,0 +1,3 @@
+"""The keys of what agents install: init, status, renew, renew-root, renew-applications."""
+
+__all__: list[str] = []

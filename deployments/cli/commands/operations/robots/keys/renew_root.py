@@ -1,0 +1,46 @@
+"""Sign a new root, alone or one holder after the other; robots follow from root to root.
+
+A root says whose signatures count, and is valid for a year. With `--rotate`, roles get new keys. Signatures gather in
+the data home until there are enough; then the root is published.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+_ROLES = ("root", "targets", "snapshot", "timestamp")
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument(
+        "--key", type=Path, action="append", default=[], metavar="FILE", help="a root key, from where it is kept"
+    )
+    parser.add_argument(
+        "--rotate", action="append", default=[], choices=_ROLES, metavar="ROLE", help=f"one of {', '.join(_ROLES)}"
+    )
+    parser.add_argument("--to", type=Path, metavar="FOLDER", help="where new root keys go (default: the data home)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Signs, and publishes the root once there are enough signatures."""
+    from .......schemas.settings import Settings
+    from .......schemas.wire.errors import ConfigurationError
+    from .......tasks.fleet.trust.ceremonies import renew_root
+    from .......tasks.fleet.trust.publishing import publisher_of
+    from .......tasks.service.service import Service
+
+    if arguments.to is not None and "root" not in arguments.rotate:
+        raise ConfigurationError("--to is for new root keys; add --rotate root")
+    publisher = publisher_of(Service.open(Settings.from_environment(os.environ)))
+    done = renew_root(publisher, tuple(dict.fromkeys(arguments.rotate)), arguments.key, arguments.to)
+    if done.missing:
+        sys.stdout.write(
+            f"Root {done.version} needs {done.missing} more signature{'s' if done.missing > 1 else ''}: the next "
+            "holder runs `robomaker robots keys renew-root --key FILE` here.\n"
+        )
+    else:
+        sys.stdout.write(f"Root {done.version} is published, valid until {done.expires:%Y-%m-%d}.\n")
+    sys.stdout.write("".join(f"new root key: {path}\n" for path in done.new_keys))
+    return 0
