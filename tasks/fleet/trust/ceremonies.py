@@ -97,8 +97,10 @@ def renew_root(
         ConfigurationError: a file is no root key, or a root that was made with other roles in mind waits.
         StorageError: the object store does not answer.
     """
-    for path in key_files:
-        read_key(path)  # before anything is made
+    known = publisher.root()
+    given = [read_key(path) for path in key_files]
+    if _waiting(publisher, known) is None:  # a wrong key leaves nothing behind
+        sign_root(following_root(known, publisher.clock(), {}), known, given or _own_keys(publisher, known, known))
     draft, made = draft_root(publisher, rotate, folder)
     files = [*key_files, *made] if key_files else []
     missing = sign_draft(publisher, draft, files)
