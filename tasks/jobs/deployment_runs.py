@@ -159,8 +159,9 @@ class DeploymentRun:
         from ..fleet.trust.deployments import publish
 
         documents = [RobotDocument.of(robot) for robot in robots]
+        has_condition = "downloadConditionFile" in DeploymentJobDocument.of(self._job).deployment_config
         agents = {document.architecture for document in documents if document.has_agent}
-        others = {document.architecture for document in documents if not document.has_agent}
+        others = {document.architecture for document in documents if not (document.has_agent or has_condition)}
         return Prepared(
             for_updaters=prepare(application, others, patient) if others else {},
             for_agents=publish(self._job, application, agents, patient) if agents else {},

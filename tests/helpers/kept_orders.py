@@ -35,6 +35,9 @@ class NamedRobots(KnownRobots):
     def id(self, arn: str) -> str | None:
         return arn.removeprefix("arn:")
 
+    def tags(self, robot: str) -> dict[str, str]:
+        return {"board": robot}
+
 
 class Table:
     """A table of robots, and what keeps it."""

@@ -13,6 +13,7 @@ import uvicorn
 from helpers.processes import wait_for
 from helpers.robot_orders import TOKEN, table_of_robots
 
+from prefect_robomaker.deployments.robot_door.agents import AgentSide
 from prefect_robomaker.deployments.robot_door.door import DoorSettings, RobotDoor
 from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
 from prefect_robomaker.tasks.fleet.ddi.reports import RobotReport
@@ -49,6 +50,9 @@ class Robots:
     content: bytes = b""
     """Of every file."""
 
+    agents: AgentSide | None = None
+    """What is asked about agents."""
+
     heard: list[RobotReport] = field(default_factory=list)
     """What the sink was told."""
 
@@ -64,6 +68,7 @@ class Robots:
             clock=lambda: NOW,
             chance=lambda: self.chance,
             settings=self.settings,
+            agents=self.agents,
         )
         self.runner = asyncio.Runner()
 

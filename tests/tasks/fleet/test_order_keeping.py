@@ -1,9 +1,12 @@
 """The table of open orders follows the rollouts, and never exchanges an order under a robot."""
 
+import json
+
 from helpers.kept_orders import ARTIFACT, LAUNCH, Table, open_rollout, order
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from prefect_robomaker.tasks.fleet.ddi.documents import order_document
 from prefect_robomaker.tasks.fleet.ddi.feedback import Execution, Feedback, Finished
 from prefect_robomaker.tasks.fleet.translation import SaidBefore
 
@@ -61,6 +64,24 @@ def test_robots_behind_an_approval_do_not_poll_often() -> None:
     table.sync(open_rollout(planned=planned, r1={}, r2={}))
 
     assert [table.orders.state(robot).is_expected for robot in ("r1", "r2")] == [True, False]
+
+
+def test_an_order_for_an_agent_names_its_document_and_the_tags_of_the_robot() -> None:
+    table, rollout = Table("r1", "r2"), open_rollout(r1=order(1), r2=order(2))
+    target = "applications/courier/deployments/deployment-1.json"
+    rollout.artifacts["arn:r1"] = ARTIFACT.model_copy(update={"target": target})
+
+    table.sync(rollout)
+
+    ((mine,), (others,)) = (
+        json.loads(order_document("http://door", table.orders.open()[robot]))["deployment"]["chunks"]
+        for robot in ("r1", "r2")
+    )
+    assert mine["metadata"][1:] == [
+        {"key": "robomaker.target", "value": target},
+        {"key": "robomaker.tags", "value": '{"board": "r1"}'},
+    ]
+    assert [each["key"] for each in others["metadata"]] == ["robomaker.launch"]
 
 
 def test_what_the_robot_closed_does_not_come_back_while_the_catalog_is_behind() -> None:

@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.rollouts.events import (
     Report,
     Succeeded,
 )
+from prefect_robomaker.tasks.fleet.agent.failure_codes import NUMBERS
 from prefect_robomaker.tasks.fleet.ddi.feedback import Execution, Feedback, Finished
 from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderFeedback, OrderFetched
 from prefect_robomaker.tasks.fleet.translation import SaidBefore, event_of, heard
@@ -127,3 +128,29 @@ FEEDBACKS = st.builds(
 def test_whatever_is_said_ends_the_order_exactly_where_the_door_ends_it(feedbacks: list[Feedback]) -> None:
     for feedback, event in zip(feedbacks, told(*feedbacks), strict=True):
         assert isinstance(event, Succeeded | Failed | Canceled) == (feedback.order_end is not None)
+
+
+def test_an_agent_says_why_it_failed_by_a_number() -> None:
+    progress = said("download", "DownloadingExtracting", count=40, of=100)
+    failure = said(
+        "closed", "ExecutingPreLaunch", "exit code 3", finished="failure", code=NUMBERS["PreLaunchFileFailure"]
+    )
+
+    events = told(progress, said("proceeding", "ExecutingPreLaunch"), failure)
+
+    assert events[0] == Progressed(robot=ROBOT, action_id=8, step="DownloadingExtracting", percent_done=40.0)
+    assert events[1] == Progressed(robot=ROBOT, action_id=8, step="ExecutingPreLaunch")
+    assert events[2] == Failed(robot=ROBOT, action_id=8, code="PreLaunchFileFailure", reason="exit code 3")
+
+
+@pytest.mark.parametrize("code", sorted(NUMBERS))
+def test_each_number_is_a_code_that_a_robot_may_report(code: str) -> None:
+    (event,) = told(said("closed", finished="failure", code=NUMBERS[code]))
+    assert isinstance(event, Failed)
+    assert event.code == code
+
+
+def test_numbers_of_others_mean_nothing() -> None:
+    (event,) = told(said("closed", "No suitable .swu image found", finished="failure", code=7))
+    assert isinstance(event, Failed)
+    assert (event.code, event.reason) == ("ExtractingBundleFailure", "No suitable .swu image found")

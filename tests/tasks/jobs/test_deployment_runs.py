@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 
+from prefect_robomaker.schemas.rollouts.artifacts import Artifact
 from prefect_robomaker.schemas.wire.errors import ConcurrentDeploymentException
 from prefect_robomaker.tasks.catalog import Catalog
 from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
@@ -254,7 +255,22 @@ def test_an_application_that_is_gone_before_fails_the_job(yard: Yard) -> None:
     assert yard.statuses() == {"r0": "Registered"}
 
 
-def test_a_condition_of_an_older_release_fails_the_job_and_is_not_ignored(yard: Yard) -> None:
+def test_robots_that_are_not_asked_the_condition_fail_alone(yard: Yard) -> None:
+    agent = yard.robot("r0", good)
+    yard.fleets.let_agents_in(yard.arn)
+    yard.robot("r1", good)
+    yard.service.store.ensure_bucket("apps")
+    yard.service.store.put_bytes("apps", "may.sh", b"exit 0")
+    condition = {"downloadConditionFile": {"bucket": "apps", "key": "may.sh"}}
+
+    job = yard.run(deployed(yard, {**ALL_AT_ONCE, **condition}))
+
+    assert summary(job) == {"r0": ("InSync", None), "r1": ("Failed", "DownloadConditionFailed")}
+    assert "only agents ask" in job["robotDeploymentSummary"][1]["failureReason"]
+    assert yard.offered == [agent]
+
+
+def test_a_condition_of_an_older_release_that_no_robot_is_asked_is_not_ignored(yard: Yard) -> None:
     yard.robot("r0", good)
     arn = deployed(yard)
     yard.fleets.give_condition(arn, {"bucket": "robomaker", "key": "may.sh"})
@@ -263,6 +279,33 @@ def test_a_condition_of_an_older_release_fails_the_job_and_is_not_ignored(yard: 
 
     assert (job["status"], job["failureCode"]) == ("Failed", "DownloadConditionFailed")
     assert yard.offered == []
+
+
+def test_agents_and_updaters_of_others_each_get_their_own_files(yard: Yard) -> None:
+    agent = yard.robot("r0", good)
+    yard.fleets.let_agents_in(yard.arn)
+    other = yard.robot("r1", good)
+    seen: dict[str, Artifact] = {}
+    yard.at_look[1] = lambda: seen.update(open_rollouts(yard.service)[0].artifacts)
+
+    job = yard.run(deployed(yard, ALL_AT_ONCE))
+
+    assert summary(job) == {"r0": ("InSync", None), "r1": ("InSync", None)}
+    assert (seen[agent].target, seen[other].target) == (
+        f"applications/mine/deployments/{job['arn'].rpartition('/')[2]}.json",
+        None,
+    )
+    assert (seen[agent].key.endswith(".tar.gz"), seen[other].key.endswith(".swu")) == (True, True)
+
+
+def test_nothing_is_wrapped_where_all_robots_have_agents(yard: Yard) -> None:
+    yard.robot("r0", good)
+    yard.fleets.let_agents_in(yard.arn)
+
+    job = yard.run(deployed(yard))
+
+    assert job["status"] == "Succeeded"
+    assert not [info for info in yard.service.store.list("robomaker", "robots/") if info.key.endswith(".swu")]
 
 
 def test_an_archive_that_is_gone_fails_the_job(yard: Yard) -> None:
