@@ -61,6 +61,8 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
     }
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
+    if (settings.home / "robots" / "trust" / "root.json").exists():
+        checks["robots' keys"] = lambda: check_robot_keys(settings)
     return [_examined(subject, check) for subject, check in checks.items()]
 
 
@@ -234,6 +236,21 @@ def check_containers(settings: Settings) -> Finding:
         remedy = "start any simulation job here, which removes them; the engine has to answer"
         return Finding("containers", "warning", "\n".join(("runs whose job worker died left some:", *left)), remedy)
     return Finding("containers", "ok", "no run that is over has left any")
+
+
+def check_robot_keys(settings: Settings) -> Finding:
+    """Whether what agents trust is signed, and for how long."""
+    from ...tasks.fleet.trust.standing import standing_of
+    from ...tasks.service.service import Service
+
+    service = Service.open(settings)
+    roles = standing_of(service)
+    service.catalog.close()
+    warnings = [role.warning for role in roles if role.warning]
+    if warnings:
+        return Finding("robots' keys", "warning", "\n".join(warnings), "see `robomaker robots keys status`")
+    until = min((role.expires for role in roles if role.role == "root"), default=None)
+    return Finding("robots' keys", "ok", f"the root is valid until {until:%Y-%m-%d}" if until else "nothing published")
 
 
 def check_kept_outputs(settings: Settings) -> Finding:

@@ -117,9 +117,10 @@ FLEETS = (
         "Deployments",
         f"{_DEPLOY} DescribeDeploymentJob",
         known="Greengrass brought an application to the robots of a fleet, and started it, until 2022.",
-        here="Robots run an updater that polls `robomaker serve`, such as SWUpdate, see [Fleets](fleets.md). It "
-        "installs the application's archive; what it starts is its own affair, so `launchConfig` is "
-        "kept and shown, and not carried out. A `downloadConditionFile` is refused: no robot would be asked it.",
+        here="Robots run our agent, which carries `launchConfig` out, or an updater that polls `robomaker serve`, such "
+        "as SWUpdate, see [Fleets](fleets.md). An updater installs the application's archive; what it starts is its own "
+        "affair. A `downloadConditionFile` is asked by agents; other robots of the fleet fail, and a fleet without an "
+        "agent is refused.",
     ),
     differs(
         "Control over a deployment",
