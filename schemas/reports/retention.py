@@ -9,7 +9,7 @@ from ..wire.base import Model
 from ..wire.errors import ConfigurationError
 
 GcAction = Literal["remove", "thin", "keep"]
-GcKind = Literal["run", "jobs", "world"]
+GcKind = Literal["run", "jobs", "world", "robot-files"]
 
 
 class RetentionPolicy(Model):
@@ -24,13 +24,19 @@ class RetentionPolicy(Model):
     sdk_jobs: bool = Field(default=False, description="Whether jobs that no run of a specification made go too.")
     orphaned_worlds: bool = Field(default=False, description="Whether worlds go that nothing kept names.")
 
+    keep_deployments: int | None = Field(
+        default=None,
+        ge=0,
+        description="The newest deployments of each fleet whose files for robots are kept; absent: all files are.",
+    )
+
     def check(self) -> None:
         """Refuses a policy that would remove everything, or whose rules say nothing.
 
         Raises:
             ConfigurationError: names the option and what would be right.
         """
-        if self.older_than is None and self.keep_runs is None:
+        if self.older_than is None and self.keep_runs is None and self.keep_deployments is None:
             raise ConfigurationError("nothing says what is to be removed; --older-than 30d or --keep-runs 20 would")
         for option, asked in (("--sdk-jobs", self.sdk_jobs), ("--orphaned-worlds", self.orphaned_worlds)):
             if asked and self.older_than is None:
@@ -40,7 +46,7 @@ class RetentionPolicy(Model):
 class GcItem(Model):
     """A run, the jobs of one order, or a world, and what happens to it."""
 
-    kind: GcKind = Field(description="`run` of a specification, `jobs` that an SDK ordered, or `world`.")
+    kind: GcKind = Field(description="`run` of a specification, `jobs` that an SDK ordered, `world` or `robot-files`.")
     id: str = Field(description="Id of the run; ARN of jobs and worlds.")
     name: str = Field(default="", description="Name of the specification.")
     ended_at: datetime | None = Field(default=None, description="When it ended, or was made; UTC.")

@@ -1,8 +1,8 @@
 # pyright: reportUnsupportedDunderAll=false
 """Fleets and robots in the catalog, what robots and server say to each other, and bundles that updaters install.
 
-May import: `schemas`, `tasks.catalog`, `tasks.fleet.agent`, `tasks.fleet.ddi`, `tasks.fleet.rollout`, `tasks.fleet.swu`,
-`tasks.service`.
+May import: `schemas`, `tasks.catalog`, `tasks.fleet.agent`, `tasks.fleet.ddi`, `tasks.fleet.rollout`,
+`tasks.fleet.swu`, `tasks.service`.
 """
 
 __all__ = [

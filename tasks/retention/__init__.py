@@ -1,8 +1,8 @@
 # pyright: reportUnsupportedDunderAll=false
-"""Removing what is not needed any more: old runs, their outputs and jobs, and worlds that nothing names.
+"""Removing what is not needed any more: old runs, their outputs and jobs, worlds that nothing names, files for robots.
 
-May import: `schemas`, `tasks.catalog`, `tasks.inspection`, `tasks.runtime.agents`, `tasks.runtime.episode`,
-`tasks.runtime.states`, `tasks.runtime.video`, `tasks.service`, `tasks.simulations.containers`,
+May import: `schemas`, `tasks.catalog`, `tasks.fleet.trust`, `tasks.inspection`, `tasks.runtime.agents`,
+`tasks.runtime.episode`, `tasks.runtime.states`, `tasks.runtime.video`, `tasks.service`, `tasks.simulations.containers`,
 `tasks.simulations.environment`, `tasks.simulations.outputs`, `tasks.storage`, `tasks.worlds`.
 """
 

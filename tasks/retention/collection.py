@@ -35,6 +35,7 @@ from .removal import (
     spared_jobs,
     thin_unit,
 )
+from .robot_files import collect_robot_files
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,11 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
     counted: set[str] = set()
     items = [_item(unit, policy, chosen, service, counted, act=act) for unit in units]
     items += [_world_item(world, service, act=act) for world in chosen.worlds]
-    return GcReport(dry_run=not act, policy=policy, items=items, notes=chosen.notes)
+    notes = list(chosen.notes)
+    if policy.keep_deployments is not None:
+        files, told = collect_robot_files(policy.keep_deployments, service, act=act)
+        items, notes = [*items, *files], [*notes, *told]
+    return GcReport(dry_run=not act, policy=policy, items=items, notes=notes)
 
 
 def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:

@@ -43,7 +43,8 @@ def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
 def _total(report: GcReport, gone: Sequence[GcItem]) -> str:
     counts = Counter(item.kind for item in gone)
     words = {"run": ("run", "runs"), "jobs": ("order of an SDK", "orders of SDKs"), "world": ("world", "worlds")}
-    parts = [f"{counts[kind]} {words[kind][counts[kind] != 1]}" for kind in ("run", "jobs", "world") if counts[kind]]
+    words["robot-files"] = ("folder of files for robots", "")
+    parts = [f"{counts[kind]} {words[kind][counts[kind] != 1]}" for kind in words if counts[kind]]
     if flow_runs := report.flow_runs.count:
         parts.append(f"{flow_runs} flow {'run' if flow_runs == 1 else 'runs'} of Prefect")
     if not parts:

@@ -13,6 +13,7 @@ May import: `schemas`, `tasks.catalog`, `tasks.fleet`, `tasks.service`, `tasks.s
 
 __all__ = [
     "ceremonies",
+    "collecting",
     "deployments",
     "enrolment",
     "publishing",

@@ -1,0 +1,137 @@
+# pyright: reportPrivateImportUsage=false
+"""What of the repository is not needed any more: targets of old deployments, and metadata that newer took the place of.
+
+First the repository stops naming a target, then its content goes; so whatever a robot is told of is there.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+
+from tuf.api.metadata import Snapshot, Targets, Timestamp
+from tuf.api.serialization import DeserializationError
+
+from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError
+from ...storage.base import ObjectInfo
+from .files import RepositoryFiles
+from .metadata import Changes, Repository, to_metadata
+from .publishing import Publisher
+from .roles import FOLDER, TIMESTAMPS, application_of, target_key, timestamp_key
+
+_KEPT_AFTER = timedelta(days=7)
+"""How long an expired timestamp stays: a publisher that was stopped for so long must not take its number again."""
+
+_DOCUMENTS = "deployments"
+
+
+@dataclass(frozen=True)
+class Unneeded:
+    """What goes."""
+
+    targets: Mapping[str, frozenset[str]]
+    """Paths of targets, by application."""
+
+    objects: tuple[ObjectInfo, ...]
+    """Contents of these, contents that nothing names, and old metadata."""
+
+
+def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
+    """Finds what no deployment needs.
+
+    Args:
+        publisher: of this machine; no deployment may be published meanwhile.
+        documents: paths of the documents of the deployments that are needed.
+
+    Raises:
+        ConfigurationError: the store has what the keys have not signed.
+        StorageError: it does not answer.
+    """
+    if publisher.machine.root() is None:
+        return Unneeded({}, ())
+    repository = publisher.read(publisher.root(), None)
+    if repository is None:
+        return Unneeded({}, ())
+    files = publisher.files
+    gone: dict[str, frozenset[str]] = {}
+    kept_keys: set[str] = set()
+    for role, metadata in repository.applications.items():
+        named = metadata.signed.targets
+        needed = _needed(documents, metadata.signed, files)
+        gone[application_of(role) or ""] = frozenset(named.keys() - needed)
+        kept_keys |= {target_key(path, named[path].hashes["sha256"]) for path in needed}
+    contents = [info for info in _list(files, f"{FOLDER}/targets/") if info.key not in kept_keys]
+    old = _old_metadata(files, repository, publisher)
+    return Unneeded({name: paths for name, paths in gone.items() if paths}, (*contents, *old))
+
+
+def remove_unneeded(publisher: Publisher, unneeded: Unneeded) -> None:
+    """Removes what `find_unneeded` found.
+
+    Raises:
+        ConfigurationError: a key is missing.
+        StorageError: the store does not answer.
+    """
+    if unneeded.targets:
+        publisher.publish(lambda _: Changes(remove=unneeded.targets), None)
+    for info in unneeded.objects:
+        publisher.files.store.delete(info.bucket, info.key)
+
+
+def _needed(documents: Set[str], application: Targets, files: RepositoryFiles) -> set[str]:
+    """Paths that the needed documents of an application name, and theirs."""
+    found: set[str] = set()
+    for path in documents & application.targets.keys():
+        key = target_key(path, application.targets[path].hashes["sha256"])
+        found |= {path, *_named_in(json.loads(files.store.get_bytes(files.bucket, key)))}
+    return found & application.targets.keys()
+
+
+def _named_in(document: Mapping[str, Any]) -> Iterable[str]:
+    condition = document["condition"]
+    return [*document["bundles"].values(), *document["attestations"], *([condition] if condition else [])]
+
+
+def _old_metadata(files: RepositoryFiles, now: Repository, publisher: Publisher) -> list[ObjectInfo]:
+    """Timestamps that expired long ago, and metadata that none of the others leads to; no roots."""
+    before = publisher.clock() - _KEPT_AFTER
+    newest = now.timestamp.signed.version
+    old: list[ObjectInfo] = []
+    kept: set[tuple[str, int]] = set()
+    for info in _list(files, TIMESTAMPS):
+        timestamp = to_metadata(files.store.get_bytes(files.bucket, info.key), Timestamp)
+        if timestamp.signed.expires < before and info.key != timestamp_key(newest):
+            old.append(info)
+        else:
+            kept |= _led_to(files, timestamp.signed.snapshot_meta.version)
+    current = {name.removesuffix(".json"): meta.version for name, meta in now.snapshot.signed.meta.items()}
+    current["snapshot"] = now.snapshot.signed.version
+    for info in _list(files, f"{FOLDER}/metadata/"):
+        version, _, name = info.key.rpartition("/")[2].removesuffix(".json").partition(".")
+        # Newer ones are about to be published.
+        if (
+            version.isdecimal()
+            and name in current
+            and int(version) < current[name]
+            and (name, int(version)) not in kept
+        ):
+            old.append(info)
+    return old
+
+
+def _led_to(files: RepositoryFiles, version: int) -> set[tuple[str, int]]:
+    """The metadata that a snapshot leads to, and itself."""
+    try:
+        snapshot = to_metadata(files.metadata("snapshot", version), Snapshot)
+    except (ObjectNotFoundError, DeserializationError):
+        return set()
+    named = {(name.removesuffix(".json"), meta.version) for name, meta in snapshot.signed.meta.items()}
+    return {("snapshot", version), *named}
+
+
+def _list(files: RepositoryFiles, prefix: str) -> list[ObjectInfo]:
+    try:
+        return list(files.store.list(files.bucket, prefix))
+    except BucketNotFoundError:
+        return []
