@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """A repository as agents trust it, in a folder; and clients of TUF that check it as agents do."""
 
 import tempfile

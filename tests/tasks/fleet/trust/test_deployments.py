@@ -67,7 +67,7 @@ def test_the_document_says_what_is_launched_and_names_what_is_downloaded(site: S
         "launch": LAUNCH,
         "tags": {"why": "test"},
     }
-    content = robot.content(bundle)
+    content = robot.content(bundle) or b""
     assert content == site.service.store.get_bytes("apps", "X86_64.tar.gz")
     assert len(content) == artifact.size_bytes
     assert robot.content(attestation) == b'{"payload": ""}'

@@ -1,5 +1,7 @@
+# pyright: reportPrivateImportUsage=false
 """What is published is whole at every moment, whoever publishes beside, and whenever a publisher dies."""
 
+import shutil
 import threading
 from pathlib import Path
 
@@ -139,7 +141,9 @@ def test_everything_is_signed_again_long_before_it_expires(trust: Trust) -> None
         assert whole is not None
         for each in (whole.timestamp, whole.snapshot, whole.targets, *whole.applications.values()):
             assert each.signed.expires > trust.now
-    assert whole.targets.signed.version == 2, "what is valid for long is not signed each time"
+    last = publisher.read(publisher.root())
+    assert last is not None
+    assert last.targets.signed.version == 2, "what is valid for long is not signed each time"
 
 
 def test_a_robot_refuses_what_expired_and_what_was_set_back(trust: Trust) -> None:
@@ -189,3 +193,17 @@ def test_without_a_key_it_is_said_which_one(trust: Trust) -> None:
 
     with pytest.raises(ConfigurationError, match=r"no key with which robots let the role snapshot sign; copy"):
         trust.publish(NEW, b"new")
+
+
+def test_what_the_keys_signed_in_another_store_is_not_mixed_in(trust: Trust) -> None:
+    trust.publish(OLD, b"old")
+    shutil.copytree(trust.folder / "store", trust.folder / "fork" / "store")
+    shutil.copytree(trust.folder / "trust", trust.folder / "fork" / "trust")
+    fork = Trust(trust.folder / "fork")
+    fork.publish(NEW, b"of the fork")
+    trust.publish(NEW, b"new")
+    key = metadata_key("application-courier", 2)
+    DirectoryStore(trust.folder / "store").put_bytes(BUCKET, key, fork.publisher().files.store.get_bytes(BUCKET, key))
+
+    with pytest.raises(ConfigurationError, match=r"2\.application-courier\.json of the object store is not what"):
+        trust.publish(OLD, b"newer")
