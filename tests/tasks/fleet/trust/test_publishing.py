@@ -56,7 +56,7 @@ def test_keys_are_for_their_user_only(trust: Trust) -> None:
         "timestamp",
     ]
     assert {path.stat().st_mode & 0o777 for path in keys} == {0o600}
-    assert not [path for path in (trust.folder / "store").rglob("*.pem")]
+    assert not list((trust.folder / "store").rglob("*.pem"))
 
 
 @pytest.mark.parametrize("after", [False, True])
