@@ -55,7 +55,7 @@ class RobotsBeside:
             clock=time.time,
             chance=service.chance.random,
             settings=DoorSettings(public_url=service.settings.robots_url, idle_sleep_s=service.settings.robot_poll_s),
-            agents=ServedAgents(service, self._watch.wake),
+            agents=ServedAgents(service, self._watch.wake_for_robots),
         )
         self._upkeep = TrustUpkeep(service)
 

@@ -73,6 +73,11 @@ class OrderWatch:
         """Looks at once: something has changed."""
         self._woken.set()
 
+    def wake_for_robots(self) -> None:
+        """Looks at once, also who is enrolled: a robot has just been let in."""
+        self._robots_due_s = 0.0
+        self._woken.set()
+
     def stop(self) -> None:
         """Ends; returns when the last look is over."""
         self._is_stopped = True

@@ -74,8 +74,7 @@ def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resou
     job = Resource.new(arn=f"{fleet.arn}/dry-run", kind=DEPLOYMENT, id="dry-run", status="Pending", document=document)
     robots = list(reversed(robots_of(fleet.arn, service)))
     served = served_architectures(application)
-    members = {RobotDocument.of(robot).architecture for robot in robots}
-    plan = plan_of(job, robots, members if served is None else members & served)
+    plan = plan_of(job, robots, lambda robot: served is None or RobotDocument.of(robot).architecture in served)
     now_s = service.clock().timestamp()
     last = last_deployment(fleet.arn, service)
     return DryRun(
