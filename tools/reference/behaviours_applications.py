@@ -119,8 +119,8 @@ FLEETS = (
         known="Greengrass brought an application to the robots of a fleet, and started it, until 2022.",
         here="Robots run our agent, which carries `launchConfig` out, or an updater that polls `robomaker serve`, such "
         "as SWUpdate, see [Fleets](fleets.md). An updater installs the application's archive; what it starts is its "
-        "own affair. A `downloadConditionFile` is asked by agents; other robots of the fleet fail, and a fleet without an "
-        "agent is refused.",
+        "own affair. A `downloadConditionFile` is asked by agents; other robots of the fleet fail, and a fleet "
+        "without an agent is refused.",
     ),
     differs(
         "Control over a deployment",
