@@ -42,9 +42,7 @@ class Prepared:
         return self.of(robot) is not None
 
 
-def plan_of(
-    job: StoredResource, robots: Iterable[Resource], has_file: Callable[[Resource], bool]
-) -> RolloutPlan:
+def plan_of(job: StoredResource, robots: Iterable[Resource], has_file: Callable[[Resource], bool]) -> RolloutPlan:
     """The plan of a deployment.
 
     Args:
@@ -69,7 +67,7 @@ def plan_of(
     )
 
 
-def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> PlannedRobot:  # noqa: FBT001
+def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> PlannedRobot:
     known = RobotDocument.of(robot)
     planned = PlannedRobot(arn=robot.arn, installed=known.installed)
     if "downloadConditionFile" in job.deployment_config and not known.has_agent:
@@ -78,9 +76,14 @@ def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> Pla
     (application,) = job.deployment_application_configs
     version = str(application["applicationVersion"])
     if not has_file:
-        reason = f"version {version} of the application has no source for {known.architecture}; add one in another version"
+        reason = (
+            f"version {version} of the application has no source for {known.architecture}; add one in another version"
+        )
         return planned.model_copy(update={"unfit_code": "MissingRobotApplicationArchitecture", "unfit_reason": reason})
-    has_it = (known.installed_name, known.installed_version) == (ResourceArn.parse(application["application"]).name, version)
+    has_it = (known.installed_name, known.installed_version) == (
+        ResourceArn.parse(application["application"]).name,
+        version,
+    )
     return planned if has_it else planned.model_copy(update={"earlier_job": known.installed_by})
 
 

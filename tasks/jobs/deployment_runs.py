@@ -155,16 +155,18 @@ class DeploymentRun:
 
     def _prepared(self, application: Resource, robots: Sequence[Resource], patient: Service) -> Prepared:
         """The files of the robots; signed `.swu` files only where a robot's updater is not our agent."""
-        from ..fleet.artifacts import prepare  # both need the extra `fleet`
+        from ..fleet.artifacts import prepare  # they need the extra `fleet`
+        from ..fleet.attestations.required_batches import attestations_of
         from ..fleet.trust.deployments import publish
 
         documents = [RobotDocument.of(robot) for robot in robots]
         has_condition = "downloadConditionFile" in DeploymentJobDocument.of(self._job).deployment_config
         agents = {document.architecture for document in documents if document.has_agent}
         others = {document.architecture for document in documents if not (document.has_agent or has_condition)}
+        attested = attestations_of(self._job, patient)
         return Prepared(
             for_updaters=prepare(application, others, patient) if others else {},
-            for_agents=publish(self._job, application, agents, patient) if agents else {},
+            for_agents=publish(self._job, application, agents, patient, attested) if agents else {},
         )
 
     def _roll_out(self) -> None:

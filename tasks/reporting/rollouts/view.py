@@ -249,7 +249,8 @@ def _facts(report: DeploymentReport) -> list[Fact]:
     ]
     if report.delivery is None:
         return facts
-    for architecture, artifact in report.delivery.artifacts.items():
+    files = [*report.delivery.artifacts.items(), *report.delivery.agent_artifacts.items()]
+    for architecture, artifact in files:
         facts.append(Fact(f"File for {architecture}", f"{artifact.file_name}, {wording.size(artifact.size_bytes)}"))
         facts.append(Fact("SHA-256", artifact.sha256, is_code=True))
     launch = report.delivery.launch
