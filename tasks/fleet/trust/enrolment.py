@@ -9,7 +9,7 @@ import hmac
 import re
 from typing import NamedTuple
 
-from ....schemas.documents.fleets import RobotEnrolment
+from ....schemas.documents.fleets import RobotDocument, RobotEnrolment
 from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service
@@ -107,7 +107,7 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
         updated = service.catalog.update(robot.arn, taken)
     except (_Refused, ResourceNotFoundException):
         return None
-    version = RobotEnrolment.model_validate(_members(dict(updated.document))).enrolment_root or 1
+    version = RobotDocument.of(updated).enrolment_root or 1
     return publisher_of(service).files.metadata("root", version).decode()
 
 
