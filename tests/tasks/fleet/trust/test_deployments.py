@@ -119,7 +119,11 @@ def test_architectures_without_an_archive_are_absent(site: Site) -> None:
     assert site.publish(job, "ARMHF") == {}
 
 
-@pytest.mark.parametrize(("content", "suffix"), [(archive(), "tar.gz"), (b"PK\3\4", "zip"), (b"plain", "tar")])
+@pytest.mark.parametrize(
+    ("content", "suffix"),
+    [(archive(), "tar.gz"), (b"PK\3\4", "zip"), (b"plain", "tar")],
+    ids=["gzip", "zip", "tar"],  # bytes with the time in them are no names
+)
 def test_the_name_of_a_bundle_says_how_it_is_unpacked(site: Site, content: bytes, suffix: str) -> None:
     site.service.store.ensure_bucket("apps")
     site.service.store.put_bytes("apps", "archive", content)

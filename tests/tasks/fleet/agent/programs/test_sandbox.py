@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from helpers.required_programs import needs
 
 from prefect_robomaker.tasks.fleet.agent.disk import prepare
 from prefect_robomaker.tasks.fleet.agent.errors import AgentError
@@ -44,7 +45,7 @@ def test_setpriv_keeps_programs_from_more_rights(home: Home) -> None:
     assert run(sandbox, "grep NoNewPrivs /proc/self/status") == "NoNewPrivs:\t1"
 
 
-@pytest.mark.skipif(shutil.which("bwrap") is None, reason="needs bwrap, of bubblewrap")
+@needs("bubblewrap", shutil.which("bwrap"), "bwrap is not installed")
 def test_bwrap_leaves_only_the_data_to_write_and_hides_the_token(home: Home) -> None:
     try:
         sandbox = find_sandbox(home, Options(sandbox="bwrap"))
