@@ -11,7 +11,7 @@ PLANTED = {
     # A flat module that belongs to no room, and does all that only owners may.
     "tasks/planted.py": (
         "import apprise\nimport boto3\nimport botocore\nimport cryptography\nimport distributed, ray\n"
-        "import minio, mujoco, prefect, sqlalchemy\n"
+        "import minio, mujoco, prefect, sqlalchemy, tuf\n"
     ),
     "schemas/planted.py": "from ..tasks import catalog\n",
     "schemas/wire/planted.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from . import planted_too\n",
@@ -39,6 +39,7 @@ BROKEN = {
     "Only notifications know apprise": "tasks.planted -> apprise",
     "Only their backends know Dask and Ray": "tasks.planted -> distributed",
     "Only fleets know cryptography": "tasks.planted -> cryptography",
+    "Only fleets know TUF": "tasks.planted -> tuf",
     "Command line: commands over the work they share over output over inputs": (
         "inputs.planted -> prefect_robomaker.deployments.cli.main"
     ),

@@ -14,8 +14,14 @@ from prefect_robomaker.deployments.cli.grammar import build_parser
 
 
 def every_command() -> list[Command]:
-    tops = [command for group in find_groups(COMMANDS) for command in group.commands]
-    return [each for top in tops for each in (find_commands(top.path) if top.path.is_dir() else [top])]
+    return [each for group in find_groups(COMMANDS) for top in group.commands for each in below(top)]
+
+
+def below(command: Command) -> list[Command]:
+    """The commands of a folder, also of folders in it; otherwise the command itself."""
+    return (
+        [each for inner in find_commands(command.path) for each in below(inner)] if command.path.is_dir() else [command]
+    )
 
 
 @pytest.mark.parametrize("command", every_command(), ids=lambda command: command.path.stem)

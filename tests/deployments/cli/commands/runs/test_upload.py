@@ -95,14 +95,17 @@ def test_what_cannot_be_stored_stays_and_the_others_are_stored(
     robomaker: Any, keep: Callable[[], str], service: Service
 ) -> None:
     broken, whole = keep(), keep()
-    output = service.settings.home / "jobs" / broken.rpartition("/")[2] / RUN / "output"
-    (output / "link").symlink_to("/etc/passwd")
+    job = broken.rpartition("/")[2]
+    output = service.settings.home / "jobs" / job / RUN / "output"
+    # In a directory a key cannot be an object and a folder.
+    service.store.ensure_bucket("robomaker")
+    service.store.put_bytes("robomaker", f"simulation-jobs/{job}/{RUN}/map.pgm/in-the-way", b"")
 
     told = robomaker("upload", "--kept")
 
     assert told.code == 3
     assert "! not stored: " in told.out
-    assert "symbolic link" in told.out
+    assert "both an object and the folder" in told.out
     assert "Stored the outputs of 1 of 2 runs." in told.out
     assert "outputs" in service.catalog.get(whole).document
     assert (output / "map.pgm").exists()
