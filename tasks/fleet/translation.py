@@ -120,8 +120,12 @@ def _failure(feedback: Feedback, robot: str, known: SaidBefore) -> Failed:
     if (said := _code(feedback)) is not None:
         texts = [text for text in feedback.details if text not in _STEPS]
         return Failed(robot=robot, action_id=feedback.action_id, code=said, reason="; ".join(texts) or None)
-    code: ReportedCode = "PostLaunchFileFailure" if known.installed else known.withheld or "ExtractingBundleFailure"
-    reason = "; ".join(known.errors or feedback.details)
+    if known.installed:  # what it complained of before did not keep it from installing
+        code: ReportedCode = "PostLaunchFileFailure"
+        reason = "; ".join(feedback.details or known.errors)
+    else:  # SWUpdate ends each of these with the same words
+        code = known.withheld or "ExtractingBundleFailure"
+        reason = "; ".join(known.errors or feedback.details)
     return Failed(robot=robot, action_id=feedback.action_id, code=code, reason=reason or None)
 
 

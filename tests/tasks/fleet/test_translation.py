@@ -63,6 +63,18 @@ def test_a_failure_is_told_by_the_errors_that_came_before() -> None:
     )
 
 
+def test_complaints_before_it_installed_are_not_why_a_health_check_failed() -> None:
+    complaint = said("proceeding", "ERROR : Cannot read stored update state.")
+    ill = said("closed", "health check failed", finished="failure")
+
+    *_, failed = told(complaint, INSTALLED, complaint, ill)
+    assert isinstance(failed, Failed)
+    assert (failed.code, failed.reason) == ("PostLaunchFileFailure", "health check failed")
+    *_, wordless = told(complaint, INSTALLED, said("closed", finished="failure"))
+    assert isinstance(wordless, Failed)
+    assert wordless.reason == "Cannot read stored update state."
+
+
 @pytest.mark.parametrize(
     ("before", "code"),
     [
