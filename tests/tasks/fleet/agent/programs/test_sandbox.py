@@ -3,6 +3,8 @@
 import os
 import shutil
 import subprocess
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,14 +19,14 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root starts prog
 
 
 @pytest.fixture
-def home(tmp_path: Path) -> Home:
-    made = Home(tmp_path / "home")
-    prepare(made)
-    made.save_connection(Connection("http://127.0.0.1", "DEFAULT", "rover", "secret"))
-    for folder in (tmp_path, *tmp_path.parents):
-        if folder.stat().st_uid == os.geteuid() and folder.is_relative_to("/tmp/pytest-of-root"):
-            folder.chmod(0o755)
-    return made
+def home() -> Iterator[Home]:
+    """A home that other users may look into, which pytest's own folders keep them from."""
+    with tempfile.TemporaryDirectory(prefix="agent-") as folder:
+        Path(folder).chmod(0o755)
+        made = Home(Path(folder, "home"))
+        prepare(made)
+        made.save_connection(Connection("http://127.0.0.1", "DEFAULT", "rover", "secret"))
+        yield made
 
 
 def run(sandbox: Sandbox, script: str) -> str:
