@@ -4,7 +4,8 @@ A key is one file that only its user reads. Its certificate, which robots get, l
 """
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
@@ -56,13 +57,28 @@ def write_once(path: Path, content: bytes, mode: int) -> None:
     Raises:
         OSError: it cannot be written.
     """
+    with written(path, content, mode) as part, suppress(FileExistsError):
+        path.hardlink_to(part)
+
+
+@contextmanager
+def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
+    """A file beside another, whole and on the disk, to be given its name; gone when the block ends.
+
+    Args:
+        path: the other file; its folder exists.
+        content: what it holds.
+        mode: who may read it, as `chmod` has it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     part = path.with_name(f".{uuid4().hex}.part")
     try:
         with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        with suppress(FileExistsError):
-            path.hardlink_to(part)
+        yield part
     finally:
         part.unlink(missing_ok=True)

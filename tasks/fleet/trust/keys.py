@@ -6,11 +6,9 @@ one takes the other's place.
 """
 
 import fcntl
-import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from uuid import uuid4
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
@@ -22,6 +20,7 @@ from cryptography.hazmat.primitives.serialization import (
 from securesystemslib.signer import CryptoSigner
 
 from ....schemas.wire.errors import ConfigurationError
+from ..signing_keys import written
 
 RandomBytes = Callable[[int], bytes]
 """Gives that many bytes that others cannot guess."""
@@ -124,19 +123,12 @@ def write_private(path: Path, content: bytes, *, replace: bool = False) -> None:
     Raises:
         ConfigurationError: it cannot be written.
     """
-    part = path.with_name(f".{uuid4().hex}.part")
     try:
-        try:
-            with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+        with written(path, content, 0o600) as part:
             if replace:
                 part.replace(path)
             else:
                 path.hardlink_to(part)
-        finally:
-            part.unlink(missing_ok=True)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
 

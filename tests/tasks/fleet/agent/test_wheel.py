@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from helpers.paths import REPOSITORY
+from helpers.required_programs import needs
 
 FOLDER = REPOSITORY / "tasks" / "fleet" / "agent"
 SOURCES = sorted(FOLDER.rglob("*.py"))
@@ -62,7 +63,7 @@ def test_the_wheels_agent_imports_nothing_of_this_project(wheel: Path, tmp_path:
     assert "--health-command" in helped.stdout
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+@needs("systemd", shutil.which("systemd-analyze"), "systemd-analyze is not in PATH")
 def test_systemd_takes_the_unit(tmp_path: Path) -> None:
     unit = tmp_path / "robomaker-agent.service"
     text = (FOLDER / "robomaker-agent.service").read_text()
