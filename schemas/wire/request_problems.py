@@ -193,6 +193,7 @@ _PATTERNS = {
     r"[a-z0-9][a-z0-9.\-]*[a-z0-9]": "of small letters, digits, . and -, with a letter or digit at both ends",
     r"[a-zA-Z_][a-zA-Z0-9_]*": "of letters, digits and _, with no digit in front",
     r"[a-z0-9][a-z0-9.\-]{1,61}[a-z0-9]": "3 to 63 small letters, digits, . and -, with a letter or digit at both ends",
+    r"([01][0-9]|2[0-3]):[0-5][0-9]": "a time of day, such as 22:30",
     r"[a-z0-9-]+": "of small letters, digits and -, such as us-east-1",
     r"[0-9]{12}": "12 digits",
     r"[A-Z_][A-Z0-9_]*": "of capital letters, digits and _, with no digit in front",
