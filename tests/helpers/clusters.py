@@ -177,8 +177,10 @@ class RayCluster(Cluster):
         """Starts a node; on a busy machine its parts may not find each other in time."""
         common = ("--block", "--disable-usage-stats", "--node-ip-address", "127.0.0.1")
         limits = ("--num-cpus", str(cpus), "--object-store-memory", "80000000")
+        # Ray's own fixed ports may be those of another node, or the free one that a head was given: 0 is any.
+        ports = ("--dashboard-agent-listen-port", "0", "--min-worker-port", "0", "--max-worker-port", "0")
         for _ in range(3):
-            command = ("ray.scripts.scripts", "start", *common, *limits, *options)
+            command = ("ray.scripts.scripts", "start", *common, *limits, *ports, *options)
             node = self.run(name, *command, **self._own, **variables)
             wait_for(lambda node=node: "will now block" in self.log(name) or node.poll() is not None, f"{name}", 120)
             if node.poll() is None:
