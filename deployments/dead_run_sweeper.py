@@ -12,7 +12,7 @@ from functools import partial
 from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_client
 from prefect.settings import get_current_settings
 
-from ..tasks.execution.dead_runs import ensure_automation, sweep
+from ..tasks.execution.dead_flow_runs import ensure_automation, sweep
 from ..tasks.operations.registry import flow_names
 
 SWEEP_S = 5.0

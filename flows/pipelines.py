@@ -33,7 +33,7 @@ from ..schemas.reports.run_states import (
     verdicts_of,
 )
 from ..schemas.settings import Settings
-from ..schemas.specs.campaigns import EarlierParts, Part, parts_of, step_of
+from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, step_of
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.resolving import resolve_input

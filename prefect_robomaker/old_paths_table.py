@@ -103,7 +103,7 @@ _GROUPS = (
         "tasks.runtime.rendering",
         "cameras drawing gl ray_camera video_backends=backends view_culling views",
     ),
-    ("tasks.runtime", "tasks.runtime.replay", "replay repro run_comparison"),
+    ("tasks.runtime", "tasks.runtime.replay", "replay repro run_comparison=divergence"),
     (
         "tasks.runtime",
         "tasks.runtime.requirements",
@@ -119,7 +119,7 @@ _GROUPS = (
         "tasks.runtime",
         "tasks.runtime.supervision",
         "cores=core_assignment disk_blame=disk_attribution endings=finished_outputs forkserver launcher outcomes ports "
-        "programs run_requests supervision=watching supervisor watch=stopping",
+        "programs run_requests supervision=process_supervision supervisor watch=stop_monitor",
     ),
     (
         "tasks.runtime",
@@ -172,7 +172,8 @@ _GROUPS = (
         "tasks.worldforge",
         "tasks.worldforge.floorplans",
         "brief connections floorplan floorplan_rivals=rivals floorplan_wishes=preferences partition "
-        "partition_batch partition_climb partition_search partition_shortlist partition_trees targets walls",
+        "partition_batch=partition_costs partition_climb partition_search partition_shortlist partition_trees "
+        "targets walls",
     ),
     (
         "tasks.worldforge",

@@ -23,7 +23,7 @@ from prefect.utilities.callables import parameter_schema
 
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.request_problems import nearest
-from ...tasks.execution.dead_runs import ensure_automation
+from ...tasks.execution.dead_flow_runs import ensure_automation
 from ...tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 from .deployables import Deployable
 from .job_variables import environment_of_blocks

@@ -4,4 +4,4 @@ May import: `schemas.operations`, `schemas.runs`, `schemas.templates`, `schemas.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["campaigns", "check", "model", "probe_requests", "references", "resolving", "text", "world_counts"]
+__all__ = ["batch_splitting", "check", "model", "probe_requests", "references", "resolving", "text", "world_counts"]

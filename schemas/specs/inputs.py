@@ -17,7 +17,7 @@ from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import RequestProblem, nearest
-from .campaigns import parts_of
+from .batch_splitting import parts_of
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
 from .reference_kinds import (
     ANYTHING,

@@ -11,7 +11,7 @@ from ..operations.registry import OPERATIONS
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import problems_of
-from .campaigns import Part, parts_of
+from .batch_splitting import Part, parts_of
 from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
 from .references import ReferenceMistake, parse_template
 from .text import ListNode, Location, MappingNode, Node, path_text
@@ -20,7 +20,7 @@ from .text import ListNode, Location, MappingNode, Node, path_text
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
 
-    One that is for more jobs than a batch may have is run in parts, see `campaigns`.
+    One that is for more jobs than a batch may have is run in parts, see `batch_splitting`.
 
     Args:
         step: a checked step.

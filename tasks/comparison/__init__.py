@@ -5,9 +5,9 @@ comparison = compare(before, after, alpha=0.05)
 print(comparison.answer, comparison.why)
 ```
 
-Only `statistics` imports scipy, and only `comparing` imports `statistics`; the rest is quick to import.
+Only `statistics` imports scipy, and only `comparison_answer` imports `statistics`; the rest is quick to import.
 
 May import: `schemas`, `tasks.reporting`.
 """
 
-__all__ = ["comparing", "history", "nights"]
+__all__ = ["comparison_answer", "history", "nights"]

@@ -8,7 +8,7 @@ __all__ = [
     "artifacts",
     "batch_slots",
     "claims",
-    "dead_runs",
+    "dead_flow_runs",
     "events",
     "flow_ends",
     "held_leases",

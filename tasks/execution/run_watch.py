@@ -1,8 +1,9 @@
 """Signs of life of flow runs, and cancellations of them: one thread for all runs of this process.
 
 Prefect's own heartbeats make every flow wait a second at its end, and come every 30 s at most. Ours cost nothing, and
-have a name of their own, so that the automation that closes dead runs (`dead_runs`) leaves the flows of others alone.
-A run that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and passes it on.
+have a name of their own, so that the automation that closes dead runs (`dead_flow_runs`) leaves the flows of others
+alone. A run that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and
+passes it on.
 """
 
 import logging

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from ...schemas.reports.forecast import Forecast, JobCost, Places, StepForecast, StepProbe
-from ...schemas.specs.campaigns import MOST_REQUESTS
+from ...schemas.specs.batch_splitting import MOST_REQUESTS
 from ...schemas.specs.probe_requests import BATCH, GENERATION, JobAmount
 
 

@@ -9,6 +9,7 @@ from ...schemas.runs.verification import ReproductionFolder, RobotRepeat, Verifi
 from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
 from ..catalog import Resource
 from ..jobs.job_runs import launcher
+from ..runtime.replay.divergence import first_difference
 from ..runtime.replay.replay import (
     RunOutputs,
     read_outputs,
@@ -19,7 +20,6 @@ from ..runtime.replay.replay import (
     without_robot,
 )
 from ..runtime.replay.repro import Reproduction, in_words, is_expected, rerun_ending, write_reproduction
-from ..runtime.replay.run_comparison import first_difference
 from ..runtime.states.provenance import machine_facts
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers

@@ -19,7 +19,7 @@ from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJob
 from ...schemas.operations.world_templates import CreateWorldTemplateRequest
 from ...schemas.reports.run_record import StepRecord
 from ...schemas.runs.plan import ApplicationRole
-from ...schemas.specs.campaigns import parts_of
+from ...schemas.specs.batch_splitting import parts_of
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.resolving import resolve_input
 from ...schemas.templates.parsing import unwrapped_text

@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.runtime.agents`, `tasks.runtime.episode`, `tasks.r
 `tasks.runtime.supervision`.
 """
 
-__all__ = ["replay", "repro", "run_comparison"]
+__all__ = ["divergence", "replay", "repro"]

@@ -29,7 +29,7 @@ from .disk_attribution import attribute_disk_use
 from .finished_outputs import finish_outputs, read_result
 from .outcomes import Exit, Outcome, decide_outcome, was_killed
 from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
-from .stopping import Watch
+from .stop_monitor import StopMonitor
 
 _WARM_UP_TIMEOUT_S = 120.0
 _START_TIMEOUT_S = 30.0
@@ -120,7 +120,7 @@ class Launcher:
             with self._connect() as channel:
                 _begin(channel, request)
                 started_at = datetime.now(UTC)
-                ended, stopped_for = Watch(channel, left_s, stop, crash.on_crash, on_trials, clock).until_end()
+                ended, stopped_for = StopMonitor(channel, left_s, stop, crash.on_crash, on_trials, clock).until_end()
         ended_at = datetime.now(UTC)
         if ended is None:
             _clean_up(request)

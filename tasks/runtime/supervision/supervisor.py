@@ -24,7 +24,7 @@ from ..limits.processes import adopt_orphans, come_first, kill_children
 from ..process.run_request import RunRequest
 from ..process.waiting_run import Rehearse, RunChild, WaitingRun
 from ..states.provenance import note_run_of_programs
-from .watching import Supervision
+from .process_supervision import Supervision
 
 
 def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse) -> None:

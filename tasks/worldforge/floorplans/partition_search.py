@@ -7,8 +7,8 @@ import numpy as np
 
 from .brief import Brief
 from .partition import UNITS_PER_M, Corners, Partition
-from .partition_batch import as_partition
 from .partition_climb import climb_to_partition
+from .partition_costs import as_partition
 from .partition_shortlist import AREA_MARGIN, Shortlist, Variants, shortlist
 
 _CHOICE_TEMPERATURE = 0.6

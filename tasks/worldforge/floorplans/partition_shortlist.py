@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....schemas.worlds.world import PassageKind, RoomType
 from .brief import Brief
-from .partition_batch import BatchEvaluator, Cuts, Flags, Floats, cut
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, cut
 from .partition_trees import Trees, all_trees
 
 AREA_MARGIN = 0.07

@@ -14,7 +14,7 @@ from helpers.endpoint_process import Serve
 from helpers.processes import started, wait_for, working_below
 from prefect.events.schemas.automations import EventTrigger
 
-from prefect_robomaker.tasks.execution.dead_runs import AUTOMATION, ensure_automation
+from prefect_robomaker.tasks.execution.dead_flow_runs import AUTOMATION, ensure_automation
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

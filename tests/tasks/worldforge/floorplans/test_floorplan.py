@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point
 from prefect_robomaker.tasks.worldforge.floorplans import partition_climb
 from prefect_robomaker.tasks.worldforge.floorplans.brief import MIN_SIDES_M
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.floorplans.partition_batch import BatchEvaluator, Cuts, Floats, Nature
+from prefect_robomaker.tasks.worldforge.floorplans.partition_costs import BatchEvaluator, Cuts, Floats, Nature
 
 UNIT = 0.05
 

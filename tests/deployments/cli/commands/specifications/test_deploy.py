@@ -113,7 +113,7 @@ def test_deploying_again_changes_it_in_place_and_keeps_its_schedule(
 def test_the_job_worker_of_a_pool_is_deployed_under_the_name_of_the_pool(
     robomaker: Robomaker, client: Any, pool: str
 ) -> None:
-    from prefect_robomaker.tasks.execution.dead_runs import AUTOMATION
+    from prefect_robomaker.tasks.execution.dead_flow_runs import AUTOMATION
 
     for each in client.read_automations_by_name(AUTOMATION):
         client.delete_automation(each.id)

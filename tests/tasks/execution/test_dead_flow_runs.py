@@ -9,7 +9,7 @@ from prefect import flow, task
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.states import Crashed, Running
 
-from prefect_robomaker.tasks.execution.dead_runs import sweep
+from prefect_robomaker.tasks.execution.dead_flow_runs import sweep
 
 
 @task(name="open")

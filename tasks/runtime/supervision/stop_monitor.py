@@ -16,7 +16,7 @@ _POLL_S = 0.1
 _KILL_TIMEOUT_S = 10.0
 
 
-class Watch:
+class StopMonitor:
     """Watches one run until it ends.
 
     Args:
