@@ -10,6 +10,16 @@ from random import Random
 from ....schemas.wire.errors import WorldGenerationError
 from ....schemas.worlds.world import RoomType
 from .brief import HABITABLE, OPENING_WIDTH, Brief, affinity, doors_in, shared_spans
+from .cost_weights import (
+    FOOTPRINT_WEIGHTS,
+    MISSED_CONNECTION,
+    MISSED_PREFERENCE,
+    NOT_CONNECTED,
+    OUTLIER,
+    STRANGE_NEIGHBOURS,
+    TOLERANCE,
+    TOO_NARROW,
+)
 from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, extent, partition, slenderness
 
 MAX_CLIMBS = 40
@@ -23,18 +33,7 @@ _STEPS_PER_SQUARE = 3
 """Steps of a climb over the square of the number of rooms."""
 
 _LEAST_STEPS = 20
-_TOLERANCE = log(1.15)
-"""Deviation of a ratio above which the search counts a preference as missed; a little stricter than the report."""
-
-_MISSED_PREFERENCE = 0.3
-_OUTLIER = 1.5
-_MISSED_CONNECTION = 2.5
-_NOT_CONNECTED = 9.0
-_TOO_NARROW = 9.0
 _DARK = 0.6
-_STRANGE_NEIGHBOURS = 0.8
-_FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""By number of rooms, the last from there on: with one room, the room's own preference wins."""
 
 _BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
 """Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
@@ -77,18 +76,18 @@ class PlanEvaluator:
 
     def _shapes(self, plan: Partition) -> float:
         off = abs(log(plan.width / plan.height) - self.log_footprint)
-        cost = _FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (_MISSED_PREFERENCE if off > _TOLERANCE else 0.0))
+        cost = FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (MISSED_PREFERENCE if off > TOLERANCE else 0.0))
         for room, corners in enumerate(plan.rooms):
             kind = self.brief.types[room]
             if plan.arms[room] < self.min_sides[room]:
-                cost += _TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
+                cost += TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
                 if plan.arms[room] <= 0:
                     continue
             off = log(slenderness(plan, room)) - self.log_ratios[room]
             if kind == "Hallway" and off > 0:
                 off /= 2  # a hallway that is longer than preferred is still a good hallway
             off = abs(off)
-            cost += off + _OUTLIER * off * off + (_MISSED_PREFERENCE if off > _TOLERANCE else 0.0)
+            cost += off + OUTLIER * off * off + (MISSED_PREFERENCE if off > TOLERANCE else 0.0)
             if len(corners) > 4:
                 cost += _BENT.get(kind, _BENT_OTHERWISE)
             if kind in HABITABLE:
@@ -101,13 +100,13 @@ class PlanEvaluator:
         if len(plan.rooms) == 1:
             return 0.0
         ways, missed = self._ways(plan)
-        cost = _MISSED_CONNECTION * missed
+        cost = MISSED_CONNECTION * missed
         reached = _reached_from_first(ways)
         for room, row in enumerate(self.affinities):
             if not reached >> room & 1:
-                cost += _NOT_CONNECTED
+                cost += NOT_CONNECTED
             best = max((row[other] for other in range(len(row)) if ways[room] >> other & 1), default=0.0)
-            cost += _STRANGE_NEIGHBOURS * (1 - best)
+            cost += STRANGE_NEIGHBOURS * (1 - best)
         return cost
 
     def _ways(self, plan: Partition) -> tuple[list[int], int]:

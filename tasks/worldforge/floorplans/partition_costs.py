@@ -23,26 +23,24 @@ from .brief import (
     Brief,
     affinity,
 )
+from .cost_weights import (
+    FOOTPRINT_WEIGHTS,
+    MISSED_CONNECTION,
+    MISSED_PREFERENCE,
+    NOT_CONNECTED,
+    OUTLIER,
+    STRANGE_NEIGHBOURS,
+    TOLERANCE,
+    TOO_NARROW,
+)
 from .partition import UNITS_PER_M, Partition
 from .partition_trees import Trees
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-TOLERANCE = log(1.15)
-"""Deviation of a ratio above which the search counts a preference as missed; a little stricter than the report."""
-
-_MISSED_PREFERENCE = 0.3
-_OUTLIER = 1.5
 _AREA_WEIGHT = 0.25
-_FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""By number of rooms, the last from there on: with one room, the room's own preference wins."""
-
-_TOO_NARROW = 9.0
-_NOT_CONNECTED = 9.0
-_MISSED_CONNECTION = 2.5
 _DARK = 1.0
-_STRANGE_NEIGHBOURS = 0.8
 _AWAY_FROM_HALLWAY = 0.35
 _BEHIND_PRIVATE = 0.7
 """Cost of a room that is reached only through a bedroom, a bath or a closet."""
@@ -123,7 +121,7 @@ class BatchEvaluator:
         self.pairs = np.array([*combinations(range(len(types)), 2)], dtype=np.intp).reshape(-1, 2).T
         self.areas = np.array(brief.areas_m2)[:, None] * UNITS_PER_M**2
         self.footprint = log(brief.footprint_ratio)
-        self.footprint_weight = _FOOTPRINT_WEIGHTS[min(len(types), 3)]
+        self.footprint_weight = FOOTPRINT_WEIGHTS[min(len(types), 3)]
         self.least = np.array(brief.min_sides, dtype=float)[:, None]
         self.preferred = np.log(np.array(brief.ratios))[:, None]
         # A little off the limit, because sides are rounded to units.
@@ -150,10 +148,10 @@ class BatchEvaluator:
         """
         off, narrow = self._off(cuts)
         off_footprint = np.abs(footprint - self.footprint)
-        cost = self.footprint_weight * (off_footprint + _MISSED_PREFERENCE * (off_footprint > TOLERANCE))
-        cost += (off + _OUTLIER * off * off + _MISSED_PREFERENCE * (off > TOLERANCE)).sum(axis=0)
+        cost = self.footprint_weight * (off_footprint + MISSED_PREFERENCE * (off_footprint > TOLERANCE))
+        cost += (off + OUTLIER * off * off + MISSED_PREFERENCE * (off > TOLERANCE)).sum(axis=0)
         cost += _AREA_WEIGHT * np.abs(areas).sum(axis=0)
-        return cost + (_TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
+        return cost + (TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
 
     def _off(self, cuts: Cuts) -> tuple[Floats, Floats]:
         """How far rooms are off their ratios, and by how many units they are too narrow."""
@@ -182,7 +180,7 @@ class BatchEvaluator:
         ratios = np.abs(np.log(sides[0] / np.maximum(sides[1], 0.1)))
         misses[1:1] = [*(np.abs(ratios - self.preferred) > RATIO_TOLERANCE)]
         reached = np.all(_closure(ways)[:, 0], axis=1)
-        cost = self.shapes(cuts, footprint, areas) + _MISSED_CONNECTION * missed + _NOT_CONNECTED * ~reached
+        cost = self.shapes(cuts, footprint, areas) + MISSED_CONNECTION * missed + NOT_CONNECTED * ~reached
         cost += _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)
         wide = np.all(self._off(cuts)[1] <= 0, axis=0)
         # Rounded: another machine's last digit has to make no difference.
@@ -210,7 +208,7 @@ class BatchEvaluator:
     def _neighbours(self, ways: Flags) -> Floats:
         """What it costs that rooms are joined to others than they should be."""
         best = (ways * self.affinities).max(axis=2)
-        cost = _STRANGE_NEIGHBOURS * (1 - best).sum(axis=1)
+        cost = STRANGE_NEIGHBOURS * (1 - best).sum(axis=1)
         if self.hallways.any():
             cost += _AWAY_FROM_HALLWAY * (self.served & ~ways[:, :, self.hallways].any(axis=2)).sum(axis=1)
         if not self.public.any():
