@@ -45,6 +45,9 @@ class BatchProgress(FailureChanges):
     concurrency: int | None = Field(
         default=None, description="How many of its jobs may be held at once by the job workers of a backend, right now."
     )
+    ended_when_taken: int = Field(
+        default=0, description="How many of its jobs had ended when a job worker last took it over."
+    )
     verdicts: dict[str, int] | None = Field(
         default=None, description="How many of its jobs that are Completed have which verdict; absent until it ends."
     )

@@ -47,6 +47,9 @@ class WorldGenerationProgress(FailureChanges):
     """What is recorded while a world generation job runs, and when it ends."""
 
     failures: WorldFailures | None = Field(default=None, description="Worlds that failed so far.")
+    made_when_taken: int = Field(
+        default=0, description="How many worlds there were when a job worker last took it over."
+    )
     succeeded_worlds: list[str] | None = Field(
         default=None, description="ARNs of the worlds it made; absent until it ends."
     )

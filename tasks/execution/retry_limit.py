@@ -1,7 +1,8 @@
 """The retry limit: fails a job whose job workers keep dying.
 
 A simulation runs in a process of its own, so a crash of it does not end the job worker. A job whose workers still die,
-again and again, would kill workers for ever, through lack of memory or a defect. Such a job fails.
+again and again, would kill workers for ever, through lack of memory or a defect. Such a job fails. Deaths are counted
+from when the job last came further, so that a long one outlives any number of them.
 """
 
 from ...schemas.documents.base import FailureChanges

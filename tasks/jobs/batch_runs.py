@@ -92,6 +92,8 @@ class BatchRun:
         """Runs every request that has not ended and settles the batch."""
         if self._batch.status == "Pending":
             self._lease.transition("start")
+        else:
+            self._note_taken_over()
         if self._service.reuses:
             self._reuse_results()
         if unfinished := self._unfinished():
@@ -103,6 +105,14 @@ class BatchRun:
         while self._why_stop() and not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)  # somebody else performs one of its jobs, and has been told to end it
         self._settle()
+
+    def _note_taken_over(self) -> None:
+        """Where jobs have ended since the batch was last taken over, dead job workers count anew."""
+        statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
+        ended = sum(count for status, count in statuses.items() if is_terminal("simulation-job", status))
+        if ended > SimulationJobBatchDocument.of(self._batch).ended_when_taken:
+            self._lease.update(BatchProgress(ended_when_taken=ended))
+            self._lease.forget_lost_workers()
 
     def _abandon(self, reason: str) -> None:
         """Fails a batch whose backend has no machine that can run jobs, once those that run have been cancelled."""

@@ -79,6 +79,10 @@ class GenerationRun:
         if self._job.status == "Pending" and not move_on(self._lease, "start"):
             return
         self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
+        if len(self._made) > WorldGenerationJobDocument.of(self._job).made_when_taken:
+            # It has come further since: dead job workers count anew.
+            self._lease.update(WorldGenerationProgress(made_when_taken=len(self._made)))
+            self._lease.forget_lost_workers()
         arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
         missing = [(index, arn) for index, arn in enumerate(arns) if arn not in self._made]
         if WorldGenerationJobDocument.of(self._job).reuse:

@@ -5,6 +5,7 @@ import json
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,10 +18,14 @@ from prefect_robomaker.schemas.wire.errors import (
     ResourceNotFoundException,
     WorldGenerationError,
 )
+from prefect_robomaker.schemas.wire.ids import world_id
+from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.task_runs import step_runner
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders
+from prefect_robomaker.tasks.worlds.generation import generate_world
 
 Generate = Callable[..., dict[str, Any]]
 
@@ -227,3 +232,21 @@ def test_cancelling_what_has_ended_changes_nothing(service: Service, generate: G
     assert call("DescribeWorldGenerationJob", {"job": job["arn"]}, service) == job
     with pytest.raises(ResourceNotFoundException, match="world-generation-job"):
         call("CancelWorldGenerationJob", {"job": job["template"]}, service)
+
+
+def test_a_job_that_makes_worlds_outlives_any_number_of_dead_workers(
+    service: Service, template: str, tmp_path: Path, prefect_server: str
+) -> None:
+    request = {"template": template, "worldCount": {"floorplanCount": 2, "interiorCountPerFloorplan": 1}}
+    job = call("CreateWorldGenerationJob", request, service)["arn"]
+    stored = service.catalog.transition(job, "start")
+    first = service.arn("world", world_id(stored.id, 1))
+    with WorldBuilders(1, tmp_path / "builders.log") as builders:
+        assert generate_world(service, stored, 0, first, builders, step_runner()) is None
+    for number in range(MAX_LOST_WORKERS - 1):  # one more fails it
+        assert service.catalog.claim(job, f"dies-{number}", -1)
+
+    ended = registry()["CreateWorldGenerationJob"].perform(job, service)
+
+    assert ended["status"] == "Completed"
+    assert service.catalog.lost_workers(job) == 0

@@ -221,3 +221,21 @@ def test_a_job_that_exists_already_does_not_fail_when_its_application_is_gone(
     [job] = ended["createdRequests"]
     described = call("DescribeSimulationJob", {"job": job["arn"]}, service)
     assert (described["status"], described["failureCode"]) == ("Failed", "ResourceNotFound")
+
+
+def test_a_batch_whose_jobs_end_outlives_any_number_of_dead_workers(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    requests = [order(), order()]
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": requests}, service)["arn"]
+    run_under_lease(batch, "simulation-job-batch", service, lambda lease: BatchRun(lease, service).create_job(0))
+    service.catalog.transition(batch, "start")
+    [job] = service.catalog.children(batch, kind="simulation-job")
+    call("CancelSimulationJob", {"job": job.arn}, service)
+    for number in range(9):  # one more ends it
+        assert service.catalog.claim(batch, f"dies-{number}", -1)
+
+    ended = registry()["StartSimulationJobBatch"].perform(batch, service)
+
+    assert ended["status"] == "Completed"
+    assert service.catalog.lost_workers(batch) == 0
