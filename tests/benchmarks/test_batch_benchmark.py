@@ -19,16 +19,14 @@ from prefect_robomaker.tasks.jobs.job_runs import launcher
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-JOBS = 50
 WORKERS = 2
 
 
-def _plan(folder: Path, number: int, duration_s: float = 1.0) -> RunPlan:
+def _plan(folder: Path, number: int, **variables: str) -> RunPlan:
     work, output = folder / str(number) / "work", folder / str(number) / "output"
     work.mkdir(parents=True)
     output.mkdir()
     applications = BUNDLES / "sleeper"
-    variables = {"DURATION_S": str(duration_s)}
     return RunPlan(
         job_id=f"sim-{number:012d}",
         job_arn=f"arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-{number:012d}",
@@ -51,12 +49,22 @@ def _plan(folder: Path, number: int, duration_s: float = 1.0) -> RunPlan:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize(
+    ("jobs", "variables"),
+    [(50, {"DURATION_S": "1"}), (200, {"DURATION_S": "2", "COMPUTES": "1"})],
+    ids=["that wait", "that compute"],
+)
 def test_a_batch_against_a_plain_pool(
-    service: Service, order: Callable[..., dict[str, Any]], prefect_server: str, tmp_path: Path
+    jobs: int,
+    variables: dict[str, str],
+    service: Service,
+    order: Callable[..., dict[str, Any]],
+    prefect_server: str,
+    tmp_path: Path,
 ) -> None:
     launcher().start()
-    plans = [_plan(tmp_path / "plain", number) for number in range(JOBS)]
+    plans = [_plan(tmp_path / "plain", number, **variables) for number in range(jobs)]
 
     started = time.perf_counter()
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -64,7 +72,7 @@ def test_a_batch_against_a_plain_pool(
     plain_s = time.perf_counter() - started
     shutil.rmtree(tmp_path / "plain")
 
-    requests = [order({"DURATION_S": "1"}) for _ in range(JOBS)]
+    requests = [order(variables) for _ in range(jobs)]
     batch = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": WORKERS}}
     arn = call("StartSimulationJobBatch", batch, service)["arn"]
     started = time.perf_counter()
@@ -73,10 +81,35 @@ def test_a_batch_against_a_plain_pool(
     batch_s = time.perf_counter() - started
 
     assert {outcome.status for outcome in outcomes} == {"Completed"}
-    assert [job["status"] for job in ended["createdRequests"]] == ["Completed"] * JOBS
+    assert [job["status"] for job in ended["createdRequests"]] == ["Completed"] * jobs
     print(
-        f"\n{JOBS} jobs of 1 s, {WORKERS} at a time: plain pool {plain_s:.1f} s, batch {batch_s:.1f} s, "
+        f"\n{jobs} jobs of {variables}, {WORKERS} at a time: plain pool {plain_s:.1f} s, batch {batch_s:.1f} s, "
         f"ratio {batch_s / plain_s:.2f}"
+    )
+
+
+MANY_JOBS, MANY_AT_ONCE = 1000, 16
+
+
+@pytest.mark.benchmark
+@pytest.mark.timeout(1200)
+def test_what_a_job_costs_its_coordinator(
+    service: Service, order: Callable[..., dict[str, Any]], prefect_server: str
+) -> None:
+    """CPU of the one process that runs the batch: jobs and Prefect's server are other processes."""
+    requests = [order({"DURATION_S": "1"}) for _ in range(MANY_JOBS)]
+    batch = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": MANY_AT_ONCE}}
+    arn = call("StartSimulationJobBatch", batch, service)["arn"]
+    many = replace(service, settings=service.settings.model_copy(update={"max_jobs": MANY_AT_ONCE}))
+    began, began_cpu = time.perf_counter(), time.process_time()
+    with many.activated():
+        ended = find_perform_flow("StartSimulationJobBatch")(arn)
+    wall_s, cpu_s = time.perf_counter() - began, time.process_time() - began_cpu
+
+    assert {job["status"] for job in ended["createdRequests"]} == {"Completed"}
+    print(
+        f"\n{MANY_JOBS} jobs of 1 s, {MANY_AT_ONCE} at a time: {wall_s:.1f} s, the coordinator's CPU "
+        f"{cpu_s:.1f} s, {cpu_s / MANY_JOBS * 1000:.0f} ms a job"
     )
 
 
@@ -91,7 +124,7 @@ def test_a_batch_on_two_machines_of_a_cluster_against_a_plain_pool(
 ) -> None:
     """Jobs of two seconds, that wait: all servers and machines share the cores here."""
     launcher().start()
-    plans = [_plan(tmp_path / "plain", number, 2.0) for number in range(ELSEWHERE_JOBS)]
+    plans = [_plan(tmp_path / "plain", number, DURATION_S="2") for number in range(ELSEWHERE_JOBS)]
     started = time.perf_counter()
     with ThreadPoolExecutor(WORKERS) as pool:
         list(pool.map(lambda plan: launcher().run(plan, lambda: None), plans))

@@ -62,6 +62,31 @@ def test_jobs_that_wait(
     )
 
 
+@pytest.mark.benchmark
+@pytest.mark.timeout(900)
+def test_two_machines_against_one(
+    service: Service, prefect_server: str, order: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    """Each machine has one slot."""
+    pool = deployed_pool(service.settings, prefect_server, tmp_path)
+    elsewhere = replace(service, backend=open_backend(f"workers:{pool.name}"))
+    asked = {
+        "createSimulationJobRequests": [order({"DURATION_S": str(JOB_S)}) for _ in range(JOBS)],
+        "batchPolicy": {"maxConcurrency": AT_ONCE},
+    }
+    with pool.machine("first"):
+        one, batch = perform(asked, elsewhere)
+        pool.ended(batch)
+        with pool.machine("second"):
+            time.sleep(20)  # until it looks for runs
+            two, _ = perform(asked, elsewhere)
+    service.catalog.close()
+    print(
+        f"{JOBS} jobs of {JOB_S} s: one machine {one.jobs_s:.1f} s, two {two.jobs_s:.1f} s, "
+        f"{one.jobs_s / two.jobs_s:.2f} times as fast; whole batches {one.whole_s:.1f} s and {two.whole_s:.1f} s"
+    )
+
+
 class Took(NamedTuple):
     """How long a batch took."""
 
