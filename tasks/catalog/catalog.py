@@ -350,11 +350,7 @@ class Catalog(CatalogLeases, CatalogRollouts):
         Raises:
             ResourceNotFoundException: there is no such resource.
         """
-        with self._transaction(self._engine) as connection:
-            asked = connection.scalar(select(resources.c.cancel_requested).where(resources.c.arn == arn))
-        if asked is None:
-            raise not_found(arn)
-        return bool(asked)
+        return self.standing(arn)[1]
 
 
 def _changed(document: Stored, change: Change) -> Stored:
