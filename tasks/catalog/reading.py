@@ -15,8 +15,8 @@ from .queries import COLUMNS, list_query, not_found, one_row, only_members, reso
 from .records import Page, Resource
 from .tables import resources
 
+# Made once: each job asks ten times a second, and making a statement costs too.
 _STANDING = select(resources.c.status, resources.c.cancel_requested).where(resources.c.arn == bindparam("of"))
-# Made once: each job asks ten times a second, and making and hashing a statement costs more than SQLite's answer.
 
 
 class CatalogReader:

@@ -31,6 +31,14 @@ def settings(tmp_path: Path, request: pytest.FixtureRequest) -> Settings:
     return Settings.from_environment(variables)
 
 
+def batch_of(order: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """A request for a batch of jobs that wait."""
+    return {
+        "createSimulationJobRequests": [order({"DURATION_S": str(JOB_S)}) for _ in range(JOBS)],
+        "batchPolicy": {"maxConcurrency": AT_ONCE},
+    }
+
+
 @pytest.mark.benchmark
 @pytest.mark.timeout(900)
 def test_jobs_that_wait(
@@ -43,10 +51,7 @@ def test_jobs_that_wait(
         with ThreadPoolExecutor(AT_ONCE) as threads:
             list(threads.map(time.sleep, [JOB_S] * JOBS))
         plain_s = time.monotonic() - began
-        asked = {
-            "createSimulationJobRequests": [order({"DURATION_S": str(JOB_S)}) for _ in range(JOBS)],
-            "batchPolicy": {"maxConcurrency": AT_ONCE},
-        }
+        asked = batch_of(order)
         local, _ = perform(asked, service)
         there, batch = perform(asked, replace(service, backend=open_backend(f"workers:{pool.name}")))
         starts = sorted(run.start_time for run in pool.ended(batch))
@@ -70,10 +75,7 @@ def test_two_machines_against_one(
     """Each machine has one slot."""
     pool = deployed_pool(service.settings, prefect_server, tmp_path)
     elsewhere = replace(service, backend=open_backend(f"workers:{pool.name}"))
-    asked = {
-        "createSimulationJobRequests": [order({"DURATION_S": str(JOB_S)}) for _ in range(JOBS)],
-        "batchPolicy": {"maxConcurrency": AT_ONCE},
-    }
+    asked = batch_of(order)
     with pool.machine("first"):
         one, batch = perform(asked, elsewhere)
         pool.ended(batch)
