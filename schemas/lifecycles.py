@@ -78,6 +78,7 @@ _PREPARE_ROWS: dict[tuple[SimulationJobStatus, str], SimulationJobStatus] = {
     ("Running", "prepare"): "Restarting",
     ("RunningFailed", "prepare"): "Restarting",
     ("Restarting", "prepare"): "Restarting",
+    ("Terminating", "prepare"): "Restarting",
 }
 
 SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
@@ -103,8 +104,9 @@ state on the way. Both open the phase of uploads; a job that will fail carries i
 then on. `restart` is requested by a client while the run goes on: one that ends at the same moment
 cannot `finish` any more and is run again, so no accepted restart is lost. `crash` is for
 `failureBehavior: Continue`; with `Fail` the job terminates. `prepare` may happen again, for a restart
-or after its job worker died; a job that has run before is `Restarting` meanwhile. `Terminated` is in
-the interface, but nothing published says what it meant; no event leads there.
+or after its job worker died, when its outputs died with it even after its run; a job that has run before
+is `Restarting` meanwhile. `Terminated` is in the interface, but nothing published says what it meant; no
+event leads there.
 """
 
 _BATCH_ROWS: dict[str, tuple[tuple[SimulationJobBatchStatus, ...], SimulationJobBatchStatus]] = {

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import (
-    EarlierRun,
     Outcome,
     SimulationJobDocument,
     SimulationJobProgress,
@@ -31,17 +30,17 @@ from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.job_leases import Lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
-from ..runtime.limits.run_notes import add_note
 from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
-from ..simulations.containers.cleanup import remove_containers_of_job, remove_run
+from ..simulations.containers.cleanup import remove_containers_of_job
 from ..simulations.containers.outputs import settle_containers
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.resuming import plan_to_resume, reached_s
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
-from .job_folders import KIND, clean_up_job, kept_runs, remove_abandoned_containers
+from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
+from .job_folders import KIND, clean_up_job, remove_abandoned_containers
 from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
 
 Stop = Callable[[], StopReason | None]
@@ -52,10 +51,6 @@ OnTrials = Callable[[int, int], None]
 
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _WORKER_DIED = "the job was stopped after its job worker had died"
-_DIED = "the job worker died while this run went on; the job was run again"
-_KILLED = "this run was killed while it went on; the job was run again"
-_RUNS = ("Running", "RunningFailed", "Restarting")
-"""Statuses of a job that has a run, in which code may have run."""
 
 _logger = logging.getLogger(__name__)
 
@@ -72,7 +67,8 @@ def perform_job(
 
     A job that a dead job worker left half-way goes on from the last checkpoint, when the run's folder is on this
     machine and has one; else it is run again from the start, as a new run with a folder of its own, and what the dead
-    run left here is stored as that of an earlier run, without a manifest.
+    run left here is stored as that of an earlier run, without a manifest. So is one that had come to a good end, whose
+    outputs were lost with the machine that it ran on.
 
     Args:
         arn: the job.
@@ -146,6 +142,7 @@ class JobRun:
         self._lease = lease
         self._service = service
         self._stop = stop
+        self._earlier = EarlierRuns(lease, self._outputs, self._why_stop)
         self._kills = 0  # of runs, from outside, since one came further than those before
 
     def run(self) -> None:
@@ -156,9 +153,9 @@ class JobRun:
             if next_run is _Next.GO_ON and not self._why_stop():
                 left = self._left_by_a_dead_worker()
                 if left is None:
-                    self._keep_dead_run()
+                    self._earlier.keep_dead(KILLED if self._kills else DIED)
             reason = self._why_stop()  # perhaps by now
-            if reason or self._lease.job.status == "Terminating":
+            if reason or (self._lease.job.status == "Terminating" and not self._earlier.note_lost()):
                 self.end(reason or StopReason.CANCELED)
                 return
             with own_domain(self._lease.job.arn) as ros_domain:
@@ -211,6 +208,8 @@ class JobRun:
             reason = self._why_stop()  # a stop may be what made preparing fail
             outcome = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
             self._terminate(outcome, of_run=run_id)
+        except ServiceUnavailableException as error:
+            next_run = self._after_outage(error)
         except Exception as error:  # the job has to end whatever breaks
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
@@ -218,6 +217,19 @@ class JobRun:
             if next_run is not _Next.GO_ON:
                 self._clean_up(run_id)
         return next_run
+
+    def _after_outage(self, error: ServiceUnavailableException) -> "_Next":
+        """Waits for a catalog that was away as the job was to be moved on; it goes on from where it stands there."""
+        _logger.warning("%s waits for the catalog: %s", self._lease.job.arn, error)
+        while not self._lease.lost:
+            time.sleep(self._service.timing.after_kill_s)
+            try:
+                self._lease.refreshed()
+            except ServiceUnavailableException as still:
+                _logger.debug("the catalog is still away: %s", still)
+            else:
+                return _Next.GO_ON
+        raise error
 
     def _note_attempt(self, run_id: str) -> None:
         """Notes that a run goes on; where it has come further than the last time, dead job workers count anew."""
@@ -243,6 +255,8 @@ class JobRun:
         # What an earlier run failed of, and what it was judged to be, is nothing that this one has.
         begun = SimulationJobProgress(
             run_id=run_id,
+            outcome=None,
+            finished=None,
             failure_code=None,
             failure_reason=None,
             verdict=None,
@@ -293,7 +307,7 @@ class JobRun:
         except StateConflictError:
             if self._lease.lost or self._lease.refreshed().status != "Restarting":
                 raise
-            self._keep_earlier_run(run_id, ended)
+            self._earlier.keep_restarted(run_id, ended)
             return _Next.RESTART
         self._settle(self._run_step("upload", lambda: self._published(run_id, outcome)))
         return _Next.NONE
@@ -409,65 +423,8 @@ class JobRun:
             if document.finished:
                 outputs.were_stored(self._is_stopped)
         except StorageError as error:
-            where = f"s3://{outputs.bucket}/{outputs.prefix}"
-            reason = f"the machine it ran on died before its outputs were stored in {where}: {error}"
-            return without_outputs(outcome, "InternalServiceError", reason)
+            return without_outputs(outcome, "InternalServiceError", not_stored_by_dead(outputs, error))
         return outcome.model_copy(update={"outputs": outputs.place})
-
-    def _keep_earlier_run(self, run_id: str, ended: RunOutcome) -> None:
-        """Stores what a run left that was ended for another, and notes it; the restart goes on unless it is stopped."""
-        self._keep_run(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
-
-    def _keep_dead_run(self) -> None:
-        """Stores what a run left here that died with its job worker and that none goes on with, and notes it.
-
-        Whether it had ended cannot be known any more, so it gets no manifest.
-        """
-        job, document = self._lease.job, self._document
-        run_id = document.run_id
-        if run_id is None or run_id in kept_runs(document) or job.status not in _RUNS:
-            return
-        output = self._folder(run_id) / "output"
-        if not output.is_dir():
-            return
-        settle_containers(output.parent, output)  # they do not die with a job worker
-        if not any(output.iterdir()):
-            return
-        why = _KILLED if self._kills else _DIED
-        add_note(output, why)
-        outcome = failed("InternalServiceError", why)
-        self._keep_run(run_id, outcome, restarted=job.status == "Restarting", finished=False)
-
-    def _keep_run(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
-        """Stores the outputs of a run that is not the job's last one; says in the job where they are.
-
-        One that has to end while the store does not answer has no other: this run's outputs become those of the job.
-        """
-        document = self._document
-        outputs = self._outputs(run_id)
-        place, not_stored = None, None
-        try:
-            about = {**outcome.about_run(), "restarted": restarted}
-            place = outputs.store(about, finished=finished, stopped=self._is_stopped)
-        except (StorageError, OSError) as error:
-            if self._why_stop() is not None:
-                return
-            not_stored = shorten(outputs.not_stored(error))
-            _logger.warning("%s is run again, but its %s", self._lease.job.arn, not_stored)
-        run = EarlierRun(
-            run_id=run_id,
-            started_at=document.last_started_at,
-            status=outcome.status,
-            failure_code=outcome.failure_code,
-            failure_reason=outcome.failure_reason,
-            simulation_time_millis=outcome.simulation_time_millis,
-            restarted=restarted,
-            outputs=place,
-            not_stored=not_stored,
-        )
-        self._lease.update(SimulationJobProgress(earlier_runs=[*document.earlier_runs, run]))
-        if place is not None:  # noted by now: a job worker that dies here leaves a folder, and no unknown outputs
-            remove_run(self._folder(run_id))
 
     def _clean_up(self, run_id: str) -> None:
         """Removes what is not needed any more; outputs that could not be stored stay."""

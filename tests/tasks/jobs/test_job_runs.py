@@ -234,13 +234,71 @@ def test_a_store_that_does_not_answer_for_a_moment_loses_no_outputs(
     assert sum(pauses) == 1.0
 
 
-def test_a_job_whose_outputs_are_lost_has_failed(service: Service, died_publishing: dict[str, Any]) -> None:
+def test_a_job_whose_outputs_were_lost_with_their_machine_runs_again(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
     runs_of(service, died_publishing).rename(service.folder("elsewhere") / "job")
 
     job = perform(service, died_publishing)
 
-    assert (job["status"], job["failureCode"]) == ("Failed", "InternalServiceError")
+    assert (job["status"], job.get("failureCode")) == ("Completed", None)
+    assert read_manifest(service.store, **place_of(service, job)).files
+    [lost] = service.catalog.get(job["arn"]).document["earlierRuns"]
+    assert (lost["runId"], lost["status"]) == (RUN, "Failed")
+    assert "died before its outputs were stored" in lost["notStored"]
+
+
+def test_a_job_that_failed_and_whose_outputs_are_lost_does_not_run_again(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    crash = {"status": "Failed", "failureCode": "SimulationApplicationCrash", "failureReason": "the floor gave way"}
+    service.catalog.update(died_publishing["arn"], lambda document: {**document, "ending": crash})
+    runs_of(service, died_publishing).rename(service.folder("elsewhere") / "job")
+
+    job = perform(service, died_publishing)
+
+    assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
     assert "died before its outputs were stored" in job["failureReason"]
+    assert "the floor gave way" in job["failureReason"]
+
+
+def test_a_cancelled_job_whose_outputs_are_lost_does_not_run_again(
+    service: Service, died_publishing: dict[str, Any]
+) -> None:
+    runs_of(service, died_publishing).rename(service.folder("elsewhere") / "job")
+    call("CancelSimulationJob", {"job": died_publishing["arn"]}, service)
+
+    assert "earlierRuns" not in service.catalog.get(perform(service, died_publishing)["arn"]).document
+
+
+@pytest.mark.parametrize("event", ["prepare", "start", "finish", "complete"])
+@pytest.mark.parametrize("timing", [Timing(after_kill_s=0.01)], ids=["soon again"])
+def test_a_catalog_that_is_away_as_a_job_moves_on_fails_no_job(
+    service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch, event: str
+) -> None:
+    request = order()
+    transition, get = service.catalog.transition, service.catalog.get
+    refusals = iter([ServiceUnavailableException("the database starts again")])
+    still_away = iter([ServiceUnavailableException("the database starts again")])
+
+    def at_first_not(arn: str, happened: str, **options: Any) -> Any:
+        if happened == event:
+            for refusal in refusals:
+                monkeypatch.setattr(service.catalog, "get", later)
+                raise refusal
+        return transition(arn, happened, **options)
+
+    def later(*arguments: Any, **options: Any) -> Any:
+        for refusal in still_away:
+            raise refusal
+        return get(*arguments, **options)
+
+    monkeypatch.setattr(service.catalog, "transition", at_first_not)
+
+    job = simulate(request)
+
+    assert (job["status"], job.get("failureCode")) == ("Completed", None)
+    assert next(refusals, None) is None
 
 
 def test_a_catalog_that_is_away_for_a_moment_ends_no_run(
