@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
 
 _WAIT_S = 0.5
+_ASK_S = 0.2
+"""How often the catalog is asked whether the batch is to be cancelled."""
 _INTERNAL = "InternalServiceError"
 _MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
@@ -73,6 +75,7 @@ class BatchRun:
         self._policy, self._requests = document.batch_policy, document.requests
         self._trials = BatchTrials(self._arn, self._requests, service.catalog)
         self._in_campaign = document.in_campaign
+        self._ask_again_at, self._cancelled = 0.0, False
         self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
@@ -258,11 +261,18 @@ class BatchRun:
     def _why_stop(self) -> StopReason | None:
         """Why the batch's jobs have to stop, if they have to; the first reason stays."""
         if self._stop is None:
-            if self._lease.lost or self._service.catalog.cancel_requested(self._arn):
+            if self._lease.lost or self._is_cancelled():
                 self._stop = StopReason.BATCH_CANCELED
             elif self._service.clock() >= self._deadline:
                 self._stop = StopReason.BATCH_TIMED_OUT
         return self._stop
+
+    def _is_cancelled(self) -> bool:
+        """Whether the batch is to be cancelled; all its jobs ask that all the time, and the catalog is asked once."""
+        if (now := time.monotonic()) >= self._ask_again_at:
+            self._ask_again_at = now + _ASK_S
+            self._cancelled = self._service.catalog.cancel_requested(self._arn)
+        return self._cancelled
 
     def create_job(self, index: int) -> Resource | None:
         """Turns a request into a job, once; a request that is refused for good becomes a failed one."""

@@ -91,7 +91,7 @@ class Launcher:
 
         Args:
             plan: The run. Its folders are made when they are missing.
-            stop: Asked about every 0.1 s whether to stop: None, or why.
+            stop: Asked about every 0.2 s whether to stop: None, or why.
             on_crash: Called once, with failure code and reason, when something crashed in a run whose
                 failure behaviour is `Continue`. The run goes on until it is stopped or its duration
                 limit is reached, and fails then.

@@ -12,7 +12,9 @@ DURATION_GRACE_S = 3.0
 """Time a run gets to finish its outputs when its duration limit is reached."""
 CANCEL_GRACE_S = 1.0
 """Time a canceled run gets; all of it is gone within two seconds."""
-_POLL_S = 0.1
+_POLL_S = 0.2
+"""Each time the catalog is asked: of sixteen jobs at once, twice as often took a third of their coordinator's CPU."""
+
 _KILL_TIMEOUT_S = 10.0
 
 
@@ -22,7 +24,7 @@ class StopMonitor:
     Args:
         channel: Connection to the run's supervisor.
         max_duration_s: The run's duration limit.
-        stop: Asked about every 0.1 s whether to stop it.
+        stop: Asked about every 0.2 s whether to stop it.
         on_crash: Told when something crashed and the run goes on.
         on_trials: Told now and then how many trials have finished.
         clock: Seconds.
