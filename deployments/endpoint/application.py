@@ -20,6 +20,7 @@ from .failures import Failures
 from .health import HealthPages
 from .limits import Arrivals, read_body
 from .messages import ServiceRequest
+from .metrics import Metrics
 from .origins import check_origin
 from .routes import Route, Router
 from .wire import MAX_BODY_BYTES, WireResponse, request_members
@@ -79,6 +80,7 @@ class Endpoint:
         )
         self._on_submitted = on_submitted
         self._health = HealthPages(service, worker_status, is_open=access_keys is None)
+        self._metrics = Metrics(service, access_keys, worker_status)
         self._failures = Failures(settings)
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="endpoint")
         self._arrivals = Arrivals()
@@ -107,7 +109,9 @@ class Endpoint:
         if request.method == "HEAD":
             response.body = b""
         await response(request.scope, request.receive, send)
-        log_access(request, response, time.perf_counter() - began)
+        duration_s = time.perf_counter() - began
+        self._metrics.count(request.operation, response.status_code, duration_s)
+        log_access(request, response, duration_s)
 
     async def _answer(self, request: ServiceRequest) -> Response:
         # Without either header there is no body.
@@ -140,12 +144,13 @@ class Endpoint:
         try:
             if self._authenticator is None:
                 check_origin(request)
-            if (page := self._health.answer(request)) is not None:
+            if (page := self._health.answer(request) or self._metrics.answer(request)) is not None:
                 return page
             if self._authenticator is not None:
                 self._authenticator.check(request)
             route = self._router.find(request.method, request.raw_path)
             operation = route.operation
+            request.operation = operation.name
             return self._called(route, request)
         except Exception as error:
             return self._failures.answer(error, operation, request.id)

@@ -19,6 +19,9 @@ class ServiceRequest(Request):
     content = b""
     """The body, once it is read."""
 
+    operation: str | None = None
+    """The operation that it asks for, once that is known."""
+
     def __init__(self, scope: Scope, receive: Receive) -> None:
         super().__init__(scope, receive)
         # Ids have to differ, not to be secret: no system call, after which this thread would wait for its turn again.
