@@ -1,11 +1,12 @@
 """An object store that waits while the one behind it is away."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
 from ..storage import ObjectInfo, ObjectStore, split_stored
-from ..storage.base import Stopped, never
+from ..storage.base import Stopped, UnfinishedUpload, never
 from .patience import Patience
 
 Result = TypeVar("Result")
@@ -85,6 +86,14 @@ class PatientStore:
     def delete(self, bucket: str, key: str) -> None:
         """See `ObjectStore`."""
         self.ask(bucket, lambda: self.at_once.delete(bucket, key))
+
+    def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
+        """See `ObjectStore`."""
+        return self.ask(bucket, lambda: self.at_once.unfinished_uploads(bucket, before))
+
+    def abort_upload(self, upload: UnfinishedUpload) -> None:
+        """See `ObjectStore`."""
+        self.ask(upload.bucket, lambda: self.at_once.abort_upload(upload))
 
     def uri(self, bucket: str, key: str) -> str:
         """See `ObjectStore`."""

@@ -1,7 +1,8 @@
 """The interface of all object stores."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
@@ -23,6 +24,16 @@ class ObjectInfo:
     size_bytes: int
     etag: str
     """Changes whenever the content changes; without quotes."""
+
+
+@dataclass(frozen=True)
+class UnfinishedUpload:
+    """Parts of a file that has not been uploaded to its end; no reader sees them."""
+
+    bucket: str
+    key: str
+    upload_id: str
+    began_at: datetime
 
 
 class ObjectStore(Protocol):
@@ -90,6 +101,14 @@ class ObjectStore(Protocol):
 
     def delete(self, bucket: str, key: str) -> None:
         """Removes an object; succeeds when there is none."""
+        ...
+
+    def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
+        """Uploads that began before a time and have not ended: of writers that died, or that are very slow."""
+        ...
+
+    def abort_upload(self, upload: UnfinishedUpload) -> None:
+        """Removes the parts of an upload; succeeds when there are none."""
         ...
 
     def uri(self, bucket: str, key: str) -> str:

@@ -9,8 +9,9 @@ to other disks; links below a bucket are neither objects nor folders of some: th
 import hashlib
 import os
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -23,7 +24,7 @@ from ...schemas.wire.errors import (
     StorageError,
     TransferStoppedError,
 )
-from .base import ObjectInfo, Stopped, never
+from .base import ObjectInfo, Stopped, UnfinishedUpload, never
 from .etags import etag_of, store_etag
 from .failures import os_failures
 from .folders import open_regular
@@ -151,6 +152,13 @@ class DirectoryStore:
             for folder in path.parents:
                 if folder == bucket_path or not _remove_empty(folder):
                     break
+
+    def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:  # noqa: ARG002
+        """None: what crashed writers left is removed with the next bucket that is asked for, a day later."""
+        return ()
+
+    def abort_upload(self, upload: UnfinishedUpload) -> None:
+        """Nothing to do; see `unfinished_uploads`."""
 
     def uri(self, bucket: str, key: str) -> str:
         """The object's `file:///…` URI."""

@@ -6,13 +6,14 @@ threads serve the whole process.
 
 `create_only` needs a server that honours `If-None-Match`, as AWS, SeaweedFS, MinIO and versitygw do.
 An uploader that is killed leaves the parts of large files at the server, where no client sees or needs
-them: let a lifecycle rule of the bucket abort incomplete multipart uploads.
+them: `robomaker fsck --mend` aborts such uploads, and so does a lifecycle rule of the bucket.
 """
 
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing
+from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, Protocol, TypedDict, cast
@@ -32,7 +33,7 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
     TransferStoppedError,
 )
-from .base import ObjectInfo, Stopped, never
+from .base import ObjectInfo, Stopped, UnfinishedUpload, never
 from .checksums import compare, crc32_of, has_content, measure
 from .naming import check_bucket, check_key, check_prefix
 from .parallel import WORKERS, run_all
@@ -71,6 +72,14 @@ class _Entry(TypedDict):
     Key: str
     Size: int
     ETag: str
+
+
+class _Upload(TypedDict):
+    """The same of an upload in parts."""
+
+    Key: str
+    UploadId: str
+    Initiated: datetime
 
 
 class S3Store:
@@ -238,6 +247,27 @@ class S3Store:
         _check(bucket, key)
         with self._failures(f"delete {bucket}/{key}"):
             self._client.delete_object(Bucket=bucket, Key=key)
+
+    def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
+        """Uploads in parts that began before a time and have not ended."""
+        check_bucket(bucket)
+        with self._failures(f"list unfinished uploads to {bucket}"):
+            pages = self._client.get_paginator("list_multipart_uploads").paginate(Bucket=bucket)
+            return [
+                UnfinishedUpload(bucket, each["Key"], each["UploadId"], each["Initiated"])
+                for page in pages
+                for each in cast("Sequence[_Upload]", page.get("Uploads", ()))
+                if each["Initiated"] < before
+            ]
+
+    def abort_upload(self, upload: UnfinishedUpload) -> None:
+        """Removes the parts of an upload; succeeds when there are none."""
+        with self._failures(f"abort the upload of {upload.bucket}/{upload.key}"):
+            try:
+                self._client.abort_multipart_upload(Bucket=upload.bucket, Key=upload.key, UploadId=upload.upload_id)
+            except ClientError as error:
+                if _code(error) != "NoSuchUpload":
+                    raise
 
     def uri(self, bucket: str, key: str) -> str:
         """The object's `s3://…` URI."""

@@ -13,7 +13,8 @@ from .naming import join_key
 from .parallel import run_all
 from .publication import MANIFEST_NAME, read_manifest
 
-_NEXT_NAME = "manifest.next.json"
+NEXT_NAME = "manifest.next.json"
+"""What will be the manifest, while files are removed."""
 
 
 def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
@@ -37,13 +38,33 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
         after = thinned(before, keep)
         if after == before:
             return
-        store.put_bytes(bucket, join_key(prefix, _NEXT_NAME), _written(after))
+        store.put_bytes(bucket, join_key(prefix, NEXT_NAME), _written(after))
+    _remove_rest(store, bucket, prefix, after)
+
+
+def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
+    """Finishes an interrupted call of `thin`; does nothing if there is none.
+
+    Args:
+        store: where.
+        bucket: where.
+        prefix: the prefix of that call.
+
+    Raises:
+        StorageError: something cannot be removed; calling it again goes on.
+    """
+    if (after := _prepared(store, bucket, prefix)) is not None:
+        _remove_rest(store, bucket, prefix, after)
+
+
+def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
+    """Removes what a manifest does not name, and puts it in its place."""
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
-    stay = {join_key(prefix, name) for name in (_NEXT_NAME, *(file.path for file in after.files))}
+    stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
     run_all(lambda key: store.delete(bucket, key), gone)
     store.put_bytes(bucket, join_key(prefix, MANIFEST_NAME), _written(after))
-    store.delete(bucket, join_key(prefix, _NEXT_NAME))
+    store.delete(bucket, join_key(prefix, NEXT_NAME))
 
 
 def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
@@ -69,7 +90,7 @@ def removed_before(manifest: Manifest) -> tuple[int, int]:
 def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
     """What an interrupted call prepared."""
     try:
-        return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, _NEXT_NAME)))
+        return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
     except ObjectNotFoundError:
         return None
 

@@ -1,0 +1,189 @@
+"""Checks the catalog against the object store, and mends what can be mended.
+
+Nothing that may be the only copy of something is removed: what is lost is told, and a backup or another run cures it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import timedelta
+from functools import partial
+
+from ...schemas.reports.consistency import ConsistencyReport, Finding, Problem
+from ...schemas.wire.errors import (
+    ObjectNotFoundError,
+    RobomakerError,
+    StorageError,
+    StorageUnavailableError,
+)
+from ..catalog import Resource
+from ..jobs.kept_outputs import find_kept, store_kept
+from ..service.service import Service
+from ..storage.parallel import run_all
+from ..storage.thinning import finish_thinning
+from .published_folders import compare_folder
+from .stored_things import JOB, KINDS, Folder, Single, stored_of
+
+UNFINISHED_AFTER = timedelta(days=1)
+"""Parts of an upload that began before are nobody's any more: no upload takes that long."""
+
+_PAGE = 200
+_JOBS = "simulation-jobs/"
+"""What keys of outputs begin with in the service's own bucket."""
+
+_AGAIN = {
+    "simulation-job": "restore the bucket from a backup, or run the job again",
+    "world": "restore the bucket from a backup, or generate the world again: its template and seed make the same one",
+    "world-export-job": "restore the bucket from a backup, or export the worlds again",
+}
+
+
+def check_consistency(service: Service, *, read_content: bool = False, mend: bool = False) -> ConsistencyReport:
+    """Compares what the catalog says is stored with what is.
+
+    Jobs that go on are looked at when they have ended.
+
+    Args:
+        service: what is checked.
+        read_content: whether every object is read and its SHA-256 compared; else sizes are.
+        mend: whether to store what is on this machine only, finish removals, and remove parts of old uploads.
+
+    Raises:
+        StorageUnavailableError: the object store does not answer.
+        ServiceUnavailableException: the catalog does not.
+    """
+    return _Check(service, read_content=read_content, mend=mend).run()
+
+
+@dataclass
+class _Check:
+    service: Service
+    read_content: bool
+    mend: bool
+    buckets: set[str] = field(default_factory=set[str])
+
+    def run(self) -> ConsistencyReport:
+        """Checks everything."""
+        self.buckets.add(self.service.settings.bucket)
+        checked = [each for page in self._pages() for each in run_all(self._checked, page)]
+        findings = [finding for _, _, found in checked for finding in found]
+        return ConsistencyReport(
+            read_content=self.read_content,
+            resources=len(checked),
+            objects=sum(objects for objects, _, _ in checked),
+            size_bytes=sum(size_bytes for _, size_bytes, _ in checked),
+            findings=[*findings, *self._only_here(), *self._half_uploaded(), *self._unknown()],
+        )
+
+    def _pages(self) -> Iterator[Sequence[Resource]]:
+        after = None
+        while True:
+            page = self.service.catalog.list(KINDS, limit=_PAGE, after=after, scope="fsck")
+            yield page.resources
+            if (after := page.next_token) is None:
+                return
+
+    def _checked(self, resource: Resource) -> tuple[int, int, list[Finding]]:
+        """Checks one resource: objects, their size, findings."""
+        objects, size_bytes, findings = 0, 0, list[Finding]()
+        for thing in stored_of(resource):
+            bucket = thing.place.bucket if isinstance(thing, Folder) else thing.bucket
+            self.buckets.add(bucket)
+            try:
+                if isinstance(thing, Folder):
+                    compared = compare_folder(thing.place, self.service.store, read_content=self.read_content)
+                    objects, size_bytes = objects + compared.objects, size_bytes + compared.size_bytes
+                    findings += [
+                        self._mended(self._finding(resource, each.problem, bucket, each.key, each.detail), thing)
+                        for each in compared.flaws
+                    ]
+                else:
+                    size_bytes += self.service.store.head(thing.bucket, thing.key).size_bytes
+                    objects += 1
+            except StorageUnavailableError:
+                raise
+            except ObjectNotFoundError as error:
+                findings.append(self._finding(resource, Problem.MISSING, bucket, _key(thing), str(error)))
+            except StorageError as error:
+                findings.append(self._finding(resource, Problem.UNREADABLE, bucket, _key(thing), str(error)))
+        return objects, size_bytes, findings
+
+    def _finding(self, resource: Resource, problem: Problem, bucket: str, key: str, detail: str) -> Finding:
+        remedy = _AGAIN[resource.kind]
+        if problem is Problem.UNREADABLE:
+            remedy = "let the credentials of this machine read the bucket, and check again"
+        elif problem is Problem.HALF_REMOVED:
+            remedy = "`robomaker fsck --mend` finishes it"
+        where = self.service.store.uri(bucket, key)
+        return Finding(problem=problem, resource=resource.arn, where=where, detail=detail, remedy=remedy)
+
+    def _mended(self, finding: Finding, folder: Folder) -> Finding:
+        """The finding, after its removal was finished where that is what it is about and wanted."""
+        if not self.mend or finding.problem is not Problem.HALF_REMOVED:
+            return finding
+        place = folder.place
+        return _done(finding, partial(finish_thinning, self.service.store, place.bucket, place.prefix))
+
+    def _only_here(self) -> Iterator[Finding]:
+        """Outputs on this machine of jobs that have ended."""
+        for kept in find_kept(self.service):
+            finding = Finding(
+                problem=Problem.ONLY_HERE,
+                resource=kept.job.arn,
+                where=str(kept.output_dir),
+                detail="they could not be stored when the run ended",
+                remedy="`robomaker fsck --mend` or `robomaker upload --kept` stores them",
+            )
+            yield _done(finding, partial(store_kept, kept, self.service)) if self.mend else finding
+
+    def _half_uploaded(self) -> Iterator[Finding]:
+        """Parts of large files whose uploads ended in the midst."""
+        before = self.service.clock() - UNFINISHED_AFTER
+        for bucket in sorted(self.buckets):
+            try:
+                uploads = self.service.store.unfinished_uploads(bucket, before)
+            except StorageUnavailableError:
+                raise
+            except StorageError:  # one that is missing was told with what should be in it
+                continue
+            for upload in uploads:
+                finding = Finding(
+                    problem=Problem.HALF_UPLOADED,
+                    where=self.service.store.uri(bucket, upload.key),
+                    detail=f"the upload began {upload.began_at:%Y-%m-%d %H:%M} UTC and never ended",
+                    remedy="`robomaker fsck --mend` removes its parts",
+                )
+                yield _done(finding, partial(self.service.store.abort_upload, upload)) if self.mend else finding
+
+    def _unknown(self) -> Iterator[Finding]:
+        """Outputs in the service's own bucket of jobs that the catalog does not know."""
+        bucket = self.service.settings.bucket
+        try:
+            keys = [info.key for info in self.service.store.list(bucket, _JOBS)]
+        except StorageUnavailableError:
+            raise
+        except StorageError:
+            return
+        ids = sorted({parts[1] for key in keys if len(parts := key.split("/")) > 2})
+        known = self.service.catalog.get_many([self.service.arn(JOB, each) for each in ids])
+        for each in ids:
+            if self.service.arn(JOB, each) not in known:
+                yield Finding(
+                    problem=Problem.UNKNOWN,
+                    where=self.service.store.uri(bucket, f"{_JOBS}{each}"),
+                    detail="no job of this catalog has this id; another catalog may share the bucket",
+                )
+
+
+def _key(thing: Folder | Single) -> str:
+    return thing.key if isinstance(thing, Single) else thing.place.prefix
+
+
+def _done(finding: Finding, mend: partial[object]) -> Finding:
+    """The finding, mended; what goes wrong is told in it, and the check goes on."""
+    try:
+        mend()
+    except StorageUnavailableError:
+        raise
+    except (RobomakerError, OSError) as error:
+        return finding.model_copy(update={"detail": f"{finding.detail}; it could not be mended: {error}"})
+    return finding.model_copy(update={"mended": True})
