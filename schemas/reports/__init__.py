@@ -7,6 +7,7 @@ May import: `schemas` (exit codes), `schemas.runs`, `schemas.wire`.
 __all__ = [
     "changes",
     "comparison",
+    "consistency",
     "forecast",
     "history",
     "inputs",

@@ -18,13 +18,13 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..jobs.kept_outputs import find_kept, store_kept
 from ..service.service import Service
+from ..storage import finish_thinning
 from ..storage.parallel import run_all
-from ..storage.thinning import finish_thinning
 from .published_folders import compare_folder
 from .stored_things import JOB, KINDS, Folder, Single, stored_of
 
 UNFINISHED_AFTER = timedelta(days=1)
-"""Parts of an upload that began before are nobody's any more: no upload takes that long."""
+"""Parts of an upload that began before belong to no upload that goes on: none takes that long."""
 
 _PAGE = 200
 _JOBS = "simulation-jobs/"

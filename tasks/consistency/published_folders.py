@@ -10,9 +10,8 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.reports.consistency import Problem
 from ...schemas.runs.manifest import ManifestFile
 from ...schemas.wire.errors import ObjectNotFoundError
-from ..storage import MANIFEST_NAME, ObjectStore, read_manifest
+from ..storage import MANIFEST_NAME, NEXT_NAME, ObjectStore, read_manifest
 from ..storage.naming import join_key
-from ..storage.thinning import NEXT_NAME
 
 
 @dataclass(frozen=True)

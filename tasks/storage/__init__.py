@@ -8,19 +8,22 @@ from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
 from .publication import MANIFEST_NAME, fetch, publish, read_manifest, split_stored, store_unfinished, unpublish
-from .thinning import removed_before, thin
+from .thinning import NEXT_NAME, finish_thinning, removed_before, thin
 
 __all__ = [
     "MANIFEST_NAME",
+    "NEXT_NAME",
     "ArchiveLimits",
     "ObjectInfo",
     "ObjectStore",
     "base",
     "fetch",
+    "finish_thinning",
     "folders",
     "naming",
     "open_store",
     "pack_tar_gz",
+    "parallel",
     "publish",
     "read_manifest",
     "removed_before",

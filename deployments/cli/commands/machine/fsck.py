@@ -8,8 +8,13 @@ Jobs may go on meanwhile. Nothing is changed without --mend, and nothing that ma
 import argparse
 import os
 import sys
+from collections import Counter
+from typing import TYPE_CHECKING
 
 from ...arguments import add_output
+
+if TYPE_CHECKING:
+    from .....schemas.reports.consistency import ConsistencyReport, Finding
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +35,6 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
     from .....tasks.consistency.checking import check_consistency
     from .....tasks.service.service import Service
-    from ...output.consistency import report_lines
 
     service = Service.open(Settings.from_environment(os.environ))
     try:
@@ -40,5 +44,45 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.output == "json":
         sys.stdout.write(report.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
-        sys.stdout.write("\n".join(report_lines(report)) + "\n")
+        sys.stdout.write("\n".join(_report_lines(report)) + "\n")
     return 3 if report.open_findings else 0
+
+
+def _report_lines(report: "ConsistencyReport") -> list[str]:
+    """The answer, line by line."""
+    from rich.filesize import decimal
+
+    lines = [line for finding in report.findings for line in _lines(finding)]
+    objects = f"{report.objects} {'object' if report.objects == 1 else 'objects'} of {report.resources}"
+    resources = "resource" if report.resources == 1 else "resources"
+    how = "content compared" if report.read_content else "sizes compared, content with --read-content"
+    lines.append(f"Checked {objects} {resources}, {decimal(report.size_bytes)}; {how}.")
+    lines.append(_conclusion(report))
+    return lines
+
+
+def _lines(finding: "Finding") -> list[str]:
+    mark = "mended" if finding.mended else finding.problem.value
+    lines = [f"{mark}: {finding.where}"]
+    if finding.resource is not None:
+        lines.append(f"  of {finding.resource.split(':', 5)[-1]}")
+    if finding.detail:
+        lines.append(f"  {finding.detail}")
+    if finding.remedy and not finding.mended:
+        lines.append(f"  {finding.remedy}")
+    return lines
+
+
+def _conclusion(report: "ConsistencyReport") -> str:
+    from .....schemas.reports.consistency import LOSSES
+
+    left = report.open_findings
+    mended = sum(finding.mended for finding in report.findings)
+    done = f"Mended {mended}. " if mended else ""
+    if not left:
+        return f"{done}Catalog and object store agree."
+    counts = Counter(finding.problem.value for finding in left)
+    lost = sum(finding.problem in LOSSES for finding in left)
+    words = ", ".join(f"{count} {problem}" for problem, count in counts.items())
+    told = f"; {lost} of them only a backup or another run brings back" if lost else ""
+    return f"{done}{len(left)} {'problem is' if len(left) == 1 else 'problems are'} left: {words}{told}."
