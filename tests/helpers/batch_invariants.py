@@ -12,7 +12,8 @@ _KILLED = r"3 job workers died, one after the other|each of 3 attempts was kille
 
 _HELD = """
     SELECT id FROM resources
-    WHERE (arn = %s OR parent = %s) AND lease_owner IS NOT NULL AND lease_expires_at > extract(epoch FROM now()) * 1000000
+    WHERE (arn = %s OR parent = %s) AND lease_owner IS NOT NULL
+    AND lease_expires_at > extract(epoch FROM now()) * 1000000
 """
 
 

@@ -82,7 +82,8 @@ def test_a_dump_of_postgresql_restores_the_catalog(
     on_postgres = Service.open(settings.model_copy(update={"catalog_url": postgres_database}), {})
     request = order()
     for kind, name in (("robot-application", "watcher"), ("simulation-application", "sleeper")):
-        assert (application := service.catalog.find(kind, name)) is not None
+        application = service.catalog.find(kind, name)
+        assert application is not None
         on_postgres.catalog.create(application, token=None)
     arn = call("CreateSimulationJob", request, on_postgres)["arn"]
     assert registry()["CreateSimulationJob"].perform(arn, on_postgres)["status"] == "Completed"
