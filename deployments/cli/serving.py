@@ -8,12 +8,13 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError
 from ...tasks.service.home import prepare_home
-from ..endpoint.access_keys import read_access_keys
+from ..endpoint.calling.access_keys import AccessKey, read_access_keys
 from ..endpoint.origins import is_loopback
 from ..endpoint.tls import TlsFiles
 from ..service_model.installation import data_path
@@ -49,7 +50,7 @@ def serve(arguments: argparse.Namespace) -> int:
 def _serve(
     arguments: argparse.Namespace,
     settings: Settings,
-    access_keys: Mapping[str, str] | None,
+    access_keys: Mapping[str, AccessKey] | None,
     tls: TlsFiles | None,
     about: dict[str, Any],
 ) -> None:
@@ -75,7 +76,7 @@ def _serve(
 def _run_server(
     arguments: argparse.Namespace,
     settings: Settings,
-    access_keys: Mapping[str, str] | None,
+    access_keys: Mapping[str, AccessKey] | None,
     tls: TlsFiles | None,
     about: dict[str, Any],
     on_submitted: Callable[[str], None],
@@ -85,6 +86,7 @@ def _run_server(
     from ...tasks.service.service import Service
     from ..endpoint.access_log import write_access_log
     from ..endpoint.application import make_application
+    from ..endpoint.calling.audit_log import AuditLog
     from ..endpoint.server import run_server
     from ..robots.mounting import RobotsBeside
 
@@ -96,7 +98,10 @@ def _run_server(
         on_submitted(arn)
         application.wake()
 
-    endpoint = make_application(service, access_keys=access_keys, on_submitted=tell, worker_status=worker_status)
+    audit_log = AuditLog(Path(arguments.audit_log), service.clock) if arguments.audit_log else None
+    endpoint = make_application(
+        service, access_keys=access_keys, on_submitted=tell, worker_status=worker_status, audit_log=audit_log
+    )
     application = RobotsBeside(endpoint, service)
 
     def announce(port: int) -> None:

@@ -15,7 +15,11 @@ from ...schemas.wire.operation_shape import OperationShape
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from .access_log import log_access
-from .authentication import Authenticator
+from .calling.access_keys import AccessKey
+from .calling.audit_log import AuditLog, Call
+from .calling.authentication import Authenticator, Signer
+from .calling.replays import is_repeatable
+from .calling.scopes import check_resources, check_scope, named_resources, only_visible
 from .failures import Failures
 from .health import HealthPages
 from .limits import Arrivals, read_body
@@ -42,20 +46,22 @@ def ignore(arn: str) -> None:
 def make_application(
     service: Service,
     *,
-    access_keys: Mapping[str, str] | None = None,
+    access_keys: Mapping[str, AccessKey] | None = None,
     on_submitted: Callable[[str], None] = ignore,
     worker_status: Callable[[], Mapping[str, object]] = dict,
+    audit_log: AuditLog | None = None,
 ) -> ASGIApp:
     """Makes the application that serves every operation over HTTP.
 
     Args:
         service: where the operations happen.
-        access_keys: secret access keys by id; `None`: requests need no signature, and web pages are refused.
+        access_keys: access keys by id; `None`: requests need no signature, and web pages are refused.
         on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
             several threads, before the client has its answer.
         worker_status: what the health page shows of the job worker; plain JSON.
+        audit_log: is told of every call of an operation, also of refused ones.
     """
-    return Endpoint(service, access_keys, on_submitted, worker_status)
+    return Endpoint(service, access_keys, on_submitted, worker_status, audit_log)
 
 
 class Endpoint:
@@ -64,9 +70,10 @@ class Endpoint:
     def __init__(
         self,
         service: Service,
-        access_keys: Mapping[str, str] | None,
+        access_keys: Mapping[str, AccessKey] | None,
         on_submitted: Callable[[str], None],
         worker_status: Callable[[], Mapping[str, object]],
+        audit_log: AuditLog | None,
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None
@@ -78,6 +85,7 @@ class Endpoint:
         self._authenticator = (
             None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
         )
+        self._audit_log = audit_log
         self._on_submitted = on_submitted
         self._health = HealthPages(service, worker_status, is_open=access_keys is None)
         self._metrics = Metrics(service, access_keys, worker_status)
@@ -141,25 +149,44 @@ class Endpoint:
     def _answer_request(self, request: ServiceRequest) -> Response:
         """Answers a request; in a thread of its own, since operations wait for the database."""
         operation: OperationShape | None = None
+        call = Call(request.id, request.client.host if request.client else None)
         try:
             if self._authenticator is None:
                 check_origin(request)
             if (page := self._health.answer(request) or self._metrics.answer(request)) is not None:
                 return page
-            if self._authenticator is not None:
-                self._authenticator.check(request)
+            signer = self._authenticator.check(request) if self._authenticator is not None else None
+            call.key = signer and signer.key
             route = self._router.find(request.method, request.raw_path)
             operation = route.operation
-            request.operation = operation.name
-            return self._called(route, request)
+            request.operation = call.operation = operation.name
+            answer = self._called(route, request, signer, call)
         except Exception as error:
-            return self._failures.answer(error, operation, request.id)
+            answer = self._failures.answer(error, operation, request.id)
+            call.outcome = answer.headers["x-amzn-errortype"]
+        if self._audit_log is not None:
+            self._audit_log.write(call)
+        return answer
 
-    def _called(self, route: Route, request: ServiceRequest) -> Response:
-        members = self._operations[route.operation.name].answer(request_members(route, request), self._service)
-        if route.operation.is_job:
-            self._tell(members["arn"], request.id)
-        return WireResponse(members)
+    def _called(self, route: Route, request: ServiceRequest, signer: Signer | None, call: Call) -> Response:
+        shape, catalog, key = route.operation, self._service.catalog, signer and signer.key
+        operation = self._operations[shape.name]
+        if key is not None:
+            check_scope(key, shape.name)
+        members = request_members(route, request)
+        if signer is not None and self._authenticator is not None:
+            self._authenticator.use(signer, repeatable=is_repeatable(shape.name, members))
+        checked = operation.checked(members, self._service)
+        if key is not None or self._audit_log is not None:
+            wire = checked.to_wire()
+            call.resources = list(named_resources(wire))
+            if key is not None:
+                check_resources(key, shape, wire, catalog)
+        answer = operation.handle(checked, self._service)
+        call.resources = [*filter(None, [answer.get("arn")]), *call.resources]
+        if shape.is_job:
+            self._tell(answer["arn"], request.id)
+        return WireResponse(answer if key is None else only_visible(key, shape, answer, catalog))
 
     def _tell(self, arn: str, request_id: str) -> None:
         try:

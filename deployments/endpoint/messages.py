@@ -95,7 +95,7 @@ class MethodNotAllowedException(UnknownOperationException):
 
 
 class AccessDeniedException(ProtocolError):
-    """The request comes from a web page."""
+    """The request comes from a web page, or its access key is not good for it."""
 
     status = 403
 

@@ -18,6 +18,7 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.messages import ProtocolError
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.operation_shape import OperationShape
@@ -111,7 +112,7 @@ def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
         "resourceArn": [template, *jobs, fleet, rover, world, *applications],
         "template": [template],
     }
-    guarded = Client(make_application(service, access_keys={"known": "secret"}))
+    guarded = Client(make_application(service, access_keys={"known": AccessKey("known", "secret")}))
     yield Target(service, client, guarded, known)
     client.close()
     guarded.close()

@@ -104,6 +104,7 @@ def load(
 def main() -> None:
     """Serves until it is told to stop; prints the port."""
     from prefect_robomaker.deployments.endpoint.application import make_application
+    from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
     from prefect_robomaker.deployments.endpoint.server import run_server
     from prefect_robomaker.tasks.service.service import Service
 
@@ -118,7 +119,9 @@ def main() -> None:
         application: Any = Starlette(routes=[Route("/{path:path}", constant, methods=["POST"])])
     else:
         service = Service.open(Settings.from_environment(os.environ))
-        application = make_application(service, access_keys=json.loads(os.environ[KEYS]))
+        given = json.loads(os.environ[KEYS])
+        keys = given and {key: AccessKey(key, secret) for key, secret in given.items()}
+        application = make_application(service, access_keys=keys)
     run_server(application, "127.0.0.1", 0, ready=lambda port: print(port, flush=True))
 
 

@@ -30,6 +30,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="simulation jobs at once, those of batches too (default: number of CPUs)",
     )
     parser.add_argument("--log-requests", action="store_true", help="write a line for each request to standard error")
+    parser.add_argument("--audit-log", metavar="FILE", help="add a line of JSON for each call: who, what, how it ended")
     add_output(parser, "text", "json")
 
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.deployments.endpoint.access_keys import read_access_keys
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey, read_access_keys
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
@@ -23,8 +23,35 @@ def test_every_pair_of_keys_counts(tmp_path: Path, caplog: pytest.LogCaptureFixt
         "[profile bob]\naws_access_key_id=AKIA2\naws_secret_access_key=two\n[empty]\nregion = us-east-1\n",
     )
 
-    assert read_access_keys(path) == {"AKIA1": SECRET, "AKIA2": "two"}
+    assert read_access_keys(path) == {
+        "AKIA1": AccessKey("AKIA1", SECRET, "alice"),
+        "AKIA2": AccessKey("AKIA2", "two", "bob"),
+    }
+    assert SECRET not in repr(read_access_keys(path))
     assert caplog.text == ""
+
+
+def test_what_a_key_is_good_for(tmp_path: Path) -> None:
+    pair = "aws_access_key_id = AKIA1\naws_secret_access_key = one\n"
+    limits = "robomaker_scope = submit\nrobomaker_names = nightly-, ci-\nrobomaker_tags = team=red\n"
+
+    key = read_access_keys(write(tmp_path, f"[ci]\n{pair}{limits}"))["AKIA1"]
+
+    assert key == AccessKey("AKIA1", "one", "ci", "submit", ("nightly-", "ci-"), ("team=red",))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("robomaker_scope = all", "robomaker_scope = all; it has to be one of read, submit, administer"),
+        ("robomaker_scopes = read", "has robomaker_scopes.*robomaker_scope"),
+        ("robomaker_names =", "robomaker_names without a value"),
+        ("robomaker_tags = ,", "robomaker_tags without a value"),
+    ],
+)
+def test_a_limit_that_is_not_understood_opens_nothing(tmp_path: Path, line: str, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        read_access_keys(write(tmp_path, f"[ci]\naws_access_key_id = A\naws_secret_access_key = b\n{line}\n"))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from botocore.awsrequest import AWSRequest
 from botocore.compat import HTTPHeaders
 from botocore.credentials import Credentials
 
-from .messages import (
+from ..messages import (
     IncompleteSignatureException,
     InvalidSignatureException,
     MissingAuthenticationTokenException,
@@ -21,6 +21,8 @@ from .messages import (
     ServiceRequest,
     UnrecognizedClientException,
 )
+from .access_keys import AccessKey
+from .replays import Replays
 
 SERVICE = "robomaker"
 MAX_CLOCK_SKEW = timedelta(minutes=5)
@@ -41,36 +43,47 @@ class Signature:
     value: str
 
 
+@dataclass(frozen=True)
+class Signer:
+    """Who signed a request, and how."""
+
+    key: AccessKey
+    signature: str
+    signed_at: datetime
+
+
 class Authenticator:
     """Checks who signed a request."""
 
-    def __init__(self, access_keys: Mapping[str, str], region: str, clock: Callable[[], datetime]) -> None:
+    def __init__(self, access_keys: Mapping[str, AccessKey], region: str, clock: Callable[[], datetime]) -> None:
         self._access_keys = access_keys
         self._region = region
         self._clock = clock
+        self._replays = Replays(MAX_CLOCK_SKEW)
 
-    def check(self, request: ServiceRequest) -> str:
+    def use(self, signer: Signer, *, repeatable: bool) -> None:
+        """Uses a signature up; `Replays.check` says what it raises."""
+        self._replays.check(signer.signature, signer.signed_at, self._clock(), repeatable=repeatable)
+
+    def check(self, request: ServiceRequest) -> Signer:
         """Finds out who signed a request.
-
-        Returns:
-            The access key's id.
 
         Raises:
             ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
         """
         signature = _parsed(request)
-        secret = self._access_keys.get(signature.access_key)
-        if secret is None:
+        key = self._access_keys.get(signature.access_key)
+        if key is None:
             raise UnrecognizedClientException(f"there is no access key {signature.access_key[:128]!r}")
         self._check_scope(signature)
         signed_at = self._check_time(request, signature)
         _check_coverage(request, signature)
         _check_payload(request)
-        if not hmac.compare_digest(_expected(request, signature, secret, signed_at), signature.value):
+        if not hmac.compare_digest(_expected(request, signature, key.secret, signed_at), signature.value):
             raise InvalidSignatureException(
                 "the signature is not the one this request has with this access key; check the secret access key"
             )
-        return signature.access_key
+        return Signer(key, signature.value, signed_at)
 
     def _check_scope(self, signature: Signature) -> None:
         for what, given, wanted in (

@@ -1,0 +1,90 @@
+"""The audit log: who did what, when, and how it ended; one JSON object per line, without anything secret.
+
+```
+{"time": "2026-01-31T12:00:00.123Z", "caller": "alice", "access_key": "AKIAEXAMPLE", "address": "10.0.0.7",
+ "operation": "CancelSimulationJob", "resources": ["arn:aws:robomaker:…"], "outcome": "ok", "request_id": "0f7a…"}
+```
+"""
+
+import json
+import logging
+import os
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from ....schemas.wire.errors import ConfigurationError
+from .access_keys import AccessKey
+
+MAX_RESOURCES = 20
+"""How many resources of a call are named; `resource_count` says how many there were."""
+
+LOGGER = logging.getLogger("robomaker.endpoint")
+
+
+@dataclass
+class Call:
+    """What is known of a request when it has been answered."""
+
+    request_id: str
+    address: str | None
+    key: AccessKey | None = None
+    """The key it was signed with; `None`: none was asked for, or the signature was refused."""
+
+    operation: str | None = None
+    resources: Sequence[str] = ()
+    outcome: str = "ok"
+    """`ok`, or the error's name."""
+
+
+class AuditLog:
+    """A file that lines are added to; several servers may share it.
+
+    Args:
+        path: the file; one that is made is its user's alone.
+        clock: the time.
+
+    Raises:
+        ConfigurationError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path, clock: Callable[[], datetime]) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        try:
+            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        except OSError as error:
+            raise ConfigurationError(
+                f"--audit-log {path}: {error.strerror}; name a file that can be written"
+            ) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._file)
+
+    def write(self, call: Call) -> None:
+        """Adds a call. One that cannot be written is named in the server's log; its answer is not held back."""
+        line = {
+            "time": self._clock().isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+            "caller": call.key and call.key.name,
+            "access_key": call.key and call.key.id,
+            "address": call.address,
+            "operation": call.operation,
+            "resources": list(call.resources[:MAX_RESOURCES]),
+            "resource_count": len(call.resources),
+            "outcome": call.outcome,
+            "request_id": call.request_id,
+        }
+        try:
+            with self._lock:
+                os.write(self._file, json.dumps(line).encode() + b"\n")
+        except OSError as error:
+            LOGGER.error("request %s is not in the audit log: %s", call.request_id, error.strerror)

@@ -1,0 +1,142 @@
+"""What an access key may call, and on which resources."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from ....schemas.wire.arns import ResourceArn
+from ....schemas.wire.errors import InvalidParameterException
+from ....schemas.wire.operation_shape import OperationShape
+from ....tasks.catalog import Catalog, Resource
+from ....tasks.service.builtin_applications import is_builtin
+from ..messages import AccessDeniedException
+from .access_keys import SCOPES, AccessKey, Scope
+
+_READS = ("Describe", "List", "Get", "BatchDescribe")
+_SUBMITTED = frozenset(
+    {
+        "CreateSimulationJob",
+        "RestartSimulationJob",
+        "CancelSimulationJob",
+        "StartSimulationJobBatch",
+        "CancelSimulationJobBatch",
+        "CreateWorldGenerationJob",
+        "CancelWorldGenerationJob",
+        "CreateWorldExportJob",
+        "CancelWorldExportJob",
+    }
+)
+_APPLICATION_KINDS = ("robot-application", "simulation-application")
+_FREE_TEXT = frozenset({"tags", "worldTags", "environmentVariables", "templateBody"})
+"""Members in which an ARN is a text of the caller's, and names nothing."""
+
+
+def needed_scope(operation: str) -> Scope:
+    """The least scope that an operation asks for."""
+    if operation.startswith(_READS):
+        return "read"
+    return "submit" if operation in _SUBMITTED else "administer"
+
+
+def check_scope(key: AccessKey, operation: str) -> None:
+    """Checks that a key may call an operation at all.
+
+    Raises:
+        AccessDeniedException: its scope does not hold it.
+    """
+    needed = needed_scope(operation)
+    if SCOPES.index(key.scope) < SCOPES.index(needed):
+        raise AccessDeniedException(
+            f"{operation} needs an access key with robomaker_scope = {needed}; this one has {key.scope}"
+        )
+
+
+def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str, Any], catalog: Catalog) -> None:
+    """Checks that all a request names, and what it makes, is within the key's names and tags.
+
+    Args:
+        key: the caller's.
+        shape: the operation.
+        request: the members of its request, which have been checked.
+        catalog: where the resources are.
+
+    Raises:
+        AccessDeniedException: something is not; whether it exists is not told.
+    """
+    if not key.is_confined:
+        return
+    named = list(named_resources(request))
+    allowed = _allowed(key, (each for each in named if each.startswith("arn:")), catalog)
+    for each in named:
+        if each not in allowed and not (not each.startswith("arn:") and _may_use(key, each, catalog)):
+            raise AccessDeniedException(f"{each!r} is not among the resources of this access key")
+    if "tags" in shape.request.model_fields and shape.name != "TagResource":
+        _check_made(key, request.get("name"), request, "")
+        for index, each in enumerate(request.get("createSimulationJobRequests") or []):
+            _check_made(key, None, each, f"createSimulationJobRequests[{index}].")
+    elif "name" in request:  # what exists gets another name
+        tags = {tag: value for each in catalog.get_many(named).values() for tag, value in each.tags.items()}
+        _check_made(key, request["name"], {"tags": tags}, "")
+
+
+def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], catalog: Catalog) -> dict[str, Any]:
+    """A list's answer without the entries that are not the key's; pages get shorter, their tokens stay."""
+    if not key.is_confined or shape.result_key is None:
+        return answer
+    entries = answer.get(shape.result_key) or []
+    allowed = _allowed(key, (entry["arn"] for entry in entries), catalog)
+    return {**answer, shape.result_key: [entry for entry in entries if entry["arn"] in allowed]}
+
+
+def named_resources(request: Any, member: str = "") -> Iterator[str]:
+    """The resources that a request names: ARNs of this service, and names of applications."""
+    if isinstance(request, Mapping):
+        for name, value in request.items():
+            if name not in _FREE_TEXT:
+                yield from named_resources(value, name)
+    elif isinstance(request, list):
+        for value in request:
+            yield from named_resources(value, member)
+    elif isinstance(request, str) and (member == "application" or _is_arn(request)):
+        yield request
+
+
+def _is_arn(text: str) -> bool:
+    if not text.startswith("arn:"):
+        return False
+    try:
+        ResourceArn.parse(text)
+    except InvalidParameterException:
+        return False
+    return True
+
+
+def _check_made(key: AccessKey, name: str | None, request: Mapping[str, Any], place: str) -> None:
+    if key.permits(name, request.get("tags") or {}):
+        return
+    ways = [f"a tag that begins with {' or '.join(key.tags)}"] if key.tags else []
+    if name is not None and key.names:
+        ways.append(f"a name that begins with {' or '.join(key.names)}")
+    wanted = " or ".join(ways) or "a tag, but the key has no robomaker_tags"
+    raise AccessDeniedException(f"{place}tags: what this access key makes has to have {wanted}")
+
+
+def _may_use(key: AccessKey, name: str, catalog: Catalog) -> bool:
+    """Whether all applications of a name are the key's or built in."""
+    found = [each for kind in _APPLICATION_KINDS if (each := catalog.find(kind, name)) is not None]
+    return bool(found) and all(_is_open(key, each) for each in found)
+
+
+def _allowed(key: AccessKey, arns: Iterable[str], catalog: Catalog) -> set[str]:
+    found = catalog.get_many(set(arns))
+    # Worlds that have no tags of their own go with the job that generated them.
+    parents = catalog.get_many({each.parent for each in found.values() if each.kind == "world" and each.parent})
+    return {
+        arn
+        for arn, each in found.items()
+        if _is_open(key, each) or (each.parent in parents and _is_open(key, parents[each.parent]))
+    }
+
+
+def _is_open(key: AccessKey, resource: Resource) -> bool:
+    named = resource.name if resource.name != resource.id else None
+    return (resource.kind in _APPLICATION_KINDS and is_builtin(resource)) or key.permits(named, resource.tags)
