@@ -6,7 +6,7 @@ arguments that several commands have. `commands/` has one module per command, `i
 `planning.py`, `job.py`, `serving.py`, `health.py`, `prefect_server.py`, `signals.py`.
 
 May import everything below `deployments` and its neighbours `endpoint`, `worker`, `sdk`, `prefect_server`,
-`dead_runs` and `calling.access_keys`. At module level it imports nothing slow: neither Prefect nor MuJoCo, so that `--help`,
+`dead_runs` and `access_keys`. At module level it imports nothing slow: neither Prefect nor MuJoCo, so that `--help`,
 `validate`, `plan` and `schema` answer at once. Its modules are imported by name; the package itself has no names.
 """
 

@@ -24,7 +24,7 @@ from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
-from ..simulations.stored_jobs import reuse_job, store_job
+from ..simulations.stored_jobs import check_references, reuse_job, store_job
 from .awaited_jobs import AwaitedJobs
 from .batch_stops import STOP_EVENTS, STOPPING
 from .batch_trials import BatchTrials
@@ -99,6 +99,8 @@ class BatchRun:
             self._note_taken_over()
         if self._service.reuses:
             self._reuse_results()
+        if not self._why_stop():
+            self._refuse_early()
         if unfinished := self._unfinished():
             try:
                 self._run_requests(unfinished)
@@ -308,6 +310,17 @@ class BatchRun:
                 if reuse_job(request, self._patient, token=token, batch=place, applications=applications):
                     self._made.add(index)
         self._report()
+
+    def _refuse_early(self) -> None:
+        """Notes the requests that name what is not there, before each of them costs a task run."""
+        applications = CurrentApplications(self._patient)
+        for index in self._waiting():
+            try:
+                check_references(self._requests[index], self._patient, applications)
+            except ServiceError as error:
+                if error.code in _FAILURE_CODES:  # anything else may pass
+                    self._fail_request(index, _FAILURE_CODES[error.code], str(error))
+        self._save_failures()
 
     def _fail_request(self, index: int, code: str, reason: str) -> None:
         """Notes that a request never becomes a job; `_save_failures` records it."""

@@ -30,6 +30,7 @@ from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.job_leases import Lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
+from ..runtime.supervision.finished_outputs import remove_verdict
 from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job
@@ -299,6 +300,8 @@ class JobRun:
             return self._after_kill(ended.failure_reason or "it was killed")
         why_stop = self._why_stop()
         outcome = outcome_of(ended, why_stop)
+        if outcome.status == "Canceled" and ended.status == "Completed":
+            remove_verdict(plan)
         if self._kills >= MAX_LOST_WORKERS and outcome.failure_reason:
             tried = f"each of {self._kills} attempts was killed"
             outcome = outcome.model_copy(update={"failure_reason": shorten(f"{tried}. {outcome.failure_reason}")})

@@ -18,6 +18,9 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
         run: how the run ended.
         stopped_because: why the job had to stop; `None` if it did not have to.
     """
+    if run.status == "Completed" and stopped_because is StopReason.CANCELED:
+        # Who cancels a job in the moment in which it ends is answered, and so finds it cancelled.
+        run = run.model_copy(update={"status": "Canceled"})
     outcome = Outcome(status=run.status)
     if run.status == "Completed" and run.verdict is not None:
         reason = shorten(run.verdict_reason) if run.verdict_reason else None

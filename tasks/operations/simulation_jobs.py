@@ -1,6 +1,6 @@
 """Simulation jobs: one robot, one world, one run."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
@@ -26,6 +26,7 @@ from ..jobs.job_runs import perform_job, stop_idle_job
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE
+from ..simulations.planning.applications import LATEST
 from ..simulations.stored_jobs import reuse_job, store_job
 from .pages import page_of
 from .registry import Answer, operation
@@ -144,12 +145,12 @@ def describe(job: Resource) -> dict[str, Any]:
         "failureReason": document.failure_reason,
         "clientRequestToken": request.get("clientRequestToken"),
         "outputLocation": request.get("outputLocation"),
-        "loggingConfig": request.get("loggingConfig"),
+        "loggingConfig": {"recordAllRosTopics": False, **request.get("loggingConfig", {})},
         "maxJobDurationInSeconds": request["maxJobDurationInSeconds"],
         "simulationTimeMillis": document.simulation_time_millis or 0,
         "iamRole": request.get("iamRole"),
-        "robotApplications": request.get("robotApplications"),
-        "simulationApplications": request.get("simulationApplications"),
+        "robotApplications": _with_defaults(request.get("robotApplications")),
+        "simulationApplications": _with_defaults(request.get("simulationApplications")),
         "dataSources": [source.to_json() for source in document.data_sources or []] or None,
         "tags": dict(job.tags),
         "vpcConfig": request.get("vpcConfig"),
@@ -171,6 +172,22 @@ def summary(job: Resource) -> dict[str, Any]:
         "dataSourceNames": [source.name for source in document.data_sources or []],
         "computeType": _compute(document.request)["computeType"],
     }
+
+
+def _with_defaults(configs: Sequence[Mapping[str, Any]] | None) -> list[dict[str, Any]] | None:
+    """Applications with what the service said of members that were not given: what holds for them."""
+    if not configs:
+        return None
+    return [
+        {
+            "applicationVersion": LATEST,
+            "uploadConfigurations": [],
+            "useDefaultUploadConfigurations": bool(config.get("uploadConfigurations")),
+            "useDefaultTools": False,
+            **config,
+        }
+        for config in configs
+    ]
 
 
 def _compute(request: Mapping[str, Any]) -> dict[str, Any]:

@@ -127,6 +127,23 @@ def job_document(
     )
 
 
+def check_references(request: Mapping[str, Any], service: Service, applications: CurrentApplications) -> None:
+    """Checks that the applications and the world of a request exist, which costs next to nothing.
+
+    Args:
+        request: the members of the order, which have been checked.
+        service: where worlds are stored.
+        applications: what applications are.
+
+    Raises:
+        ServiceError: as for `store_job`.
+    """
+    for role in _ROLES:
+        _applications(request, role, applications)
+    if (world := world_arn(request)) is not None:
+        service.catalog.get(world, kind="world")
+
+
 def _store(
     document: SimulationJobDocument,
     status: str,

@@ -49,6 +49,13 @@ APPLICATIONS = (
         known="`IdempotentParameterMismatchException` is declared, though there is no token.",
         here="It is never raised; a taken name is `ResourceAlreadyExistsException`.",
     ),
+    differs(
+        "Built-in applications",
+        _LIST,
+        known="An account that nobody had used had no applications.",
+        here="Nor are there any in its lists: `scout`, `walker` and `indoor-navigation` are there where a filter "
+        "asks for their name, and wherever an application is named.",
+    ),
     decided(
         "Another revision than the caller thinks",
         f"{_VERSION} {_UPDATE}",

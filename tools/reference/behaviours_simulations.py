@@ -129,6 +129,16 @@ SIMULATIONS = (
         "`/home/robomaker/.ros/log/**`, `ros-bags` `.ros/bag/**`, `gazebo-logs` `.gazebo/**`.",
     ),
     decided(
+        "What responses say of members that were not given",
+        f"{_JOB_REQUESTS} DescribeSimulationJob BatchDescribeSimulationJob",
+        known="A response of 2023 has `loggingConfig {recordAllRosTopics: false}`, `applicationVersion: $LATEST`, "
+        "`uploadConfigurations: []`, `useDefaultUploadConfigurations: false` and `useDefaultTools: false`; which of "
+        "them its request gave is not known.",
+        here="The same; `useDefaultUploadConfigurations` is `true` where own uploads bring the default ones along. "
+        "The recording that every run of the simulation process makes is no ROS bag: it is made unless a request "
+        "says `recordAllRosTopics: false`.",
+    ),
+    decided(
         "Where data is in a destination",
         _JOB_REQUESTS,
         known="The folder is replaced; whether keys keep their folders was not documented.",

@@ -89,7 +89,8 @@ def _access_key(path: Path, profile: str, key: str, secret: str, values: Mapping
         if member.startswith(_PREFIX) and member not in known:
             raise ConfigurationError(_advice(path, f"[{profile}] has {member}{nearest(member, known)}"))
     given = values.get(_SCOPE, "administer")
-    scope = next((each for each in SCOPES if each == given), None)
+    by_name: dict[str, Scope] = {each: each for each in SCOPES}
+    scope = by_name.get(given)
     if scope is None:
         wanted = ", ".join(SCOPES)
         raise ConfigurationError(_advice(path, f"[{profile}] has {_SCOPE} = {given}; it has to be one of {wanted}"))

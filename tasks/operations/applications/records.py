@@ -72,7 +72,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
 def list_applications(
     operation: str, role: ApplicationRole, request: ApplicationListRequest, service: Service
 ) -> tuple[list[dict[str, Any]], str | None]:
-    """A page of applications, newest first, and the token of the next.
+    """A page of applications, newest first, and the token of the next; built-in ones only where the filter names them.
 
     Raises:
         InvalidParameterException: a filter is not known, or the token is not of this list.
@@ -81,7 +81,8 @@ def list_applications(
     kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
     page: Page = page_of(operation, kinds, request, service, filters={"name": "name"}, given=request.filters)
     members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
-    described = [revision(resource) for resource in page.resources]
+    # Clients count: with the service, an account that nobody had used had no applications.
+    described = [revision(each) for each in page.resources if request.filters or not is_builtin(each)]
     return [{key: each[key] for key in members if key in each} for each in described], page.next_token
 
 

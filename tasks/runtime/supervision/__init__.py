@@ -5,4 +5,4 @@ May import: `schemas`, `tasks.runtime.agents`, `tasks.runtime.episode`, `tasks.r
 `tasks.runtime.video`.
 """
 
-__all__ = ["launcher"]
+__all__ = ["finished_outputs", "launcher"]

@@ -107,6 +107,13 @@ def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
         write_result(result.model_copy(update={"tools": list(tools)}), plan.output_dir)
 
 
+def remove_verdict(plan: RunPlan) -> None:
+    """Takes the verdict out of the result of a run that ended by itself in the moment in which it was cancelled."""
+    if (result := read_result(plan)) is not None and result.verdict != "NONE":
+        with suppress(OSError):  # an application put something in the way
+            write_result(result.unjudged(), plan.output_dir)
+
+
 def read_result(plan: RunPlan) -> RunResult | None:
     """The valid `result.json` of a run; links and other things than files are none."""
     try:

@@ -1,5 +1,6 @@
 """Cancelling simulation jobs, with real processes."""
 
+import json
 import time
 from collections.abc import Callable
 from typing import Any
@@ -51,6 +52,32 @@ def test_a_job_without_a_job_worker_ends_at_once(service: Service, order: Order)
     assert not {"failureCode", "failureReason", "lastStartedAt", "networkInterface"} & set(job)
     job_runs.perform_job(arn, service)
     assert call("DescribeSimulationJob", {"job": arn}, service) == job
+
+
+@pytest.mark.parametrize(("duration_s", "variables"), [(1, LONG), (60, {"DURATION_S": "0.2"})])
+def test_a_cancel_that_was_answered_in_the_moment_of_the_end_counts(
+    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch, duration_s: int, variables: dict[str, str]
+) -> None:
+    request = order(variables) | {"maxJobDurationInSeconds": duration_s}
+    arn = call("CreateSimulationJob", request, service)["arn"]
+    launcher = job_runs.launcher()
+
+    class CancelledAtTheEnd:
+        def run(self, *arguments: Any, **options: Any) -> Any:
+            ended = launcher.run(*arguments, **options)
+            assert ended.status == "Completed"
+            call("CancelSimulationJob", {"job": arn}, service)
+            return ended
+
+    monkeypatch.setattr(job_runs, "launcher", CancelledAtTheEnd)
+    job_runs.perform_job(arn, service)
+
+    job = call("DescribeSimulationJob", {"job": arn}, service)
+    assert (job["status"], job.get("failureCode")) == ("Canceled", None)
+    place = place_of(service, arn)
+    result = json.loads(service.store.get_bytes(place["bucket"], f"{place['prefix']}/result.json"))
+    assert result["verdict"] == "NONE"
+    assert service.catalog.get(arn).document["verdict"] is None
 
 
 def test_cancelling_a_job_that_has_ended_changes_nothing(service: Service, order: Order) -> None:

@@ -1,0 +1,78 @@
+"""What answers about simulation jobs say of members that the request did not give."""
+
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.service import Service
+
+UPLOAD = {"name": "mine", "path": "/var/log/**", "uploadBehavior": "UPLOAD_ON_TERMINATE"}
+OUTPUT = {"outputLocation": {"s3Bucket": "outputs"}}
+ROLE = "arn:aws:iam::000000000000:role/any"
+
+
+def created(service: Service, config: dict[str, Any], **members: Any) -> dict[str, Any]:
+    application = {"application": "indoor-navigation", "launchConfig": {}, **config}
+    request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "simulationApplications": [application], **members}
+    answer = call("CreateSimulationJob", request, service)
+    for described in (
+        call("DescribeSimulationJob", {"job": answer["arn"]}, service),
+        call("BatchDescribeSimulationJob", {"jobs": [answer["arn"]]}, service)["jobs"][0],
+    ):
+        assert {name: described[name] for name in answer if name != "lastUpdatedAt"} == {
+            name: value for name, value in answer.items() if name != "lastUpdatedAt"
+        }
+    return answer
+
+
+def test_the_service_s_defaults_are_told(service: Service) -> None:
+    answer = created(service, {})
+
+    assert answer["loggingConfig"] == {"recordAllRosTopics": False}
+    assert answer["simulationApplications"] == [
+        {
+            "application": "indoor-navigation",
+            "applicationVersion": "$LATEST",
+            "launchConfig": {},
+            "uploadConfigurations": [],
+            "useDefaultUploadConfigurations": False,
+            "useDefaultTools": False,
+        }
+    ]
+    assert "robotApplications" not in answer
+
+
+def test_what_was_given_is_told(service: Service) -> None:
+    assert created(service, {}, loggingConfig={"recordAllRosTopics": True})["loggingConfig"] == {
+        "recordAllRosTopics": True
+    }
+    application = created(service, {"useDefaultTools": True})["simulationApplications"][0]
+    assert application["useDefaultTools"] is True
+
+
+@pytest.mark.parametrize(("given", "told"), [({}, True), ({"useDefaultUploadConfigurations": False}, False)])
+def test_default_uploads_come_with_own_ones_unless_they_are_refused(
+    service: Service, given: dict[str, bool], told: bool
+) -> None:
+    application = created(service, {"uploadConfigurations": [UPLOAD], **given}, **OUTPUT)["simulationApplications"][0]
+
+    assert application["uploadConfigurations"] == [UPLOAD]
+    assert application["useDefaultUploadConfigurations"] is told
+
+
+def test_built_in_applications_are_listed_where_they_are_asked_for(service: Service) -> None:
+    def listed(role: str, **members: Any) -> list[str]:
+        answer = call(f"List{role}Applications", members, service)
+        return [each["name"] for each in answer[f"{role[0].lower()}{role[1:]}ApplicationSummaries"]]
+
+    def named(name: str) -> list[dict[str, Any]]:
+        return [{"name": "name", "values": [name]}]
+
+    general, uri = {"name": "General"}, {"uri": "python://rover"}
+    assert listed("Robot") == listed("Simulation") == []
+    call("CreateRobotApplication", {"name": "rover", "robotSoftwareSuite": general, "environment": uri}, service)
+    assert listed("Robot") == listed("Robot", versionQualifier="ALL") == ["rover"]
+    assert listed("Robot", filters=named("scout")) == ["scout"]
+    assert listed("Simulation", filters=named("indoor-navigation")) == ["indoor-navigation"]
+    assert call("DescribeRobotApplication", {"application": "walker"}, service)["name"] == "walker"
