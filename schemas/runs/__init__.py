@@ -15,6 +15,7 @@ __all__ = [
     "requested_trials",
     "requirements",
     "robot_yaml",
+    "secrets",
     "stops",
     "trial_rows",
     "trials",

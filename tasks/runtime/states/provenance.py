@@ -18,6 +18,7 @@ import mujoco
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
+from ....schemas.runs.secrets import without_secrets
 from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
@@ -172,6 +173,7 @@ def machine_facts() -> MachineFacts:
 
 def _write_provenance(provenance: Provenance) -> None:
     path = provenance.plan.output_dir / PROVENANCE_FILE
+    provenance = provenance.model_copy(update={"plan": without_secrets(provenance.plan)})
     unfinished = path.with_name(f".{PROVENANCE_FILE}.unfinished")
     unfinished.write_text(provenance.model_dump_json(indent=1) + "\n")
     unfinished.replace(path)

@@ -10,7 +10,7 @@ from helpers.paths import REPOSITORY
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenance
-from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts
+from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts, note_run_of_programs
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
@@ -103,3 +103,31 @@ def test_this_machine_says_what_matters() -> None:
     assert set(facts.versions) == {"mujoco", "dm_control", "numpy", "scipy", "prefect_robomaker"}
     assert facts.cpu_model
     assert "glibc" in facts.libc
+
+
+def test_secrets_are_not_written(make_plan: Callable[..., RunPlan]) -> None:
+    secrets = [f"hunter2-{letter}" for letter in "abcde"]
+    marked, token, password, login, line = secrets
+    plan = make_plan(
+        environment={"MARKED": marked, "ROBOMAKER_SECRETS": "MARKED", "SPEED": "2"},
+        robot_application=ApplicationPlan(role="robot", name="rover", environment_variables={"X_TOKEN": token}),
+        programs=[
+            ProgramPlan(
+                name="robot",
+                role="robot",
+                kind="application",
+                argv=["docker", "run", "-e", f"DB_PASSWORD={password}", "--key", line, "image"],
+                folder=Path("/"),
+                environment={"DB_PASSWORD": password, "A_TOKEN": line, "URL": f"https://me:{login}@example.com/a"},
+            )
+        ],
+    )
+
+    plan.output_dir.mkdir(parents=True)
+    note_run_of_programs(plan)
+
+    text = (plan.output_dir / "provenance.json").read_text()
+    assert [each for each in secrets if each in text] == []
+    assert '"SPEED": "2"' in text
+    assert "https://(secret)@example.com/a" in text
+    assert plan.programs[0].environment["DB_PASSWORD"] == password  # the run itself has it
