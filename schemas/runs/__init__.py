@@ -15,7 +15,6 @@ __all__ = [
     "requested_trials",
     "requirements",
     "robot_yaml",
-    "secrets",
     "stops",
     "trial_rows",
     "trials",

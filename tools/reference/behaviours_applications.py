@@ -52,7 +52,7 @@ APPLICATIONS = (
     differs(
         "Built-in applications",
         _LIST,
-        known="An account that nobody had used had no applications.",
+        known="A fresh account had no applications.",
         here="Nor are there any in its lists: `scout`, `walker` and `indoor-navigation` are there where a filter "
         "asks for their name, and wherever an application is named.",
     ),

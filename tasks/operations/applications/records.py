@@ -81,7 +81,7 @@ def list_applications(
     kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
     page: Page = page_of(operation, kinds, request, service, filters={"name": "name"}, given=request.filters)
     members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
-    # Clients count: with the service, an account that nobody had used had no applications.
+    # Clients count: with the service, a fresh account had no applications.
     described = [revision(each) for each in page.resources if request.filters or not is_builtin(each)]
     return [{key: each[key] for key in members if key in each} for each in described], page.next_token
 

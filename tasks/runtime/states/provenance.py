@@ -18,7 +18,7 @@ import mujoco
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
-from ....schemas.runs.secrets import without_secrets
+from ....schemas.runs.variables import without_secrets
 from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest

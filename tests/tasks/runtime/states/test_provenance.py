@@ -109,7 +109,6 @@ def test_secrets_are_not_written(make_plan: Callable[..., RunPlan]) -> None:
     secrets = [f"hunter2-{letter}" for letter in "abcde"]
     marked, token, password, login, line = secrets
     plan = make_plan(
-        environment={"MARKED": marked, "ROBOMAKER_SECRETS": "MARKED", "SPEED": "2"},
         robot_application=ApplicationPlan(role="robot", name="rover", environment_variables={"X_TOKEN": token}),
         programs=[
             ProgramPlan(
@@ -123,6 +122,8 @@ def test_secrets_are_not_written(make_plan: Callable[..., RunPlan]) -> None:
         ],
     )
 
+    given = {"MARKED": marked, "ROBOMAKER_SECRETS": "MARKED", "SPEED": "2"}
+    plan = plan.model_copy(update={"environment": given})
     plan.output_dir.mkdir(parents=True)
     note_run_of_programs(plan)
 

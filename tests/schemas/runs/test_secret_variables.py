@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.schemas.runs.secrets import HIDDEN, secret_names, without_secrets
+from prefect_robomaker.schemas.runs.variables import HIDDEN, secret_names, without_secrets
 
 
 @pytest.mark.parametrize(
