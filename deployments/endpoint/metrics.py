@@ -22,6 +22,7 @@ from prometheus_client.registry import Collector
 from starlette.responses import Response
 
 from ...tasks.service.service import Service
+from .calling.access_keys import AccessKey
 from .messages import MethodNotAllowedException, ServiceRequest
 
 PATH = "/metrics"
@@ -38,15 +39,15 @@ class Metrics:
 
     Args:
         service: whose resources are counted when somebody asks.
-        access_keys: secret access keys by id. With them, metrics are read with one as user name and password of HTTP's
-            basic authentication, since scrapers do not sign; `None`: by every client.
+        access_keys: access keys by id. With them, metrics are read with id and secret of one that is not confined to
+            some resources, by HTTP's basic authentication, since scrapers do not sign; `None`: by every client.
         worker_status: what the job worker says of itself.
     """
 
     def __init__(
         self,
         service: Service,
-        access_keys: Mapping[str, str] | None,
+        access_keys: Mapping[str, AccessKey] | None,
         worker_status: Callable[[], Mapping[str, object]],
     ) -> None:
         self._access_keys = access_keys
@@ -103,9 +104,9 @@ class Metrics:
         except (binascii.Error, UnicodeDecodeError):
             return False
         key, _, secret = given.partition(":")
-        expected = self._access_keys.get(key)
-        is_secret = hmac.compare_digest((expected or "").encode(), secret.encode())
-        return scheme.lower() == "basic" and expected is not None and is_secret
+        known = self._access_keys.get(key)
+        is_secret = hmac.compare_digest((known.secret if known else "").encode(), secret.encode())
+        return scheme.lower() == "basic" and known is not None and is_secret and not known.is_confined
 
 
 class _Resources(Collector):

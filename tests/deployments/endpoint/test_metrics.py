@@ -8,9 +8,12 @@ from helpers.asgi import Client
 from prometheus_client.parser import text_string_to_metric_families
 
 from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.tasks.service.service import Service
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
+KEY = AccessKey("AKIDEXAMPLE", "secret:with colon", scope="read")
+CONFINED = AccessKey("AKIDCONFINED", "secret", names=("night-",))
 WORLD_TEMPLATES = ("robomaker_resources", (("kind", "world-template"), ("status", "Active")))
 
 
@@ -60,7 +63,7 @@ def test_a_job_worker_that_waits_is_seen(service: Service, state: str, ready: fl
 
 @pytest.fixture
 def guarded(service: Service) -> Iterator[Client]:
-    client = Client(make_application(service, access_keys={"AKIDEXAMPLE": "secret:with colon"}))
+    client = Client(make_application(service, access_keys={key.id: key for key in (KEY, CONFINED)}))
     yield client
     client.close()
 
@@ -83,6 +86,7 @@ def test_with_access_keys_they_are_read_with_one(guarded: Client) -> None:
         basic("AKIDEXAMPLE", "secret"),
         basic("other", "secret:with colon"),
         basic("other", ""),
+        basic("AKIDCONFINED", "secret"),
         basic("AKIDEXAMPLE", "secret:with colon").replace("Basic", "Bearer"),
     ],
 )
