@@ -8,6 +8,8 @@ from ...schemas.settings import Settings
 from .output.answers import print_answer
 from .signals import interrupted_by_signals
 
+_logger = logging.getLogger(__name__)
+
 
 def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     """Carries the job that an operation made to its end and prints its final description.
@@ -19,17 +21,18 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         ResourceNotFoundException: there is no such job.
     """
     from ...tasks.service.service import Service
-    from .prefect_server import use_server
+    from .prefect_server import use_server, wait_for_server_once
 
     service = Service.open(settings)
     service.catalog.get(arn)  # before a server is started for a job that is not there
-    use_server(settings)
+    api_url = use_server(settings)
     from ...flows import lookup
     from ...schemas.reports.run_record import EXIT_CODES
     from ...tasks.operations.registry import registry
     from ..dead_run_sweeper import close_dead_runs_once
 
     _warn_on_stderr()
+    wait_for_server_once(api_url, _logger.warning)
     close_dead_runs_once()
     try:
         with interrupted_by_signals(), service.activated():

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
+from ...schemas.reports.progress import Note
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
@@ -42,7 +43,7 @@ def carry_out(
         The exit code, which says how the run ended.
     """
     from .output.progress import watcher
-    from .prefect_server import use_server
+    from .prefect_server import use_server, wait_for_server_once
 
     api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
@@ -50,6 +51,7 @@ def carry_out(
         from ...flows.pipelines import RunInterrupted, run_spec
         from ..dead_run_sweeper import close_dead_runs_once
 
+        outage = wait_for_server_once(api_url, lambda text: listener(Note(text)))
         close_dead_runs_once()
         try:
             record = run_spec(
@@ -61,7 +63,8 @@ def carry_out(
             interrupted = None
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
-        _tell(record, command, api_url, as_json=arguments.output == "json")
+        asked = None if outage.is_on else api_url
+        _tell(record, command, asked, as_json=arguments.output == "json")
     if interrupted:
         raise interrupted
     if record.report_path and wanted(arguments.open):
@@ -69,8 +72,8 @@ def carry_out(
     return record.exit_code
 
 
-def _tell(record: RunRecord, command: Sequence[str], api_url: str, *, as_json: bool) -> None:
-    """Prints how the run ended."""
+def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, *, as_json: bool) -> None:
+    """Prints how the run ended; with a link to the server's pages, if it is to be asked for one."""
     from .output.summary import print_summary
     from .prefect_server import pages
 
@@ -78,8 +81,8 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str, *, as_json: b
         sys.stdout.write(record.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
         # Elsewhere the pages' address is not to be told from the API's.
-        local = api_url.startswith("http://127.0.0.1:")
-        server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if local else ""
+        is_local = (api_url or "").startswith("http://127.0.0.1:")
+        server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if api_url and is_local else ""
         print_summary(record, command, sys.stdout, server=server)
     sys.stdout.flush()
 

@@ -3,10 +3,16 @@
 import os
 import sys
 import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from ...schemas.settings import Settings
 from ..prefect_server.local_server import ServerStatus, client_variables, ensure_server, server_status
 from ..prefect_server.login_link import login_link
+from ..prefect_server.server_health import health_of
+
+if TYPE_CHECKING:
+    from ..prefect_server.outage import Outage
 
 SHELL_SETUP = 'eval "$(robomaker server env)"'
 """What makes the `prefect` command of a shell use the local server."""
@@ -36,7 +42,34 @@ def use_server(settings: Settings) -> str:
     if "PREFECT_LOGGING_LEVEL" not in os.environ:
         # Our own progress tells what happens; Prefect's lines go to its server only.
         os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+        os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
     return url
+
+
+def wait_for_server_once(api_url: str, tell: Callable[[str], None]) -> "Outage":
+    """Has all requests to the Prefect server share one patience, until this process has ended; imports Prefect.
+
+    Args:
+        api_url: what `use_server` returned.
+        tell: tells the user at once that the server is away, and when it is back; called from any thread.
+
+    Returns:
+        What knows whether the server is away.
+    """
+    from ...tasks.execution.run_watch import WATCH
+    from ..prefect_server.outage import Outage
+    from ..prefect_server.patient_requests import patient_requests
+
+    outage = Outage(api_url, lambda: health_of(api_url), tell)
+    patience = patient_requests(outage, api_url)
+    patience.__enter__()
+    _FOR_EVER.append(patience)  # Prefect still empties its queues after all else has ended
+    WATCH.tells_of_silence = False
+    return outage
+
+
+_FOR_EVER: list[object] = []
+"""What is not left before the process ends."""
 
 
 def uses_local_server(settings: Settings) -> bool:

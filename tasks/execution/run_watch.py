@@ -66,6 +66,8 @@ class RunWatch:
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _is_running: bool = False
     _misses: int = 0
+    tells_of_silence: bool = True
+    """Whether it says that the server does not answer; false where somebody else does."""
 
     @contextmanager
     def watching(self, run: UUID, name: str, cancel: Callable[[], None]) -> Generator[None]:
@@ -110,7 +112,7 @@ class RunWatch:
     def _note_answer(self, error: Exception | None) -> None:
         """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
         self._misses = 0 if error is None else self._misses + 1
-        if self._misses == _MOST_MISSES:
+        if self._misses == _MOST_MISSES and self.tells_of_silence:
             url = PREFECT_API_URL.value()
             _logger.warning("the Prefect server at %s does not answer; what runs goes on, and is not shown there", url)
 

@@ -9,6 +9,10 @@ from uuid import UUID
 import pytest
 from helpers.processes import wait_for
 
+from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, server_status, stop_server
+from prefect_robomaker.deployments.prefect_server.secret import auth_string
+from prefect_robomaker.schemas.settings import Settings
+
 
 @pytest.fixture
 def environ(service: Any, prefect_server: str, tmp_path: Path) -> dict[str, str]:
@@ -65,3 +69,15 @@ def state_of(prefect_server: str) -> Callable[..., Any]:
         return wait_for(look, f"the end of {run}", timeout_s)
 
     return ended
+
+
+@pytest.fixture
+def own_server(tmp_path: Path) -> Any:
+    """Environment variables of a Prefect server that a test may kill, and its process."""
+    settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "server")})
+    url = ensure_server(settings, {})
+    pid = server_status(settings, {}).pid
+    try:
+        yield {"PREFECT_API_URL": url, "PREFECT_API_AUTH_STRING": auth_string(settings)}, pid
+    finally:
+        stop_server(settings)

@@ -1,0 +1,144 @@
+"""An outage of the Prefect server, as the requests of this process find it: told at once, waited for once.
+
+The first request that finds no answer begins it. Until the server answers again, one thread asks how it does. All that
+waits meanwhile shares one patience, which counts from the first request: what comes after it has run out waits no more.
+"""
+
+import ipaddress
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+from .server_health import BUSY_PATIENCE_S, Health
+
+DEAD_PATIENCE_S = 5.0
+"""How long a server of this machine is waited for whose port nothing listens at: one that is started again listens at
+once, before it answers."""
+
+SILENCE_S = 5.0
+"""How long a request may go without an answer before the server is asked how it does."""
+
+_LOOK_S = 1.0
+
+
+class Outage:
+    """Whether the server is away, and for how long requests still wait for it.
+
+    Args:
+        api_url: URL of its API.
+        ask: asks the server how it does; takes some seconds at most.
+        tell: tells the user a sentence; called from any thread.
+        clock: gives seconds.
+        look_s: time between two looks at a server that is away, and at the requests that wait for an answer.
+    """
+
+    def __init__(
+        self,
+        api_url: str,
+        ask: Callable[[], Health],
+        tell: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+        look_s: float = _LOOK_S,
+    ) -> None:
+        self._name = f"the Prefect server at {api_url}"
+        self._is_local = _is_loopback(urlsplit(api_url).hostname)
+        self._ask = ask
+        self._tell = tell
+        self._clock = clock
+        self._look_s = look_s
+        self._changed = threading.Condition()
+        self._health = Health.HEALTHY
+        self._since = 0.0
+        self._has_told_end = False
+        self._open_requests: dict[object, float] = {}
+        self._closed = threading.Event()
+
+    @contextmanager
+    def watched(self) -> Generator[None]:
+        """Looks, inside the block, after requests that get no answer and at a server that is away, in a thread."""
+        watch = threading.Thread(target=self._watch, name="prefect outage", daemon=True)
+        watch.start()
+        try:
+            yield
+        finally:
+            self._closed.set()
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the server is away."""
+        return self._health is not Health.HEALTHY
+
+    @property
+    def is_waited_for(self) -> bool:
+        """Whether the server is away, and patience has not run out."""
+        return self.is_on and self._clock() < self._since + self._patience_s()
+
+    def wait(self) -> bool:
+        """Waits until the server answers or patience has run out.
+
+        Returns:
+            Whether it answers.
+        """
+        with self._changed:
+            while self.is_waited_for:
+                self._changed.wait(self._look_s)
+            return not self.is_on
+
+    @contextmanager
+    def asking(self) -> Generator[float]:
+        """Counts a request as open inside the block, and yields when it began."""
+        request, began = object(), self._clock()
+        self._open_requests[request] = began
+        try:
+            yield began
+        finally:
+            del self._open_requests[request]
+
+    def look(self, since: float) -> bool:
+        """Asks the server how it does, after a request that got no answer.
+
+        Args:
+            since: when that request began.
+
+        Returns:
+            Whether the server is away.
+        """
+        health = self._ask()
+        with self._changed:
+            was, self._health = self._health, health
+            if self.is_on and was is Health.HEALTHY:
+                self._since, self._has_told_end = since, False
+                self._tell(
+                    f"{self._name} does not answer: {_WHY[health]}; what runs goes on, and is not shown there; "
+                    f"waiting for it where it is needed, {self._patience_s():g} s at most in all"
+                )
+            elif was is not Health.HEALTHY and not self.is_on:
+                self._tell(f"{self._name} answers again, after {self._clock() - self._since:.0f} s")
+            elif self.is_on and not self.is_waited_for and not self._has_told_end:
+                self._has_told_end = True
+                self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")
+            self._changed.notify_all()
+        return self.is_on
+
+    def _patience_s(self) -> float:
+        return DEAD_PATIENCE_S if self._health is Health.AWAY and self._is_local else BUSY_PATIENCE_S
+
+    def _watch(self) -> None:
+        while not self._closed.wait(self._look_s):
+            oldest = min(list(self._open_requests.values()), default=None)
+            if self.is_on:
+                self.look(self._since)
+            elif oldest is not None and self._clock() - oldest >= SILENCE_S:
+                self.look(oldest)
+
+
+_WHY = {Health.BUSY: "it is silent", Health.AWAY: "it does not run, or cannot be reached"}
+
+
+def _is_loopback(host: str | None) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host or "").is_loopback
+    except ValueError:
+        return False
