@@ -84,6 +84,7 @@ class Outage:
         with self._changed:
             while self.is_waited_for:
                 self._changed.wait(self._look_s)
+            self._tell_end()
             return not self.is_on
 
     @contextmanager
@@ -116,11 +117,15 @@ class Outage:
                 )
             elif was is not Health.HEALTHY and not self.is_on:
                 self._tell(f"{self._name} answers again, after {self._clock() - self._since:.0f} s")
-            elif self.is_on and not self.is_waited_for and not self._has_told_end:
-                self._has_told_end = True
-                self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")
+            self._tell_end()
             self._changed.notify_all()
         return self.is_on
+
+    def _tell_end(self) -> None:
+        """Says once that patience has run out."""
+        if self.is_on and not self.is_waited_for and not self._has_told_end:
+            self._has_told_end = True
+            self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")
 
     def _patience_s(self) -> float:
         return DEAD_PATIENCE_S if self._health is Health.AWAY and self._is_local else BUSY_PATIENCE_S

@@ -6,7 +6,7 @@ tries, which so see a server that answers, or an error that they do not try agai
 """
 
 import threading
-from collections.abc import Generator
+from collections.abc import Awaitable, Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
@@ -24,6 +24,9 @@ _SHOWN = ("/artifacts", _LOGS, "/concurrency_limits", "/v2/concurrency_limits")
 _SHOWN_TIMEOUT_S = 15.0
 _LOOK_S = 0.25
 
+_Send = Callable[[httpx.HTTPTransport, httpx.Request], httpx.Response]
+_SendAsync = Callable[[httpx.AsyncHTTPTransport, httpx.Request], Awaitable[httpx.Response]]
+
 
 class PrefectServerAwayError(httpx.NetworkError):
     """The Prefect server is away and is not waited for; Prefect's client does not try this one again."""
@@ -37,20 +40,40 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
         outage: what knows whether the server is away.
         api_url: URL of its API; requests to others are left alone.
     """
-    server = urlsplit(api_url)
-    send, send_async, emit = (
-        httpx.HTTPTransport.handle_request,
-        httpx.AsyncHTTPTransport.handle_async_request,
-        PrefectEventsClient.emit,
-    )
+    patience = _Patience(outage, api_url)
+    with (
+        _replaced(httpx.HTTPTransport, "handle_request", patience.send),
+        _replaced(httpx.AsyncHTTPTransport, "handle_async_request", patience.send_async),
+        _replaced(PrefectEventsClient, "emit", patience.emit),
+        outage.watched(),
+    ):
+        yield
 
-    def is_ours(request: httpx.Request) -> bool:
-        return (request.url.host, request.url.port) == (server.hostname, server.port)
 
-    def handle_request(transport: httpx.HTTPTransport, request: httpx.Request) -> httpx.Response:
-        if not is_ours(request):
+@contextmanager
+def _replaced(owner: type, name: str, replacement: Callable[..., Any]) -> Generator[None]:
+    """Replaces a method inside the block; the replacement gets the method, and then what it is called with."""
+    method = getattr(owner, name)
+    setattr(owner, name, lambda *arguments: replacement(method, *arguments))
+    try:
+        yield
+    finally:
+        setattr(owner, name, method)
+
+
+class _Patience:
+    """Sends to one server what it has to get, as long as it is there or waited for."""
+
+    def __init__(self, outage: Outage, api_url: str) -> None:
+        self._outage = outage
+        self._server = urlsplit(api_url)
+
+    def send(self, send: _Send, transport: httpx.HTTPTransport, request: httpx.Request) -> httpx.Response:
+        """Sends a request, and again once the server is back; one that only informs is not waited for."""
+        outage = self._outage
+        if not self._is_ours(request):
             return send(transport, request)
-        waits = _waits(request, server.path)
+        waits = _waits(request, self._server.path)
         while not outage.is_on or (waits and outage.wait()):
             with outage.asking() as began:
                 try:
@@ -60,28 +83,31 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
                         raise  # what went wrong is over, and Prefect's client tries again
         raise PrefectServerAwayError("the Prefect server does not answer", request=request)
 
-    async def handle_async_request(transport: httpx.AsyncHTTPTransport, request: httpx.Request) -> httpx.Response:
-        if not is_ours(request):
-            return await send_async(transport, request)
-        while not outage.is_on or await _answers(outage):
-            with outage.asking() as began:
+    async def send_async(
+        self, send: _SendAsync, transport: httpx.AsyncHTTPTransport, request: httpx.Request
+    ) -> httpx.Response:
+        """Sends a request from the background, and again once the server is back."""
+        if not self._is_ours(request):
+            return await send(transport, request)
+        while await self._answers():
+            with self._outage.asking() as began:
                 try:
-                    return await send_async(transport, request)
+                    return await send(transport, request)
                 except httpx.TransportError:
-                    if not await anyio.to_thread.run_sync(outage.look, began):
+                    if not await anyio.to_thread.run_sync(self._outage.look, began):
                         raise
-        if request.url.path.startswith(f"{server.path}{_LOGS}"):
+        if request.url.path.startswith(f"{self._server.path}{_LOGS}"):
             return httpx.Response(201)  # dropped like events: Prefect would print each line that it cannot send
         raise PrefectServerAwayError("the Prefect server does not answer", request=request)
 
-    async def emit_while_it_answers(client: PrefectEventsClient, event: Any) -> None:
+    async def emit(self, emit: Callable[..., Awaitable[None]], client: PrefectEventsClient, event: Any) -> None:
         """Sends an event, unless the server is away for too long: the queue of events is emptied before we end."""
-        if outage.is_on and not await _answers(outage):
+        if not await self._answers():
             return
         async with anyio.create_task_group() as tasks:
 
             async def give_up() -> None:
-                while not outage.is_on or outage.is_waited_for:
+                while not self._outage.is_on or self._outage.is_waited_for:
                     await anyio.sleep(_LOOK_S)
                 tasks.cancel_scope.cancel()
 
@@ -89,16 +115,14 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
             await emit(client, event)
             tasks.cancel_scope.cancel()
 
-    httpx.HTTPTransport.handle_request = handle_request
-    httpx.AsyncHTTPTransport.handle_async_request = handle_async_request
-    PrefectEventsClient.emit = emit_while_it_answers
-    try:
-        with outage.watched():
-            yield
-    finally:
-        httpx.HTTPTransport.handle_request = send
-        httpx.AsyncHTTPTransport.handle_async_request = send_async
-        PrefectEventsClient.emit = emit
+    async def _answers(self) -> bool:
+        """Waits until the server answers or patience has run out; says whether it answers."""
+        while self._outage.is_waited_for:
+            await anyio.sleep(_LOOK_S)
+        return not self._outage.is_on
+
+    def _is_ours(self, request: httpx.Request) -> bool:
+        return (request.url.host, request.url.port) == (self._server.hostname, self._server.port)
 
 
 def _waits(request: httpx.Request, root: str) -> bool:
@@ -113,10 +137,3 @@ def _waits(request: httpx.Request, root: str) -> bool:
     shortest = min(timeouts.get("read") or _SHOWN_TIMEOUT_S, _SHOWN_TIMEOUT_S)
     request.extensions["timeout"] = {**timeouts, "read": shortest}
     return False
-
-
-async def _answers(outage: Outage) -> bool:
-    """Waits until the server answers or patience has run out; says whether it answers."""
-    while outage.is_waited_for:
-        await anyio.sleep(_LOOK_S)
-    return not outage.is_on

@@ -1,11 +1,11 @@
 """Flow runs and task runs whose process has died, closed in Prefect: it would show them as running for ever.
 
 A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server. Nothing in
-Prefect closes what ran in it: `sweep` does.
+Prefect closes what ran in it: `sweep` does. A process that only slept, or was stopped, takes back what it still does.
 """
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from uuid import UUID
@@ -29,9 +29,10 @@ from prefect.client.schemas.objects import StateType, TaskRun
 from prefect.events.actions import ChangeFlowRunState
 from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
 from prefect.events.schemas.events import ResourceSpecification
-from prefect.states import Crashed
+from prefect.states import Crashed, Running
 
-from .run_watch import HEARTBEAT
+HEARTBEAT = "robomaker.flow-run.heartbeat"
+"""Name of the events that are a flow run's signs of life."""
 
 AUTOMATION = "robomaker: close dead runs"
 """Name of the automation, by which it is found again."""
@@ -41,6 +42,10 @@ SILENCE_S = 30.0
 
 _SETTLE_S = 5.0
 """How long after its flow run a task run may still be closed by an event that is on its way."""
+
+_NO_SIGN = f"gave no sign of life for {SILENCE_S:g} s: its process or machine has died"
+_PART_OF_DEAD = "the flow run that it is a part of has died"
+_TASK_OF_DEAD = "the flow run that it belongs to has died"
 
 _OPEN = [StateType.RUNNING, StateType.PENDING]
 _CLOSED = [StateType.CRASHED, StateType.CANCELLED]
@@ -90,10 +95,9 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
         tasks = _open_tasks_of_dead(client, ours, before)
         flows = _open_flows_of_dead(client, ours, before)
         for task in tasks:
-            client.set_task_run_state(task, Crashed(message="the flow run that it belongs to has died"), force=True)
+            client.set_task_run_state(task, Crashed(message=_TASK_OF_DEAD), force=True)
         for flow_run in flows:
-            words = "the flow run that it is a part of has died"
-            client.set_flow_run_state(flow_run, Crashed(message=words), force=True)
+            client.set_flow_run_state(flow_run, Crashed(message=_PART_OF_DEAD), force=True)
         flow_runs, task_runs = flow_runs + len(flows), task_runs + len(tasks)
         if not flows:
             break
@@ -101,6 +105,36 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     if flow_runs or task_runs:
         _logger.info("closed %d flow runs and %d task runs of dead processes", flow_runs, task_runs)
     return Swept(flow_runs, task_runs)
+
+
+def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UUID]:
+    """Which of some flow runs were closed since they gave no sign of life.
+
+    Args:
+        client: the server's client.
+        runs: ids of the flow runs.
+    """
+    crashed = FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.CRASHED]))
+    chosen = FlowRunFilter(id=FlowRunFilterId(any_=list(runs)), state=crashed)
+    found = client.read_flow_runs(flow_run_filter=chosen)
+    return [run.id for run in found if run.state and run.state.message in (_NO_SIGN, _PART_OF_DEAD)]
+
+
+def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
+    """Makes flow runs that were closed as dead `Running` again, with the task runs in them.
+
+    Args:
+        client: the server's client.
+        runs: ids of flow runs whose process lives and goes on.
+    """
+    again = Running(message="its process slept or was stopped, and goes on")
+    for run in runs:
+        client.set_flow_run_state(run, again, force=True)
+    crashed = TaskRunFilterState(type=TaskRunFilterStateType(any_=[StateType.CRASHED]))
+    in_runs = FlowRunFilter(id=FlowRunFilterId(any_=list(runs)))
+    for task in client.read_task_runs(task_run_filter=TaskRunFilter(state=crashed), flow_run_filter=in_runs):
+        if task.state and task.state.message == _TASK_OF_DEAD:
+            client.set_task_run_state(task.id, again, force=True)
 
 
 def _automation() -> AutomationCore:
@@ -113,8 +147,7 @@ def _automation() -> AutomationCore:
         after={HEARTBEAT},
         expect={HEARTBEAT, *(f"prefect.flow-run.{end}" for end in _ENDS)},
     )
-    words = f"gave no sign of life for {SILENCE_S:g} s: its process or machine has died"
-    action = ChangeFlowRunState(name="Crashed", state=StateType.CRASHED, message=words, force=False)
+    action = ChangeFlowRunState(name="Crashed", state=StateType.CRASHED, message=_NO_SIGN, force=False)
     words = "Closes flow runs of RoboMaker operations whose process has died; made by prefect-robomaker."
     return AutomationCore(name=AUTOMATION, description=words, trigger=trigger, actions=[action])
 

@@ -124,6 +124,16 @@ class HeldLeases:
         if (owner := self._forget(arn)) is not None:
             catalog.release(arn, owner)
 
+    def are_ours(self, catalog: Catalog) -> bool:
+        """Whether no other owner has taken a lease that this process holds; one that only ran out is still ours.
+
+        Raises:
+            ServiceUnavailableException: the catalog does not answer.
+        """
+        with self._lock:
+            held = dict(self._owners)
+        return all(catalog.lease_of(arn)[0] in (None, owner) for arn, owner in held.items())
+
     def give_back_all(self, catalog: Catalog) -> tuple[str, ...]:
         """Releases every lease; this process takes no more.
 

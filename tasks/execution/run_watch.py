@@ -3,7 +3,7 @@
 Prefect's own heartbeats make every flow wait a second at its end, and come every 30 s at most. Ours cost nothing, and
 have a name of their own, so that the automation that closes dead runs (`dead_flow_runs`) leaves the flows of others
 alone. A run that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and
-passes it on.
+passes it on. A process that slept, or was stopped, for so long that its runs were closed as dead takes them back.
 """
 
 import logging
@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from uuid import UUID
 
 import httpx
-from prefect.client.orchestration import get_client
+from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterState, FlowRunFilterStateType
 from prefect.client.schemas.objects import StateType
 from prefect.context import FlowRunContext
@@ -26,12 +26,11 @@ from prefect.settings import PREFECT_API_URL, PREFECT_CLIENT_MAX_RETRIES, tempor
 
 from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Catalog
+from .dead_flow_runs import HEARTBEAT, closed_as_dead, take_back
 from .flow_ends import started_by_worker
+from .held_leases import HELD
 from .orphans import end_orphan, watching_parent
 from .prefect_settings import on_same_server
-
-HEARTBEAT = "robomaker.flow-run.heartbeat"
-"""Name of the events."""
 
 BEAT_S = 10.0
 """Time from one sign of life to the next."""
@@ -45,7 +44,7 @@ _ANSWER_S = 5.0
 _MOST_MISSES = 3
 """How often it may give no answer, one time after the other, since it is only busy."""
 
-_is_watched: ContextVar[bool] = ContextVar("robomaker_run_is_watched", default=False)
+_watched_around: ContextVar[UUID | None] = ContextVar("robomaker_watched_run", default=None)
 _logger = logging.getLogger(__name__)
 
 
@@ -53,6 +52,12 @@ _logger = logging.getLogger(__name__)
 class _Watched:
     name: str
     cancel: Callable[[], None]
+    goes_on: Callable[[], bool]
+    """Whether this process still does the run's work."""
+
+    parts: set[UUID] = field(default_factory=set[UUID])
+    """Subflow runs in it that have not ended."""
+
     beat_at: float = 0.0
     is_told: bool = False
     """Whether it was told that it is cancelled."""
@@ -70,16 +75,20 @@ class RunWatch:
     """Whether it says that the server does not answer; false where somebody else does."""
 
     @contextmanager
-    def watching(self, run: UUID, name: str, cancel: Callable[[], None]) -> Generator[None]:
+    def watching(
+        self, run: UUID, name: str, cancel: Callable[[], None], goes_on: Callable[[], bool] = lambda: True
+    ) -> Generator[None]:
         """Watches a flow run inside the block.
 
         Args:
             run: the flow run's id.
             name: its name.
             cancel: called from another thread when it is cancelled in Prefect; again while the catalog does not answer.
+            goes_on: called from another thread when it was closed as dead: says whether this process still does its
+                work, so that it takes the run back.
         """
         with self._changed:
-            self._runs[run] = _Watched(name, cancel)
+            self._runs[run] = _Watched(name, cancel, goes_on)
             if not self._is_running:
                 self._is_running = True
                 threading.Thread(target=on_same_server(self._watch), name="runs", daemon=True).start()
@@ -90,6 +99,16 @@ class RunWatch:
             with self._changed:
                 self._runs.pop(run, None)
 
+    @contextmanager
+    def part(self, outer: UUID, run: UUID) -> Generator[None]:
+        """Counts a flow run as part of one that is watched, inside the block."""
+        parts = watched.parts if (watched := self._runs.get(outer)) else set[UUID]()
+        parts.add(run)
+        try:
+            yield
+        finally:
+            parts.discard(run)
+
     def _watch(self) -> None:
         while True:
             with self._changed:
@@ -98,7 +117,8 @@ class RunWatch:
                     self._is_running = False
                     return
             try:
-                self._beat(runs)
+                if self._beat(runs):
+                    self._take_back(runs)
                 if not started_by_worker():
                     self._pass_on_cancellations(runs)
                 self._note_answer(None)
@@ -117,12 +137,26 @@ class RunWatch:
             _logger.warning("the Prefect server at %s does not answer; what runs goes on, and is not shown there", url)
 
     @staticmethod
-    def _beat(runs: dict[UUID, _Watched]) -> None:
-        for run, watched in runs.items():
-            if time.monotonic() - watched.beat_at >= BEAT_S:
-                watched.beat_at = time.monotonic()
-                resource = {"prefect.resource.id": f"prefect.flow-run.{run}", "prefect.resource.name": watched.name}
-                emit_event(HEARTBEAT, resource=resource)
+    def _beat(runs: dict[UUID, _Watched]) -> bool:
+        """Gives the signs of life that are due; says whether there were any."""
+        due = {run: watched for run, watched in runs.items() if time.monotonic() - watched.beat_at >= BEAT_S}
+        for run, watched in due.items():
+            watched.beat_at = time.monotonic()
+            resource = {"prefect.resource.id": f"prefect.flow-run.{run}", "prefect.resource.name": watched.name}
+            emit_event(HEARTBEAT, resource=resource)
+        return bool(due)
+
+    @staticmethod
+    def _take_back(runs: dict[UUID, _Watched]) -> None:
+        """Makes runs `Running` again that were closed as dead while this process slept, was stopped, or was not heard.
+
+        Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed.
+        """
+        with _client() as client:
+            for watched, ids in [(watched, {run, *watched.parts}) for run, watched in runs.items()]:
+                if (closed := closed_as_dead(client, ids)) and watched.goes_on():
+                    take_back(client, closed)
+                    _logger.warning("%s was closed as dead in Prefect, and is taken back: it goes on", watched.name)
 
     @staticmethod
     def _pass_on_cancellations(runs: dict[UUID, _Watched]) -> None:
@@ -131,11 +165,7 @@ class RunWatch:
             return
         cancelled = FlowRunFilterStateType(any_=[StateType.CANCELLING, StateType.CANCELLED])
         chosen = FlowRunFilter(id=FlowRunFilterId(any_=open_runs), state=FlowRunFilterState(type=cancelled))
-        # Signs of life wait meanwhile: a server that is busy is asked again at the next look, not by Prefect's client.
-        with (
-            temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}),
-            get_client(sync_client=True, httpx_settings={"timeout": _ANSWER_S}) as client,
-        ):
+        with _client() as client:
             found = client.read_flow_runs(flow_run_filter=chosen)
         for run in found:
             try:
@@ -144,6 +174,16 @@ class RunWatch:
                 _logger.warning("the cancellation of %s is passed on later: %s", runs[run.id].name, error)
             else:
                 runs[run.id].is_told = True
+
+
+@contextmanager
+def _client() -> Generator[SyncPrefectClient]:
+    """A client that asks once: signs of life wait meanwhile, and a server that is busy is asked at the next look."""
+    with (
+        temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}),
+        get_client(sync_client=True, httpx_settings={"timeout": _ANSWER_S}) as client,
+    ):
+        yield client
 
 
 WATCH = RunWatch()
@@ -160,17 +200,21 @@ def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]
             answer.
     """
     context = FlowRunContext.get()
-    if context is None or context.flow_run is None or _is_watched.get():
+    if context is None or context.flow_run is None:
         yield
         return
     run = context.flow_run.id
+    if (outer := _watched_around.get()) is not None:
+        with WATCH.part(outer, run):
+            yield
+        return
     orphaned = on_same_server(lambda: end_orphan(catalog, run))
-    token = _is_watched.set(True)
+    token = _watched_around.set(run)
     try:
         with (
             watching_parent(orphaned) if started_by_worker() else nullcontext(),
-            WATCH.watching(run, context.flow_run.name, cancel),
+            WATCH.watching(run, context.flow_run.name, cancel, lambda: HELD.are_ours(catalog)),
         ):
             yield
     finally:
-        _is_watched.reset(token)
+        _watched_around.reset(token)

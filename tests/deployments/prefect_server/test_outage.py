@@ -62,6 +62,7 @@ def test_it_is_waited_for_as_long_as_it_may_come_back(url: str, health: Health, 
     server.now_s = 100.0 + patience_s
     assert not server.outage.is_waited_for
     assert not server.outage.wait()
+    assert len(server.told) == 2
 
 
 def test_one_that_answers_again_has_a_new_patience_the_next_time() -> None:
@@ -94,7 +95,7 @@ class Answering(http.server.BaseHTTPRequestHandler):
         self.send_header("content-length", "0")
         self.end_headers()
 
-    def log_message(self, *_: object) -> None:
+    def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002 - its name there
         """Says nothing."""
 
 

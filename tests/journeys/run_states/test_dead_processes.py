@@ -84,6 +84,37 @@ def test_a_killed_run_is_closed_with_its_subflows_and_tasks(
     print(f"closed after {time.monotonic() - killed_at:.0f} s, load {os.getloadavg()[0]:.1f}")
 
 
+def test_a_process_that_slept_takes_its_runs_back_and_goes_on(
+    service: Service, order: Order, environ: dict[str, str], spec: Any, flow_run: Any, state_of: Any
+) -> None:
+    path = spec({"drive": {"operation": "CreateSimulationJob", "input": order({"DURATION_S": "150"})}})
+    with started([*ROBOMAKER, "run", str(path)], environ, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as robomaker:
+        wait_for(lambda: working_below(service.settings.home), "the simulation")
+        (job,) = service.catalog.list("simulation-job").resources
+        runs = [flow_run(str(path)).id, flow_run(job.id).id]
+        wait_for(lambda: open_task_runs(runs[1]), "an open task run")
+        time.sleep(2)
+        robomaker.send_signal(signal.SIGSTOP)  # as a machine that is suspended
+        assert [state_of(run, WITHIN_S + SLOW_MACHINE_S).name for run in runs] == ["Crashed", "Crashed"]
+        robomaker.send_signal(signal.SIGCONT)
+        wait_for(lambda: [name_of(run) for run in runs] == ["Running", "Running"], "the runs that are taken back", 60)
+        _, err = robomaker.communicate(timeout=240)
+
+    assert robomaker.returncode == 0, err
+    assert service.catalog.get(job.arn).status == "Completed"
+    assert [state_of(run).name for run in runs] == ["Completed", "Completed"]
+    wait_for(lambda: not open_task_runs(runs[1]), "the ends of the task runs", WITHIN_S)
+
+
+def name_of(run: Any) -> str | None:
+    """The name of a flow run's state."""
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        state = client.read_flow_run(run).state
+    return state.name if state else None
+
+
 def test_a_run_of_serve_is_closed_though_no_job_worker_takes_it_up_again(
     service: Service, order: Order, environ: dict[str, str], serve: Serve, flow_run: Any, state_of: Any
 ) -> None:

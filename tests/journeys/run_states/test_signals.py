@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from helpers.processes import started, wait_for, working_below
 
-from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

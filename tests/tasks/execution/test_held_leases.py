@@ -121,3 +121,13 @@ def test_a_job_that_is_taken_while_all_are_given_back_is_given_back_too(
     assert held.reserve_any(take, service.catalog) is None
     assert service.catalog.lease_of(job)[0] is None
     assert held.reserve_any(take, service.catalog) is None
+
+
+def test_a_lease_is_ours_until_another_takes_it_also_when_it_has_run_out(
+    service: Service, job: str, held: HeldLeases
+) -> None:
+    with held.owner_of(job) as owner:
+        service.catalog.claim(job, owner, lease_s=0.0)
+        assert held.are_ours(service.catalog)
+        service.catalog.claim(job, "another", lease_s=60.0)
+        assert not held.are_ours(service.catalog)

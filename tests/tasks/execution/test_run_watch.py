@@ -41,7 +41,7 @@ def test_a_cancellation_that_the_catalog_does_not_take_is_passed_on_again_and_th
 
     with RunWatch().watching(cancelled_run, "watched", cancel):
         wait_for(lambda: len(calls) == 2, "the second try", 30)
-    runs = {cancelled_run: _Watched("watched", cancel)}
+    runs = {cancelled_run: _Watched("watched", cancel, lambda: True)}
     RunWatch._pass_on_cancellations(runs)
     RunWatch._pass_on_cancellations(runs)
 
@@ -68,8 +68,45 @@ def test_a_busy_server_is_asked_once_at_a_time_since_signs_of_life_wait_meanwhil
         thread.start()
         chosen: dict[Any, Any] = {PREFECT_API_URL: f"http://127.0.0.1:{server.server_address[1]}/api"}
         with temporary_settings(chosen), pytest.raises(httpx.HTTPStatusError):
-            RunWatch._pass_on_cancellations({uuid.uuid4(): _Watched("watched", lambda: None)})
+            RunWatch._pass_on_cancellations({uuid.uuid4(): _Watched("watched", lambda: None, lambda: True)})
         server.shutdown()
         thread.join()
 
     assert len(asked) == 1
+
+
+def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on(prefect_server: str) -> None:
+    from prefect import flow, task
+    from prefect.client.orchestration import get_client
+    from prefect.states import Crashed, Running
+
+    from prefect_robomaker.tasks.execution.dead_flow_runs import _NO_SIGN, _PART_OF_DEAD, _TASK_OF_DEAD
+
+    @flow(name="sleeper")
+    def sleeper() -> None:
+        """Does nothing."""
+
+    @task(name="step")
+    def step() -> None:
+        """Does nothing."""
+
+    with get_client(sync_client=True) as client:
+
+        def crashed(words: str) -> uuid.UUID:
+            run = client.create_flow_run(sleeper, state=Running())
+            client.set_flow_run_state(run.id, Crashed(message=words), force=True)
+            return run.id
+
+        outer, part, lost = crashed(_NO_SIGN), crashed(_PART_OF_DEAD), crashed(_NO_SIGN)
+        other = crashed("its process ended")  # which somebody saw
+        inner = client.create_task_run(step, part, dynamic_key="0", state=Crashed(message=_TASK_OF_DEAD)).id
+        runs = {
+            outer: _Watched("outer", lambda: None, lambda: True, {part, other}),
+            lost: _Watched("lost", lambda: None, lambda: False),
+        }
+        for _ in range(2):
+            RunWatch._take_back(runs)
+
+        states = [client.read_flow_run(run).state for run in (outer, part, lost, other)]
+        assert [state.name if state else None for state in states] == ["Running", "Running", "Crashed", "Crashed"]
+        wait_for(lambda: client.read_task_run(inner).state.is_running(), "the task run that is taken back")
