@@ -3,7 +3,8 @@
 `_block_type_slug` is part of what deployments keep (`deploying/job_variables.py`): renaming one breaks them.
 """
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+from urllib.parse import urlsplit
 
 from prefect.blocks.core import Block
 from pydantic import Field, SecretStr
@@ -14,7 +15,23 @@ if TYPE_CHECKING:
 _PAGE = "https://pypi.org/project/prefect-robomaker/"
 
 
-class RobomakerCredentials(Block):
+class _WithLogo:
+    """Gives a block type the logo that our own server has; a server elsewhere shows none, and asks nobody for one."""
+
+    @classmethod
+    def _to_block_type(cls) -> Any:
+        from prefect.settings import PREFECT_API_URL
+
+        from ..prefect_server.login_page import LOGO
+
+        block_type = cast("Any", super())._to_block_type()
+        url = urlsplit(PREFECT_API_URL.value() or "")
+        if url.scheme == "http" and url.hostname == "127.0.0.1":
+            block_type.logo_url = f"http://{url.netloc}{LOGO}"
+        return block_type
+
+
+class RobomakerCredentials(_WithLogo, Block):
     """Access key of an S3 object store.
 
     Members have the names that prefect-aws's `AwsCredentials` has, whose blocks do as well wherever a deployment takes
@@ -47,7 +64,7 @@ class RobomakerCredentials(Block):
         return found
 
 
-class RobomakerObjectStore(Block):
+class RobomakerObjectStore(_WithLogo, Block):
     """Where worlds, application archives and outputs are kept.
 
     Example:
@@ -80,7 +97,7 @@ class RobomakerObjectStore(Block):
         return found | (self.credentials.environment() if self.credentials else {})
 
 
-class RobomakerCatalog(Block):
+class RobomakerCatalog(_WithLogo, Block):
     """Where jobs, worlds and applications are recorded.
 
     Example:

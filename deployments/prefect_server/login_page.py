@@ -6,7 +6,8 @@ browser   ── GET  /robomaker/login#token                       ──> the p
 page      ── POST /robomaker/login, with the token             ──> the auth string, which Prefect's pages keep
 ```
 
-A link that was used or is too old still leads on from a browser that is logged in.
+A link that was used or is too old still leads on from a browser that is logged in. One that is not, and asks for a page
+of Prefect's, gets the page that says how to log in; a cookie, which is no secret, says that a browser has logged in.
 """
 
 import base64
@@ -15,6 +16,7 @@ import hmac
 import json
 import re
 from importlib.resources import files
+from urllib.parse import urlencode, urlsplit
 
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
@@ -24,6 +26,11 @@ from .one_time_tokens import OneTimeTokens
 
 PAGE = "/robomaker/login"
 LINKS = "/robomaker/login-links"
+LOGO = "/robomaker/logo.svg"
+"""A picture for pages, so that they need none of another site."""
+
+_PASSWORD_PAGES = ("/login", "/v2/login")
+"""Prefect's own, for a password that nobody types here."""
 
 _MOST_BYTES = 1024
 _NO_STORE = {"cache-control": "no-store"}
@@ -46,7 +53,9 @@ class LoginPage:
         self._origin = origin
         self._password = base64.b64encode(auth_string.encode()).decode()
         self._tokens = tokens or OneTimeTokens()
+        self._cookie = f"robomaker-login-{urlsplit(origin).port}"
         self._page = files(__package__ or "").joinpath("login.html").read_text(encoding="utf-8")
+        self._logo = files(__package__ or "").joinpath("logo.svg").read_bytes()
         self._policy = _policy(self._page)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -64,10 +73,15 @@ class LoginPage:
             return RedirectResponse(f"{self._origin}{request.url.path}{query}", headers=_NO_STORE)
         if (method, path) == ("GET", PAGE):
             return HTMLResponse(self._page, headers={**_NO_STORE, "content-security-policy": self._policy})
+        if (method, path) == ("GET", LOGO):
+            return Response(self._logo, media_type="image/svg+xml")
         if (method, path) == ("POST", PAGE):
             return await self._log_in(request)
         if (method, path) == ("POST", LINKS):
             return self._link(request)
+        if method == "GET" and _is_page(request) and (self._cookie not in request.cookies or path in _PASSWORD_PAGES):
+            wanted = "/" if path in _PASSWORD_PAGES or path.startswith("/api/") else path
+            return RedirectResponse(f"{PAGE}?{urlencode({'to': wanted})}", headers=_NO_STORE)
         return None
 
     async def _log_in(self, request: Request) -> Response:
@@ -111,5 +125,5 @@ def _policy(page: str) -> str:
 
     return (
         f"default-src 'none'; script-src {hashes('script')}; style-src {hashes('style')}; connect-src 'self'; "
-        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        "img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )

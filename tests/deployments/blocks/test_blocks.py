@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from prefect.blocks.core import Block
 from prefect.client.orchestration import get_client
@@ -33,8 +34,17 @@ class TestBlocks(BlockStandardTestSuite):
         return request.param
 
     def test_has_a_valid_image(self, block: type[Block]) -> None:
-        """A block type takes pictures from the web only, and a private server's pages should ask nobody for one."""
+        """The suite's own wants one from the web, and a private server's pages should ask nobody for one."""
         assert block._logo_url is None
+
+
+def test_the_pages_of_our_server_get_the_logo_from_it(prefect_server: str) -> None:
+    RobomakerCatalog(url=SecretStr("sqlite://")).save("with-logo", overwrite=True)
+
+    with get_client(sync_client=True) as client:
+        logo = client.read_block_type_by_slug("robomaker-catalog").logo_url
+    assert str(logo) == f"{prefect_server.removesuffix('/api')}/robomaker/logo.svg"
+    assert httpx.get(str(logo)).headers["content-type"] == "image/svg+xml"
 
 
 @pytest.mark.parametrize("block", BLOCKS)

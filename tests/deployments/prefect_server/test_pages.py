@@ -125,6 +125,33 @@ def test_a_link_logs_one_browser_in(prefect_server: str, tmp_path: Path) -> None
         assert page.evaluate("localStorage.getItem('prefect-password')") is None
 
 
+def test_a_browser_without_a_link_is_told_how_to_get_one(browser: Browser, prefect_server: str, tmp_path: Path) -> None:
+    runs = f"{prefect_server.removesuffix('/api')}/v2/runs"
+    with browsing(tmp_path / "profile") as stranger, stranger.page(runs) as page:
+        page.wait_for_text("Log in with a link", "robomaker server status")
+        for width in (400, 1280):
+            page.picture(tmp_path / f"login-{width}.png", width)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.evaluate("document.querySelector('img').naturalWidth") > 0
+    with browser.page(runs) as page:
+        page.evaluate("document.cookie = `robomaker-login-${location.port}=; path=/; max-age=0`")
+        page.go(runs)  # logged in before there was a cookie
+        page.wait(lambda page: "/v2/runs" in page.address, "the page that was asked for")
+
+
+def test_block_types_show_our_logo(browser: Browser, prefect_server: str, tmp_path: Path) -> None:
+    from pydantic import SecretStr
+
+    from prefect_robomaker.deployments.blocks import RobomakerCatalog
+
+    RobomakerCatalog(url=SecretStr("sqlite://")).save(NAME, overwrite=True)
+    with browser.page(f"{prefect_server.removesuffix('/api')}/v2/blocks/catalog") as page:
+        page.wait_for_text("RoboMaker Catalog")
+        shown = "[...document.images].some((it) => it.src.endsWith('/robomaker/logo.svg') && it.naturalWidth > 0)"
+        page.wait(lambda page: page.evaluate(shown), "the logo")
+        page.picture(tmp_path / "blocks.png", 1280)
+
+
 def test_a_run_is_listed_with_its_tasks_logs_and_artifacts(
     browser: Browser, prefect_server: str, tmp_path: Path
 ) -> None:
