@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 from urllib.parse import urlsplit
 
 from prefect.blocks.core import Block
-from pydantic import Field, SecretStr
+from pydantic import Field, HttpUrl, SecretStr
 
 if TYPE_CHECKING:
     from ...tasks.service.service import Service
@@ -27,7 +27,7 @@ class _WithLogo:
         block_type = cast("Any", super())._to_block_type()
         url = urlsplit(PREFECT_API_URL.value() or "")
         if url.scheme == "http" and url.hostname == "127.0.0.1":
-            block_type.logo_url = f"http://{url.netloc}{LOGO}"
+            block_type.logo_url = HttpUrl(f"http://{url.netloc}{LOGO}")
         return block_type
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from ..runs.machine_waits import Scarce
+from ..runs.machine_waits import Wait
 from ..runs.trials import TrialCounts
 
 FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})
@@ -36,8 +36,8 @@ class StepProgress:
     newest_failure: str = ""
     """The latest failure in one line; empty when nothing failed yet."""
 
-    waits_for: Scarce | None = None
-    """What the machine has too little of for the next part to begin; None: nothing."""
+    waits_for: Wait | None = None
+    """What the next part waits for: what the machine has too little of, or a job worker elsewhere; None: nothing."""
 
     trials: TrialCounts | None = None
     """The trials of all parts; None: there are none."""

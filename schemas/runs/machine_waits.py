@@ -9,6 +9,12 @@ Scarce = Literal["slots", "memory", "disk"]
 WAITS_FOR: Mapping[Scarce, str] = {"slots": "a slot", "memory": "memory", "disk": "disk"}
 """The same in words, after `waits for`."""
 
+Wait = Scarce | Literal["worker"]
+"""What the jobs of a run wait for: something of this machine, or a job worker elsewhere."""
+
+IN_WORDS: Mapping[Wait, str] = {**WAITS_FOR, "worker": "a job worker"}
+"""All of these in words, after `waits for`."""
+
 NOTICED_S = 1.0
 """Shorter waits are not recorded, in seconds."""
 

@@ -10,6 +10,10 @@ from .job_folders import KIND
 _WAIT_S = 0.5
 
 
+_LASTING_S = 3.0
+"""A worker that has just ended a job takes the next one sooner."""
+
+
 class AwaitedJobs:
     """The ends of a batch's jobs; safe to use from several threads.
 
@@ -47,3 +51,26 @@ class AwaitedJobs:
         with self._changed:
             while job not in self._ended and not should_stop():
                 self._changed.wait(_WAIT_S)
+
+
+class WorkerWait:
+    """What is seen of the jobs of a batch that job workers elsewhere take."""
+
+    def __init__(self) -> None:
+        self._since_s: float | None = None
+
+    def lasts(self, pending: int, running: int, allowed: int, now_s: float) -> bool:
+        """Notes how jobs stand, and says whether one waits for a worker for longer than it takes to be found.
+
+        Args:
+            pending: jobs that no worker has begun.
+            running: jobs that workers have begun and not ended.
+            allowed: how many may run at once.
+            now_s: seconds of a clock that never goes back.
+        """
+        if not pending or running >= allowed:
+            self._since_s = None
+            return False
+        if self._since_s is None:
+            self._since_s = now_s
+        return now_s - self._since_s >= _LASTING_S

@@ -13,7 +13,7 @@ from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.reports.run_states import case_outcome, outcomes_in_words
-from ...schemas.runs.machine_waits import Scarce
+from ...schemas.runs.machine_waits import Wait
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
@@ -25,7 +25,7 @@ from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import check_references, reuse_job, store_job
-from .awaited_jobs import AwaitedJobs
+from .awaited_jobs import AwaitedJobs, WorkerWait
 from .batch_stops import STOP_EVENTS, STOPPING
 from .batch_trials import BatchTrials
 from .job_runs import perform_job, stop_idle_job
@@ -85,10 +85,11 @@ class BatchRun:
         self._machine = MachineSlots(
             service.settings, self._arn, priority, tell=service.report_note, watch=self._note_wait
         )
-        self._waits_for: Scarce | None = None
+        self._waits_for: Wait | None = None
         self._is_news = False  # that it waits for this, or for nothing any more
         self._concurrency: int | None = None
         self._workers = ""
+        self._looks_for_worker_at_s = 0.0
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
 
     def run(self) -> None:
@@ -210,6 +211,7 @@ class BatchRun:
         Some more are made than may run, so that a worker that has ended one finds the next.
         """
         awaited, broken = AwaitedJobs(self._service.catalog, self._arn), threading.Event()
+        wait = WorkerWait()
 
         def simulate(index: int) -> None:
             if (job := self.create_job(index)) is not None:
@@ -222,6 +224,7 @@ class BatchRun:
                 self._allow(slots.count)
                 awaited.look()
                 self._note_workers(workers.look())
+                self._look_for_worker(wait, slots.count)
                 return self._look()
             except BaseException:
                 broken.set()  # no thread looks any more, so none may wait for what it would see
@@ -229,12 +232,25 @@ class BatchRun:
 
         with backend.job_workers(self._arn, most) as workers:
             self._run_tasks(indices, simulate, min(most + min(most, _MOST_AHEAD), len(indices)), look)
+        self._waits_for = None
 
     def _allow(self, concurrency: int) -> None:
         """Says how many jobs may be held at once by job workers."""
         if concurrency != self._concurrency:
             self._lease.update(BatchProgress(concurrency=concurrency))
             self._concurrency = concurrency
+
+    def _look_for_worker(self, wait: WorkerWait, allowed: int) -> None:
+        """Says when jobs begin to wait for a job worker, and when they do not any more; looks once a second."""
+        if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
+            return
+        self._looks_for_worker_at_s = now_s + 1.0
+        statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
+        pending = statuses.get("Pending", 0)
+        running = sum(n for status, n in statuses.items() if not is_terminal("simulation-job", status)) - pending
+        waits: Wait | None = "worker" if wait.lasts(pending, running, allowed, now_s) else None
+        if waits != self._waits_for:
+            self._note_wait(waits)
 
     def _note_workers(self, workers: str) -> None:
         """Says once which job workers there are."""
@@ -252,9 +268,9 @@ class BatchRun:
                 perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s)
         self._report()
 
-    def _note_wait(self, scarce: Scarce | None) -> None:
+    def _note_wait(self, wait: Wait | None) -> None:
         """Says what the next job waits for; called while slots are locked, so the catalog is asked another time."""
-        self._waits_for, self._is_news = scarce, True
+        self._waits_for, self._is_news = wait, True
 
     def _wants_more(self) -> bool:
         """Whether another request becomes a job once one of those that run has ended."""

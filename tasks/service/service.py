@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.documents.base import Document
-from ...schemas.runs.machine_waits import Scarce
+from ...schemas.runs.machine_waits import Wait
 from ...schemas.runs.trials import TrialCounts
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import resource_arn
@@ -40,7 +40,7 @@ class Progress:
 
     counts: Mapping[str, int]
     total: int
-    waits_for: Scarce | None = None
+    waits_for: Wait | None = None
     """What the machine has too little of for the next part to begin; `None`: nothing."""
 
     trials: TrialCounts | None = None

@@ -12,7 +12,7 @@ from ....schemas.reports.progress import (
     StepStarted,
     TrialCounts,
 )
-from ....schemas.runs.machine_waits import WAITS_FOR, Scarce
+from ....schemas.runs.machine_waits import IN_WORDS, Wait
 from .durations import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
@@ -28,7 +28,7 @@ class StepState:
     counts: Mapping[str, int] = field(default_factory=dict)
     total: int = 0
     newest_failure: str = ""
-    waits_for: Scarce | None = None
+    waits_for: Wait | None = None
     trials: TrialCounts | None = None
     status: str | None = None
     """How it ended; `None` while it waits or runs."""
@@ -61,7 +61,7 @@ class StepState:
 
     def wait_text(self) -> str:
         """What the next part waits for in words: `waits for memory`; empty: nothing."""
-        return f"waits for {WAITS_FOR[self.waits_for]}" if self.waits_for and self.done < self.total else ""
+        return f"waits for {IN_WORDS[self.waits_for]}" if self.waits_for and self.done < self.total else ""
 
     def pace(self, now_s: float) -> str:
         """Rate and expected time to go, once something is done: `0.5/s, 12 s to go`."""

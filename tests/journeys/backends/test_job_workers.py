@@ -12,13 +12,16 @@ from typing import Any
 import pytest
 from helpers.job_worker_backend import HomesBackend
 from helpers.processes import wait_for
+from hypothesis import given
+from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.inspection.reports import simulation_jobs
+from prefect_robomaker.tasks.jobs.awaited_jobs import WorkerWait
 from prefect_robomaker.tasks.machine.machine_slots import jobs_that_wait
 from prefect_robomaker.tasks.machine.slot_files import Holder, SlotFiles
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.service import Progress, Service
 
 Order = Callable[..., dict[str, Any]]
 
@@ -101,6 +104,64 @@ def test_a_batch_that_no_machine_can_run_fails_and_says_why(
     assert {job["status"] for job in ended["createdRequests"]} <= {"Canceled"}
     assert len(ended["createdRequests"]) + len(ended["failedRequests"]) == 9
     assert ended["pendingRequests"] == []
+
+
+class LateMachine:
+    """A backend whose only machine comes once somebody has been told that jobs wait for one."""
+
+    def __init__(self, homes: HomesBackend) -> None:
+        self._homes = homes
+        self.is_wanted = threading.Event()
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Iterator["LateMachine"]:
+        """Has none at first."""
+
+        def come() -> None:
+            self.is_wanted.wait(60)
+            with self._homes.job_workers(batch, wanted):
+                pass
+
+        coming = threading.Thread(target=come)
+        coming.start()
+        yield self
+        coming.join()
+
+    def look(self) -> str:
+        """Says nothing new."""
+        return "no machine yet"
+
+
+def test_who_watches_a_batch_is_told_that_its_jobs_wait_for_a_job_worker(
+    service: Service, order: Order, prefect_server: str, homes: HomesBackend
+) -> None:
+    del homes.homes[1:]
+    homes.patience_s = 60
+    late, seen = LateMachine(homes), list[Progress]()
+
+    def watch(progress: Progress) -> None:
+        seen.append(progress)
+        if progress.waits_for == "worker":
+            late.is_wanted.set()
+
+    request = {"createSimulationJobRequests": [order()], "batchPolicy": {"maxConcurrency": 1}}
+    batch = call("StartSimulationJobBatch", request, service)
+    watched = replace(service, backend=late).watched_by(watch)
+
+    assert registry()["StartSimulationJobBatch"].perform(batch["arn"], watched)["status"] == "Completed"
+    assert late.is_wanted.is_set()
+    assert seen[0].waits_for is None
+    assert seen[-1].waits_for is None
+
+
+@given(seen=st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.floats(0, 2)), max_size=20))
+def test_a_job_worker_is_waited_for_once_jobs_stand_and_less_run_than_may_for_a_while(seen: Any) -> None:
+    wait, now_s, since_s = WorkerWait(), 0.0, None
+    for pending, running, passed_s in seen:
+        now_s += passed_s
+        since_s = (now_s if since_s is None else since_s) if pending and running < 2 else None
+        expected = since_s is not None and now_s - since_s >= 3.0
+        assert wait.lasts(pending, running, 2, now_s) == expected
 
 
 def test_a_job_has_how_long_its_job_worker_waited_for_room(

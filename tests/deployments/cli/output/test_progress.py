@@ -79,6 +79,14 @@ def test_what_the_next_job_waits_for_is_said_while_it_waits() -> None:
     assert "waits for memory" in terminal.getvalue()
 
 
+def test_a_job_that_waits_for_a_machine_elsewhere_says_so() -> None:
+    stream = io.StringIO()
+    with PlainWatcher(STEPS, stream, clock=Clock()) as listener:
+        listener(StepProgress("drive", {"pending": 2}, 2, waits_for="worker"))
+
+    assert stream.getvalue().endswith("drive: 2 pending of 2, waits for a job worker\n")
+
+
 def test_trials_are_counted_beside_jobs_and_say_how_long_it_still_takes() -> None:
     stream, terminal, states = io.StringIO(), Terminal(), StepStates(STEPS)
     begun = StepStarted("drive", "StartSimulationJobBatch")
