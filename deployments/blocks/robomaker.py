@@ -16,7 +16,7 @@ _PAGE = "https://pypi.org/project/prefect-robomaker/"
 
 
 class _WithLogo:
-    """Gives a block type the logo that our own server has; a server elsewhere shows none, and asks nobody for one."""
+    """Gives a block type the logo that our own server has; a server elsewhere shows none."""
 
     @classmethod
     def _to_block_type(cls) -> Any:

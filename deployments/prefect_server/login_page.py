@@ -30,7 +30,7 @@ LOGO = "/robomaker/logo.svg"
 """A picture for pages, so that they need none of another site."""
 
 _PASSWORD_PAGES = ("/login", "/v2/login")
-"""Prefect's own, for a password that nobody types here."""
+"""Prefect's own, for a password, which no user of ours types."""
 
 _MOST_BYTES = 1024
 _NO_STORE = {"cache-control": "no-store"}
