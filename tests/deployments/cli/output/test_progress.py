@@ -80,8 +80,9 @@ def test_what_the_next_job_waits_for_is_said_while_it_waits() -> None:
 
 
 def test_a_job_that_waits_for_a_machine_elsewhere_says_so() -> None:
-    stream = io.StringIO()
-    with PlainWatcher(STEPS, stream, clock=Clock()) as listener:
+    stream, clock = io.StringIO(), Clock()
+    with PlainWatcher(STEPS, stream, clock=clock) as listener:
+        clock.now_s += 2
         listener(StepProgress("drive", {"pending": 2}, 2, waits_for="worker"))
 
     assert stream.getvalue().endswith("drive: 2 pending of 2, waits for a job worker\n")
