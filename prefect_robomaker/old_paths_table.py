@@ -208,7 +208,7 @@ _GROUPS = (
     ),
     ("deployments", "deployments", "performer=worker sdk=service_model"),
     ("deployments", "deployments.prefect_server", "local_server"),
-    ("deployments", "deployments.endpoint", "access_keys"),
+    ("deployments", "deployments.endpoint.calling", "access_keys"),
     (
         "deployments.performer",
         "deployments.worker",

@@ -28,7 +28,8 @@ APPLICATIONS = (
         "Built-in applications",
         f"{_LIST} {_UPDATE} {_DELETE}",
         known="An account began empty.",
-        here="`scout` and `indoor-navigation` are there from the start; they can be neither updated nor deleted.",
+        here="So do its lists; `scout`, `walker` and `indoor-navigation` are there where a filter asks for their name, "
+        "and wherever an application is named. They can be neither updated nor deleted.",
     ),
     differs(
         "Container images",
@@ -48,13 +49,6 @@ APPLICATIONS = (
         f"{_CREATE} {_VERSION}",
         known="`IdempotentParameterMismatchException` is declared, though there is no token.",
         here="It is never raised; a taken name is `ResourceAlreadyExistsException`.",
-    ),
-    differs(
-        "Built-in applications",
-        _LIST,
-        known="A fresh account had no applications.",
-        here="Nor are there any in its lists: `scout`, `walker` and `indoor-navigation` are there where a filter "
-        "asks for their name, and wherever an application is named.",
     ),
     decided(
         "Another revision than the caller thinks",

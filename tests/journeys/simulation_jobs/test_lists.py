@@ -113,6 +113,12 @@ def test_a_description_has_what_clients_count_on_and_nothing_that_is_not_so(serv
 
 
 APPLICATION = {"application": "indoor-navigation", "launchConfig": {}}
+UNSAID = {
+    "applicationVersion": "$LATEST",
+    "uploadConfigurations": [],
+    "useDefaultUploadConfigurations": False,
+    "useDefaultTools": False,
+}
 
 
 @pytest.mark.parametrize(
@@ -184,8 +190,10 @@ def test_requests_of_all_years_are_accepted_and_echoed(
 
     job = call("DescribeSimulationJob", {"job": arn}, service)
 
-    for member in ("simulationApplications", "robotApplications", "loggingConfig"):
-        assert job.get(member) == members.get(member, job.get(member)), "configurations are echoed as they were sent"
+    assert job["loggingConfig"] == {"recordAllRosTopics": False, **members.get("loggingConfig", {})}
+    for member in ("simulationApplications", "robotApplications"):
+        sent = members.get(member, job.get(member))
+        assert job.get(member) == (sent and [{**UNSAID, **each} for each in sent]), "as they were sent, with defaults"
     for member, value in echoed.items():
         found: Any = job.get(member)
         assert (found if not isinstance(value, dict) else {key: found[key] for key in value}) == value
