@@ -13,6 +13,7 @@ from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_c
 from prefect.settings import get_current_settings
 
 from ..tasks.execution.dead_flow_runs import ensure_automation, sweep
+from ..tasks.execution.prefect_settings import asking_once
 from ..tasks.operations.registry import flow_names
 
 SWEEP_S = 5.0
@@ -44,8 +45,8 @@ async def close_dead_runs_beside(client: PrefectClient) -> None:
 
 
 def close_dead_runs_once() -> None:
-    """Starts a thread that sweeps once."""
-    threading.Thread(target=_sweep_once, name="dead runs", daemon=True).start()
+    """Starts a thread that sweeps once; Python waits for it at its end, see `run_watch`."""
+    threading.Thread(target=_sweep_once, name="dead runs").start()
 
 
 def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: bool = False) -> None:
@@ -68,7 +69,7 @@ def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: 
 
 def _sweep_once() -> None:
     try:
-        with get_client(sync_client=True) as client:
+        with asking_once() as client:
             sweep(client, flow_names())
     except Exception as error:  # what the user has begun has nothing to do with it
         _logger.debug("dead runs are not closed: %s", error)

@@ -3,10 +3,21 @@
 A flow's whole context would not do: the client in it belongs to the flow, and ends with it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import Any
 
-from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_KEY, PREFECT_API_URL, temporary_settings
+from prefect.client.orchestration import SyncPrefectClient, get_client
+from prefect.settings import (
+    PREFECT_API_AUTH_STRING,
+    PREFECT_API_KEY,
+    PREFECT_API_URL,
+    PREFECT_CLIENT_MAX_RETRIES,
+    temporary_settings,
+)
+
+_ANSWER_S = 5.0
+"""How long the server may take to answer a thread of ours."""
 
 _OF_SERVER = (PREFECT_API_URL, PREFECT_API_KEY, PREFECT_API_AUTH_STRING)
 
@@ -20,3 +31,13 @@ def on_same_server(work: Callable[[], None]) -> Callable[[], None]:
             work()
 
     return run
+
+
+@contextmanager
+def asking_once() -> Generator[SyncPrefectClient]:
+    """A client that asks once: a server that is busy is asked at the next look, a process that ends waits little."""
+    with (
+        temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}),
+        get_client(sync_client=True, httpx_settings={"timeout": _ANSWER_S}) as client,
+    ):
+        yield client

@@ -16,13 +16,12 @@ from dataclasses import dataclass, field
 from uuid import UUID
 
 import httpx
-from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterState, FlowRunFilterStateType
 from prefect.client.schemas.objects import StateType
 from prefect.context import FlowRunContext
 from prefect.events import emit_event
 from prefect.exceptions import PrefectException
-from prefect.settings import PREFECT_API_URL, PREFECT_CLIENT_MAX_RETRIES, temporary_settings
+from prefect.settings import PREFECT_API_URL
 
 from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Catalog
@@ -30,16 +29,13 @@ from .dead_flow_runs import HEARTBEAT, closed_as_dead, take_back
 from .flow_ends import started_by_worker
 from .held_leases import HELD
 from .orphans import end_orphan, watching_parent
-from .prefect_settings import on_same_server
+from .prefect_settings import asking_once, on_same_server
 
 BEAT_S = 10.0
 """Time from one sign of life to the next."""
 
 _LOOK_S = 2.0
 """How often the server is asked whether a run was cancelled."""
-
-_ANSWER_S = 5.0
-"""How long it may take to answer."""
 
 _MOST_MISSES = 3
 """How often it may give no answer, one time after the other, since it is only busy."""
@@ -65,7 +61,7 @@ class _Watched:
 
 @dataclass
 class RunWatch:
-    """Watches flow runs of this process, in a thread that lives as long as there are any."""
+    """Watches flow runs of this process, in a thread that lives as long as there are any, and the main thread."""
 
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
@@ -91,13 +87,16 @@ class RunWatch:
             self._runs[run] = _Watched(name, cancel, goes_on)
             if not self._is_running:
                 self._is_running = True
-                threading.Thread(target=on_same_server(self._watch), name="runs", daemon=True).start()
+                # Python waits for it at its end: a daemon that is in Prefect's client then aborts the process, since
+                # pydantic's Rust code does not let a thread be unwound.
+                threading.Thread(target=on_same_server(self._watch), name="runs").start()
             self._changed.notify()
         try:
             yield
         finally:
             with self._changed:
                 self._runs.pop(run, None)
+                self._changed.notify()
 
     @contextmanager
     def part(self, outer: UUID, run: UUID) -> Generator[None]:
@@ -113,7 +112,7 @@ class RunWatch:
         while True:
             with self._changed:
                 runs = dict(self._runs)
-                if not runs:
+                if not runs or not threading.main_thread().is_alive():
                     self._is_running = False
                     return
             try:
@@ -127,7 +126,7 @@ class RunWatch:
             except Exception:  # whatever breaks here, the runs go on and want to be watched
                 _logger.warning("flow runs cannot be watched", exc_info=True)
             with self._changed:
-                self._changed.wait_for(lambda known=runs: self._runs.keys() - known.keys(), _LOOK_S)
+                self._changed.wait_for(lambda known=runs: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 
     def _note_answer(self, error: Exception | None) -> None:
         """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
@@ -138,13 +137,14 @@ class RunWatch:
 
     @staticmethod
     def _beat(runs: dict[UUID, _Watched]) -> bool:
-        """Gives the signs of life that are due; says whether there were any."""
+        """Gives the signs of life that are due; says whether there was any that was not a run's first."""
         due = {run: watched for run, watched in runs.items() if time.monotonic() - watched.beat_at >= BEAT_S}
+        was_given = any(watched.beat_at for watched in due.values())
         for run, watched in due.items():
             watched.beat_at = time.monotonic()
             resource = {"prefect.resource.id": f"prefect.flow-run.{run}", "prefect.resource.name": watched.name}
             emit_event(HEARTBEAT, resource=resource)
-        return bool(due)
+        return was_given
 
     @staticmethod
     def _take_back(runs: dict[UUID, _Watched]) -> None:
@@ -152,7 +152,7 @@ class RunWatch:
 
         Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed.
         """
-        with _client() as client:
+        with asking_once() as client:
             for watched, ids in [(watched, {run, *watched.parts}) for run, watched in runs.items()]:
                 if (closed := closed_as_dead(client, ids)) and watched.goes_on():
                     take_back(client, closed)
@@ -165,7 +165,7 @@ class RunWatch:
             return
         cancelled = FlowRunFilterStateType(any_=[StateType.CANCELLING, StateType.CANCELLED])
         chosen = FlowRunFilter(id=FlowRunFilterId(any_=open_runs), state=FlowRunFilterState(type=cancelled))
-        with _client() as client:
+        with asking_once() as client:
             found = client.read_flow_runs(flow_run_filter=chosen)
         for run in found:
             try:
@@ -174,16 +174,6 @@ class RunWatch:
                 _logger.warning("the cancellation of %s is passed on later: %s", runs[run.id].name, error)
             else:
                 runs[run.id].is_told = True
-
-
-@contextmanager
-def _client() -> Generator[SyncPrefectClient]:
-    """A client that asks once: signs of life wait meanwhile, and a server that is busy is asked at the next look."""
-    with (
-        temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}),
-        get_client(sync_client=True, httpx_settings={"timeout": _ANSWER_S}) as client,
-    ):
-        yield client
 
 
 WATCH = RunWatch()

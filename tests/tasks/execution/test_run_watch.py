@@ -1,6 +1,8 @@
 """Watching flow runs: a cancellation is passed on until it is taken, and a server that fails holds nothing up."""
 
 import http.server
+import subprocess
+import sys
 import threading
 import uuid
 from typing import Any
@@ -110,3 +112,27 @@ def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on
         states = [client.read_flow_run(run).state for run in (outer, part, lost, other)]
         assert [state.name if state else None for state in states] == ["Running", "Running", "Crashed", "Crashed"]
         wait_for(lambda: client.read_task_run(inner).state.is_running(), "the task run that is taken back")
+
+
+ENDS = """
+import time, uuid
+from typing import Annotated
+from pydantic import BeforeValidator, TypeAdapter
+from prefect_robomaker.tasks.execution.run_watch import RunWatch
+
+def validate(self, runs):
+    end, adapter = time.monotonic() + 0.5, TypeAdapter(list[Annotated[int, BeforeValidator(lambda value: int(value))]])
+    while time.monotonic() < end:
+        adapter.validate_python(["1"] * 1000)
+
+RunWatch._pass_on_cancellations = validate
+RunWatch._beat = lambda self, runs: False
+with RunWatch().watching(uuid.uuid4(), "ends", lambda: None):
+    time.sleep(0.1)
+"""
+
+
+def test_a_process_that_ends_while_it_looks_at_its_runs_ends_well() -> None:
+    """A daemon thread in pydantic's Rust code aborts Python's end: `FATAL: exception not rethrown`."""
+    ended = subprocess.run([sys.executable, "-c", ENDS], capture_output=True, text=True, check=False, timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, "")
