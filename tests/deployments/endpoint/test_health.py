@@ -6,6 +6,7 @@ import pytest
 from helpers.asgi import Client
 
 from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.tasks.service.service import Service
 
 
@@ -62,7 +63,7 @@ def test_everything_on_the_page_is_escaped(service: Service) -> None:
 
 
 def test_hosts_on_the_page_are_escaped(service: Service) -> None:
-    client = Client(make_application(service, access_keys={"a": "b"}))
+    client = Client(make_application(service, access_keys={"a": AccessKey("a", "b")}))
     page = Text(client.send("GET", "/", b"", {"host": "x</pre><script>"}).body.decode())
     client.close()
 
@@ -70,7 +71,7 @@ def test_hosts_on_the_page_are_escaped(service: Service) -> None:
 
 
 def test_strangers_learn_only_that_it_works(service: Service, template: str) -> None:
-    client = Client(make_application(service, access_keys={"a": "b"}, worker_status=lambda: {"pid": 4711}))
+    client = Client(make_application(service, access_keys={"a": AccessKey("a", "b")}, worker_status=lambda: {"pid": 4711}))
     health, page = client.send("GET", "/health"), client.send("GET", "/")
     client.close()
 

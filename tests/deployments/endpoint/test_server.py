@@ -20,6 +20,7 @@ from helpers.endpoint_server import endpoint, exchange, http_request
 
 from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
 from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.server import listening, run_server
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -160,9 +161,9 @@ def test_signals_end_it_and_handlers_are_put_back(number: signal.Signals, servic
     assert signal.getsignal(number) is before
 
 
-@pytest.mark.parametrize(("keys", "warned"), [(None, True), ({"a": "b"}, False)])
+@pytest.mark.parametrize(("keys", "warned"), [(None, True), ({"a": AccessKey("a", "b")}, False)])
 def test_strangers_reach_it_only_with_a_warning(
-    keys: dict[str, str] | None, warned: bool, service: Service, caplog: pytest.LogCaptureFixture
+    keys: dict[str, AccessKey] | None, warned: bool, service: Service, caplog: pytest.LogCaptureFixture
 ) -> None:
     def ready(port: int) -> None:
         threading.Timer(0.1, signal.raise_signal, [signal.SIGTERM]).start()

@@ -111,7 +111,10 @@ def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on
 
         states = [client.read_flow_run(run).state for run in (outer, part, lost, other)]
         assert [state.name if state else None for state in states] == ["Running", "Running", "Crashed", "Crashed"]
-        wait_for(lambda: client.read_task_run(inner).state.is_running(), "the task run that is taken back")
+        wait_for(
+            lambda: (state := client.read_task_run(inner).state) is not None and state.is_running(),
+            "the task run that is taken back",
+        )
 
 
 ENDS = """
