@@ -71,7 +71,8 @@ def test_hosts_on_the_page_are_escaped(service: Service) -> None:
 
 
 def test_strangers_learn_only_that_it_works(service: Service, template: str) -> None:
-    client = Client(make_application(service, access_keys={"a": AccessKey("a", "b")}, worker_status=lambda: {"pid": 4711}))
+    keys = {"a": AccessKey("a", "b")}
+    client = Client(make_application(service, access_keys=keys, worker_status=lambda: {"pid": 4711}))
     health, page = client.send("GET", "/health"), client.send("GET", "/")
     client.close()
 
