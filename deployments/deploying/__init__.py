@@ -2,8 +2,8 @@
 
 `deployables` says what there is to deploy, `needs` what a specification wants to find where it runs, `schedules` when
 it runs, `job_variables` what its runs get from a work pool, `registration` tells a Prefect server, `pool_templates`
-makes job templates of work pools. May import: `schemas`, `tasks`, `flows`. Only `schedules`, `registration` and
-`pool_templates` import Prefect.
+makes job templates of work pools, `forms` the schemas of forms. May import: `schemas`, `tasks`, `flows`. Only `schedules`, `registration` and
+`pool_templates` and `forms` import Prefect.
 """
 
-__all__ = ["deployables", "job_variables", "needs", "pool_templates", "registration", "schedules"]
+__all__ = ["deployables", "forms", "job_variables", "needs", "pool_templates", "registration", "schedules"]

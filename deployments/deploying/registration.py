@@ -19,13 +19,13 @@ from prefect.client.schemas.objects import WorkPool
 from prefect.client.schemas.responses import DeploymentResponse
 from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
-from prefect.utilities.callables import parameter_schema
 
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.request_problems import nearest
 from ...tasks.execution.dead_flow_runs import ensure_automation
 from ...tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 from .deployables import Deployable
+from .forms import form_schema
 from .job_variables import environment_of_blocks
 
 _PAGE = 200  # the most that the server gives at once
@@ -117,7 +117,7 @@ def _register(
         description=deployable.description,
         tags=list(deployable.tags),
         parameters=dict(deployable.parameters),
-        parameter_openapi_schema=parameter_schema(_flow(deployable.entrypoint)).model_dump_for_openapi(),
+        parameter_openapi_schema=form_schema(_flow(deployable.entrypoint)),
         enforce_parameter_schema=True,
         work_pool_name=target.pool,
         job_variables=variables,
