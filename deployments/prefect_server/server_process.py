@@ -12,6 +12,7 @@ from ..dead_run_sweeper import close_dead_runs_beside
 from ..web_guard.guard import Guard
 from .beside import beside
 from .login_page import LoginPage
+from .repeated_logins import RepeatedLogins
 from .sqlite_locks import wait_in_the_event_loop
 from .stuck_loop import tell_when_stuck
 
@@ -25,7 +26,7 @@ def make_application(port: int, auth_string: str) -> ASGIApp:
         port: the port.
         auth_string: what every request to Prefect's API has to carry.
     """
-    return Guard(LoginPage(create_app(final=True), f"http://{_HOST}:{port}", auth_string))
+    return Guard(LoginPage(RepeatedLogins(create_app(final=True)), f"http://{_HOST}:{port}", auth_string))
 
 
 def run(listener: socket.socket, auth_string: str) -> None:
