@@ -81,9 +81,9 @@ def test_a_night_that_was_missed_is_skipped_or_made_up_for(
     scheduled_at(run, datetime.now(UTC) - timedelta(hours=late_h))
     environ = {**os.environ, "PREFECT_API_URL": prefect_server, "ROBOMAKER_HOME": str(tmp_path / "home")}
 
-    # What a process worker starts for a flow run.
+    # What a process worker starts for a flow run. It copies the folder in which it is, so that shall be a small one.
     command = [sys.executable, "-m", "prefect", "flow-run", "execute", str(run.id)]
-    ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=240)
+    ended = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
 
     after = client.read_flow_run(run.id)
     assert after.state is not None, ended.stderr
