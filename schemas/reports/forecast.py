@@ -16,6 +16,7 @@ class JobCost(Model):
     trials: int = Field(ge=1, description="Trials that it ran; 1 without trials.")
     cpu_time_s: float | None = Field(default=None, ge=0, description="CPU time; absent: not known.")
     size_bytes: int = Field(ge=0, description="Size of its outputs.")
+    kind: str = Field(default="", description="What it shares with jobs that probably take as long.")
 
 
 class StepProbe(Model):

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from ..wire.base import Model
 from ..wire.errors import InvalidParameterException
-from ..wire.job_configs import RobotApplicationConfig, SimulationApplicationConfig
+from ..wire.job_configs import LaunchConfig, RobotApplicationConfig, SimulationApplicationConfig
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import problems_of
 from ..wire.strict_json import load_strict
@@ -18,6 +18,8 @@ TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """Launch variable that holds the trials as JSON, for SDKs that do not know the member."""
 
 _MAX_CHARACTERS = 1024
+_PROGRAMS = (".py", ".launch", ".xml")
+"""Endings of launch files that are run as programs; the others name factories."""
 
 
 class TrialsSource(Protocol):
@@ -88,15 +90,22 @@ def _texts(request: Mapping[str, Any]) -> Iterator[str]:
 
 
 def check_trials(request: TrialsSource) -> None:
-    """Finds out whether the launch variable says what the member may say.
+    """Finds out whether the launch variable says what the member may say, and no application is launched as a program.
 
     Raises:
-        ValueError: it does not.
+        ValueError: it does not, or one is.
     """
     try:
-        trials_of(request)
+        trials = trials_of(request)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
+    for place, launch in _launches(request) if trials else ():
+        member = "command" if launch.command else "launchFile"
+        if launch.command or (launch.launchFile or "").endswith(_PROGRAMS):
+            raise ValueError(
+                f"trials: {place}.{member} launches a program, which cannot be begun anew for each trial; trials need "
+                "applications that are factories (make_environment, make_agent), or a job for each seed"
+            )
 
 
 def _parse(text: str, place: str) -> Trials:
@@ -107,14 +116,19 @@ def _parse(text: str, place: str) -> Trials:
         raise InvalidParameterException("\n".join(f"{place}{line}" for line in lines)) from None
 
 
-def _variables(request: TrialsSource) -> Iterator[tuple[str, str]]:
-    """Where the launch variable is set, and what it holds."""
+def _launches(request: TrialsSource) -> Iterator[tuple[str, LaunchConfig]]:
+    """Where the launch configurations of a request are, and what they say."""
     for member, configs in (
         ("simulationApplications", request.simulationApplications),
         ("robotApplications", request.robotApplications),
     ):
         for index, config in enumerate(configs or ()):
-            variables = config.launchConfig.environmentVariables or {}
-            if TRIALS_VARIABLE in variables:
-                place = f"{member}[{index}].launchConfig.environmentVariables.{TRIALS_VARIABLE}"
-                yield place, variables[TRIALS_VARIABLE]
+            yield f"{member}[{index}].launchConfig", config.launchConfig
+
+
+def _variables(request: TrialsSource) -> Iterator[tuple[str, str]]:
+    """Where the launch variable is set, and what it holds."""
+    for place, launch in _launches(request):
+        variables = launch.environmentVariables or {}
+        if TRIALS_VARIABLE in variables:
+            yield f"{place}.environmentVariables.{TRIALS_VARIABLE}", variables[TRIALS_VARIABLE]

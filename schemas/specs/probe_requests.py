@@ -3,6 +3,8 @@
 How many jobs the whole request has, and how many trials each of them, says `jobs_in`.
 """
 
+import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -54,6 +56,8 @@ class JobAmount:
     """1 for a job without trials."""
     limit_s: float
     """Its `maxJobDurationInSeconds`."""
+    kind: str = ""
+    """See `kind_of`."""
 
 
 def check_probed(spec: CheckedSpec) -> None:
@@ -84,9 +88,27 @@ def worlds_in(request: Mapping[str, Any]) -> int:
 def jobs_in(operation: str, request: Mapping[str, Any]) -> list[JobAmount]:
     """The simulation jobs that a resolved request makes, in order; none for other operations."""
     return [
-        JobAmount(trials.count if (trials := _trials(job)) else 1, float(job["maxJobDurationInSeconds"]))
+        JobAmount(trials.count if (trials := _trials(job)) else 1, float(job["maxJobDurationInSeconds"]), kind_of(job))
         for job in _jobs(operation, request)
     ]
+
+
+def kind_of(job: Mapping[str, Any]) -> str:
+    """What a job shares with those that probably take as long: limit, applications, and how they are launched.
+
+    World, seed, trials and tags make no other kind.
+
+    Args:
+        job: its request, or the members of it that are stored.
+    """
+    wire = _checked(job).to_wire()
+    applications = [
+        {name: value for name, value in _without_trials(each).items() if name != "worldConfigs"}
+        for role in _APPLICATIONS
+        for each in wire.get(role) or ()
+    ]
+    told = json.dumps([wire["maxJobDurationInSeconds"], applications], sort_keys=True)
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
 def cut(operation: str, request: Mapping[str, Any], size: ProbeSize) -> dict[str, Any]:
@@ -106,8 +128,9 @@ def cut(operation: str, request: Mapping[str, Any], size: ProbeSize) -> dict[str
     if operation == JOB:
         return _cut_job(members, size.trials)
     if operation == BATCH:
-        chosen = spread(_jobs(operation, request), size.jobs)
-        return {**members, _REQUESTS: [_cut_job(job, size.trials) for job in chosen]}
+        jobs = _jobs(operation, request)
+        chosen = of_each_kind([kind_of(job) for job in jobs], size.jobs)
+        return {**members, _REQUESTS: [_cut_job(jobs[index], size.trials) for index in chosen]}
     return members
 
 
@@ -116,6 +139,18 @@ def spread(items: Sequence[_Item], most: int) -> list[_Item]:
     if len(items) <= most:
         return list(items)
     return [items[index * len(items) // most] for index in range(most)]
+
+
+def of_each_kind(kinds: Sequence[str], most: int) -> list[int]:
+    """The places of some jobs, at most so many: one of each kind, as far as that goes, the others from all over.
+
+    Args:
+        kinds: the kind of each job.
+        most: how many.
+    """
+    firsts = spread([kinds.index(kind) for kind in dict.fromkeys(kinds)], most)
+    others = [index for index in spread(range(len(kinds)), most) if index not in firsts]
+    return sorted([*firsts, *others[: most - len(firsts)]])
 
 
 def _cut_worlds(request: Mapping[str, Any], most: int) -> dict[str, int]:
@@ -140,9 +175,13 @@ def _jobs(operation: str, request: Mapping[str, Any]) -> list[dict[str, Any]]:
     return list(requests) if is_list(requests) else []
 
 
-def _trials(job: Mapping[str, Any]) -> Trials | None:
+def _checked(job: Mapping[str, Any]) -> SimulationJobRequest:
     members = {name: value for name, value in job.items() if name in SimulationJobRequest.model_fields}
-    return trials_of(SimulationJobRequest.model_validate(members))
+    return SimulationJobRequest.model_validate(members)
+
+
+def _trials(job: Mapping[str, Any]) -> Trials | None:
+    return trials_of(_checked(job))
 
 
 def _cut_job(job: Mapping[str, Any], most: int) -> dict[str, Any]:
@@ -179,4 +218,5 @@ def _without_trials(application: Mapping[str, Any]) -> dict[str, Any]:
     if not is_mapping(launch) or not is_mapping(variables):
         return dict(application)
     kept = {name: value for name, value in variables.items() if name != TRIALS_VARIABLE}
-    return {**application, "launchConfig": {**launch, "environmentVariables": kept}}
+    others = {name: value for name, value in launch.items() if name != "environmentVariables"}
+    return {**application, "launchConfig": {**others, **({"environmentVariables": kept} if kept else {})}}

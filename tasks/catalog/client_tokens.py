@@ -15,13 +15,19 @@ import hashlib
 import json
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, bindparam, insert, select
 
 from ...schemas.wire.base import Shape
 from ...schemas.wire.errors import IdempotentParameterMismatchException
 from .queries import one_row, resource_of
 from .records import Resource
 from .tables import client_tokens
+
+_EARLIER = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
+    client_tokens.c.operation == bindparam("called"),
+    client_tokens.c.account == bindparam("by"),
+    client_tokens.c.token == bindparam("given"),
+)
 
 
 @dataclass(frozen=True)
@@ -59,12 +65,8 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
     Raises:
         IdempotentParameterMismatchException: that call was another request.
     """
-    query = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
-        client_tokens.c.operation == token.operation,
-        client_tokens.c.account == account,
-        client_tokens.c.token == token.token,
-    )
-    earlier = connection.execute(query).mappings().one_or_none()
+    meant = {"called": token.operation, "by": account, "given": token.token}
+    earlier = connection.execute(_EARLIER, meant).mappings().one_or_none()
     if earlier is None:
         return None
     if earlier["request_hash"] != token.request_hash:

@@ -76,6 +76,11 @@ def writing(engine: Engine) -> Engine:
     return engine.execution_options(catalog_writes=True)
 
 
+def reading_once(engine: Engine) -> Engine:
+    """The same engine, for transactions of one statement that reads: SQLite need not begin and end them."""
+    return engine.execution_options(catalog_reads_once=True)
+
+
 def _checked(url: str) -> URL:
     try:
         parsed = make_url(url)
@@ -131,8 +136,9 @@ def _configure_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
 
 
 def _begin_sqlite(connection: Connection) -> None:
-    writes = connection.get_execution_options().get("catalog_writes", False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+    options = connection.get_execution_options()
+    if not options.get("catalog_reads_once", False):
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("catalog_writes", False) else "BEGIN")
 
 
 def _migrate(connection: Connection) -> None:

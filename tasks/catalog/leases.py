@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, and_, case, func, or_, select, update
+from sqlalchemy import BindParameter, ColumnElement, Update, and_, bindparam, case, func, or_, select, update
 
 from ...schemas.lifecycles import LIFECYCLES
 from .queries import COLUMNS, changed_one, not_found, one_row, resource_of
@@ -13,6 +13,29 @@ from .records import Resource
 from .tables import resources
 
 _BATCH = "simulation-job-batch"
+
+
+def _is_free(now: datetime | BindParameter[Any]) -> ColumnElement[bool]:
+    """Whether no living owner holds a resource."""
+    return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
+
+
+# Made once, as each job takes a lease and gives it back, and making a statement takes as long as executing it.
+_TAKEN = (
+    update(resources)
+    .where(resources.c.arn == bindparam("of"))
+    .values(
+        # A lease of another that has run out was a lost worker's.
+        lost_workers=resources.c.lost_workers
+        + case(
+            (and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != bindparam("held_by")), 1), else_=0
+        ),
+        lease_owner=bindparam("held_by"),
+        lease_expires_at=bindparam("until"),
+    )
+)
+_CLAIMED = _TAKEN.where(or_(_is_free(bindparam("now")), resources.c.lease_owner == bindparam("held_by")))
+_HELD = update(resources).where(resources.c.arn == bindparam("of"), resources.c.lease_owner == bindparam("held_by"))
 
 
 class CatalogLeases(CatalogReader):
@@ -35,7 +58,8 @@ class CatalogLeases(CatalogReader):
             ResourceNotFoundException: there is no such resource.
         """
         now = self._now()
-        return self._lease(arn, or_(_is_free(now), resources.c.lease_owner == owner), _taken(owner, now, lease_s))
+        values = {"now": now, "until": now + timedelta(seconds=lease_s)}
+        return self._lease(_CLAIMED, arn, owner, values)
 
     def claim_child(
         self, parent: str, kind: str, owner: str, lease_s: float, *, most: str, parent_in: Sequence[str]
@@ -79,8 +103,8 @@ class CatalogLeases(CatalogReader):
                 return None
             arn = connection.scalar(first)
             if arn is not None:
-                taken = update(resources).where(resources.c.arn == arn).values(_taken(owner, now, lease_s))
-                connection.execute(taken)
+                values = {"held_by": owner, "until": now + timedelta(seconds=lease_s)}
+                connection.execute(_TAKEN, {"of": arn, **values})
             return arn
 
     def renew(self, arn: str, owner: str, lease_s: float) -> bool:
@@ -90,7 +114,7 @@ class CatalogLeases(CatalogReader):
             Whether `owner` still holds the lease.
         """
         until = self._now() + timedelta(seconds=lease_s)
-        return self._lease(arn, resources.c.lease_owner == owner, {"lease_expires_at": until})
+        return self._lease(_HELD, arn, owner, {"lease_expires_at": until})
 
     def release(self, arn: str, owner: str) -> bool:
         """Gives a lease back.
@@ -98,7 +122,7 @@ class CatalogLeases(CatalogReader):
         Returns:
             Whether `owner` held it.
         """
-        return self._lease(arn, resources.c.lease_owner == owner, {"lease_owner": None, "lease_expires_at": None})
+        return self._lease(_HELD, arn, owner, {"lease_owner": None, "lease_expires_at": None})
 
     def lease_of(self, arn: str) -> tuple[str | None, bool]:
         """The owner of a resource's lease, if it has one, and whether the lease has run out.
@@ -148,7 +172,7 @@ class CatalogLeases(CatalogReader):
             arn: the resource.
             owner: holds its lease; otherwise nothing is changed.
         """
-        self._lease(arn, resources.c.lease_owner == owner, {"lost_workers": 0})
+        self._lease(_HELD, arn, owner, {"lost_workers": 0})
 
     def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
         """The jobs that have not ended and that no job worker holds, oldest first.
@@ -176,28 +200,12 @@ class CatalogLeases(CatalogReader):
         with self._transaction(self._engine) as connection:
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
-    def _lease(self, arn: str, condition: ColumnElement[bool], values: Mapping[str, Any]) -> bool:
+    def _lease(self, statement: Update, arn: str, owner: str, values: Mapping[str, Any]) -> bool:
         with self._transaction(self._writer) as connection:
-            taken = connection.execute(update(resources).where(resources.c.arn == arn, condition).values(values))
-            if changed_one(taken):
+            if changed_one(connection.execute(statement, {"of": arn, "held_by": owner, **values})):
                 return True
             one_row(connection, arn)
             return False
-
-
-def _is_free(now: datetime) -> ColumnElement[bool]:
-    """Whether no living owner holds a resource."""
-    return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
-
-
-def _taken(owner: str, now: datetime, lease_s: float) -> dict[str, Any]:
-    """What taking a lease sets; a lease of another that has run out was a lost worker's."""
-    left_behind = and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != owner)
-    return {
-        "lost_workers": resources.c.lost_workers + case((left_behind, 1), else_=0),
-        "lease_owner": owner,
-        "lease_expires_at": now + timedelta(seconds=lease_s),
-    }
 
 
 def _alive(kind: str) -> list[str]:

@@ -28,6 +28,9 @@ COLUMNS = (
 # Made once: making it takes as long as executing it, and it is the query of most calls.
 _ONE_ROW = select(*COLUMNS, resources.c.lease_owner).where(resources.c.arn == bindparam("arn"))
 
+_SEQUENCE = select(resources.c.sequence).where(resources.c.arn == bindparam("of"))
+_OLD_LABELS = delete(resource_labels).where(resource_labels.c.sequence == bindparam("of"))
+
 _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": resources.c.status}
 
 
@@ -125,9 +128,9 @@ def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Se
 
 def replace_labels(connection: Connection, arn: str, labels: Mapping[str, Sequence[str]]) -> None:
     """Puts other labels in the place of a row's."""
-    sequence = connection.scalar(select(resources.c.sequence).where(resources.c.arn == arn))
+    sequence = connection.scalar(_SEQUENCE, {"of": arn})
     if sequence is not None:
-        connection.execute(delete(resource_labels).where(resource_labels.c.sequence == sequence))
+        connection.execute(_OLD_LABELS, {"of": sequence})
         insert_labels(connection, sequence, labels)
 
 

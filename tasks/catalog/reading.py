@@ -9,14 +9,25 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.wire.errors import ServiceUnavailableException
 from .client_tokens import ClientToken, find_resource
-from .engine import open_engine, writing
+from .engine import open_engine, reading_once, writing
 from .page_tokens import decode_page_token, encode_page_token
 from .queries import COLUMNS, list_query, not_found, one_row, only_members, resource_of, resource_with
 from .records import Page, Resource
 from .tables import resources
 
-# Made once: each job asks ten times a second, and making a statement costs too.
+# Made once: they are asked several times for each job, some several times a second, and making a statement costs too.
 _STANDING = select(resources.c.status, resources.c.cancel_requested).where(resources.c.arn == bindparam("of"))
+_NEWEST = (
+    select(*COLUMNS)
+    .where(resources.c.kind == bindparam("of"), resources.c.name == bindparam("called"))
+    .order_by(resources.c.sequence.desc())
+    .limit(1)
+)
+_STATUSES = (
+    select(resources.c.status, func.count())
+    .where(resources.c.parent == bindparam("of"), resources.c.kind == bindparam("each"))
+    .group_by(resources.c.status)
+)
 
 
 class CatalogReader:
@@ -24,7 +35,7 @@ class CatalogReader:
 
     def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
         self._engine = open_engine(url)
-        self._writer = writing(self._engine)
+        self._writer, self._once = writing(self._engine), reading_once(self._engine)
         self._clock = clock
 
     def close(self) -> None:
@@ -41,7 +52,7 @@ class CatalogReader:
         Raises:
             ResourceNotFoundException: there is none of that ARN and kind.
         """
-        with self._transaction(self._engine) as connection:
+        with self._transaction(self._once) as connection:
             return resource_of(one_row(connection, arn, kind))
 
     def get_many(self, arns: Iterable[str]) -> dict[str, Resource]:
@@ -74,9 +85,8 @@ class CatalogReader:
 
     def find(self, kind: str, name: str) -> Resource | None:
         """The newest resource of a kind and name."""
-        query = select(*COLUMNS).where(resources.c.kind == kind, resources.c.name == name)
-        with self._transaction(self._engine) as connection:
-            row = connection.execute(query.order_by(resources.c.sequence.desc()).limit(1)).mappings().one_or_none()
+        with self._transaction(self._once) as connection:
+            row = connection.execute(_NEWEST, {"of": kind, "called": name}).mappings().one_or_none()
         return None if row is None else resource_of(row)
 
     def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
@@ -93,7 +103,7 @@ class CatalogReader:
         Raises:
             ResourceNotFoundException: there is no such resource.
         """
-        with self._transaction(self._engine) as connection:
+        with self._transaction(self._once) as connection:
             row = connection.execute(_STANDING, {"of": arn}).one_or_none()
         if row is None:
             raise not_found(arn)
@@ -109,9 +119,8 @@ class CatalogReader:
 
     def count_children(self, parent: str, kind: str) -> dict[str, int]:
         """How many resources of a kind that came from a parent are in each status."""
-        query = select(resources.c.status, func.count()).where(resources.c.parent == parent, resources.c.kind == kind)
-        with self._transaction(self._engine) as connection:
-            return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.status))}
+        with self._transaction(self._once) as connection:
+            return {row[0]: row[1] for row in connection.execute(_STATUSES, {"of": parent, "each": kind})}
 
     def list(
         self,

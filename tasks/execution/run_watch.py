@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from uuid import UUID
 
 import httpx
+from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterState, FlowRunFilterStateType
 from prefect.client.schemas.objects import StateType
 from prefect.context import FlowRunContext
@@ -109,24 +110,39 @@ class RunWatch:
             parts.discard(run)
 
     def _watch(self) -> None:
-        while True:
-            with self._changed:
-                runs = dict(self._runs)
-                if not runs or not threading.main_thread().is_alive():
-                    self._is_running = False
-                    return
+        while runs := self._to_watch():
             try:
-                if self._beat(runs):
-                    self._take_back(runs)
-                if not started_by_worker():
-                    self._pass_on_cancellations(runs)
-                self._note_answer(None)
+                # Kept while the server answers: to make a client takes 40 ms of CPU, and one look does not.
+                with asking_once() as client:
+                    while runs:
+                        self._look(runs, client)
+                        self._note_answer(None)
+                        self._wait(runs)
+                        runs = self._to_watch()
             except (httpx.HTTPError, PrefectException, RuntimeError) as error:
                 self._note_answer(error)  # Prefect's client raises RuntimeError when it cannot reach the server
+                self._wait(runs)
             except Exception:  # whatever breaks here, the runs go on and want to be watched
                 _logger.warning("flow runs cannot be watched", exc_info=True)
-            with self._changed:
-                self._changed.wait_for(lambda known=runs: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
+                self._wait(runs)
+
+    def _to_watch(self) -> dict[UUID, _Watched]:
+        """The runs that are watched; the thread ends when there are none."""
+        with self._changed:
+            runs = dict(self._runs) if threading.main_thread().is_alive() else {}
+            self._is_running = bool(runs)
+            return runs
+
+    def _look(self, runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:
+        if self._beat(runs):
+            self._take_back(runs, client)
+        if not started_by_worker():
+            self._pass_on_cancellations(runs, client)
+
+    def _wait(self, known: dict[UUID, _Watched]) -> None:
+        """Waits until the next look, less if a run has come, or there are none any more."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 
     def _note_answer(self, error: Exception | None) -> None:
         """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
@@ -147,27 +163,24 @@ class RunWatch:
         return was_given
 
     @staticmethod
-    def _take_back(runs: dict[UUID, _Watched]) -> None:
+    def _take_back(runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:
         """Makes runs `Running` again that were closed as dead while this process slept, was stopped, or was not heard.
 
         Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed.
         """
-        with asking_once() as client:
-            for watched, ids in [(watched, {run, *watched.parts}) for run, watched in runs.items()]:
-                if (closed := closed_as_dead(client, ids)) and watched.goes_on():
-                    take_back(client, closed)
-                    _logger.warning("%s was closed as dead in Prefect, and is taken back: it goes on", watched.name)
+        for watched, ids in [(watched, {run, *watched.parts}) for run, watched in runs.items()]:
+            if (closed := closed_as_dead(client, ids)) and watched.goes_on():
+                take_back(client, closed)
+                _logger.warning("%s was closed as dead in Prefect, and is taken back: it goes on", watched.name)
 
     @staticmethod
-    def _pass_on_cancellations(runs: dict[UUID, _Watched]) -> None:
+    def _pass_on_cancellations(runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:
         open_runs = [run for run, watched in runs.items() if not watched.is_told]
         if not open_runs:
             return
         cancelled = FlowRunFilterStateType(any_=[StateType.CANCELLING, StateType.CANCELLED])
         chosen = FlowRunFilter(id=FlowRunFilterId(any_=open_runs), state=FlowRunFilterState(type=cancelled))
-        with asking_once() as client:
-            found = client.read_flow_runs(flow_run_filter=chosen)
-        for run in found:
+        for run in client.read_flow_runs(flow_run_filter=chosen):
             try:
                 runs[run.id].cancel()
             except ServiceUnavailableException as error:

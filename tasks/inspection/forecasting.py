@@ -1,7 +1,8 @@
 """What a run will take, computed from what a probe took; pure.
 
-The jobs of a batch take their places in order, each as soon as one is free. Every job costs what those of the probe
-did on average; one with trials in proportion to their number, up to its duration limit.
+The jobs of a batch take their places in order, each as soon as one is free. Every job costs what those of its kind did
+in the probe on average, or all if none of its kind ran; one with trials in proportion to their number, up to its
+duration limit.
 """
 
 import heapq
@@ -101,14 +102,16 @@ def _forecast_worlds(probe: StepProbe, worlds: int, places: Places) -> StepForec
 
 
 def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepForecast:
-    cost = _MeanCost.of(probe.jobs)
+    costs = _Costs(probe.jobs)
     room = places.machines * places.jobs_per_machine if probe.operation == BATCH else 1
     at_once = max(1, min(whole.max_concurrency, room, len(whole.jobs)))
     cpus = places.cpus * (places.machines if probe.operation == BATCH else 1)
-    start_s = max(0.0, probe.wall_time_s - cost.slot_s(JobAmount(probe.first_trials, math.inf)))
+    first = JobAmount(probe.first_trials, math.inf, whole.jobs[0].kind)
+    start_s = max(0.0, probe.wall_time_s - costs.of(first).slot_s(first))
     batches = [whole.jobs[first : first + MOST_REQUESTS] for first in range(0, len(whole.jobs), MOST_REQUESTS)]
-    wall_time_s = sum(start_s + _batch_s(jobs, cost, at_once, cpus) for jobs in batches)
-    run_s = sum(cost.run_s(job) for job in whole.jobs)
+    wall_time_s = sum(start_s + _batch_s(jobs, costs, at_once, cpus) for jobs in batches)
+    cpu_times_s = [costs.of(job).cpu_time_s(job) for job in whole.jobs]
+    known_s = [cpu_time_s for cpu_time_s in cpu_times_s if cpu_time_s is not None]
     return StepForecast(
         step=probe.step,
         operation=probe.operation,
@@ -116,15 +119,15 @@ def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepFo
         concurrency=at_once,
         start_s=start_s,
         wall_time_s=wall_time_s,
-        cpu_time_s=None if cost.cpu_share is None else cost.cpu_share * run_s,
-        size_bytes=round(cost.bytes_per_s * run_s),
+        cpu_time_s=sum(known_s) if len(known_s) == len(cpu_times_s) else None,
+        size_bytes=round(sum(costs.of(job).size_bytes(job) for job in whole.jobs)),
     )
 
 
-def _batch_s(jobs: Sequence[JobAmount], cost: "_MeanCost", at_once: int, cpus: int) -> float:
+def _batch_s(jobs: Sequence[JobAmount], costs: "_Costs", at_once: int, cpus: int) -> float:
     """Wall-clock time of a batch without start and end: as places are free, and no less than its CPU time allows."""
-    computing_s = sum(cost.run_s(job) for job in jobs) * (cost.cpu_share or 0.0) / cpus
-    return max(makespan_s([cost.slot_s(job) for job in jobs], at_once), computing_s)
+    computing_s = sum(costs.of(job).cpu_time_s(job) or 0.0 for job in jobs) / cpus
+    return max(makespan_s([costs.of(job).slot_s(job) for job in jobs], at_once), computing_s)
 
 
 def makespan_s(durations_s: Sequence[float], places: int) -> float:
@@ -138,6 +141,22 @@ def makespan_s(durations_s: Sequence[float], places: int) -> float:
     for duration_s in durations_s:
         heapq.heapreplace(free_at, free_at[0] + duration_s)
     return max(free_at)
+
+
+class _Costs:
+    """What jobs cost: those of a kind that was probed as these did, others as all did.
+
+    Args:
+        jobs: those of the probe.
+    """
+
+    def __init__(self, jobs: Sequence[JobCost]) -> None:
+        self._of_all = _MeanCost.of(jobs)
+        kinds = dict.fromkeys(job.kind for job in jobs)
+        self._of_kind = {kind: _MeanCost.of([job for job in jobs if job.kind == kind]) for kind in kinds}
+
+    def of(self, job: JobAmount) -> "_MeanCost":
+        return self._of_kind.get(job.kind, self._of_all)
 
 
 @dataclass(frozen=True)
@@ -169,3 +188,9 @@ class _MeanCost:
 
     def slot_s(self, job: JobAmount) -> float:
         return self.around_s + self.run_s(job)
+
+    def cpu_time_s(self, job: JobAmount) -> float | None:
+        return None if self.cpu_share is None else self.cpu_share * self.run_s(job)
+
+    def size_bytes(self, job: JobAmount) -> float:
+        return self.bytes_per_s * self.run_s(job)

@@ -11,7 +11,7 @@ from ...schemas.reports.forecast import JobCost, StepProbe
 from ...schemas.reports.run_record import RunRecord, StepRecord
 from ...schemas.runs.trials import Trials
 from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.probe_requests import BATCH, EXPORT, GENERATION, JOB, jobs_in, worlds_in
+from ...schemas.specs.probe_requests import BATCH, EXPORT, GENERATION, JOB, jobs_in, kind_of, worlds_in
 from ...schemas.specs.resolving import resolve_input
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
@@ -119,6 +119,7 @@ def _job_cost(job: Resource, service: Service) -> JobCost:
         trials=Trials.model_validate(document.trials).count if document.trials else 1,
         cpu_time_s=document.cpu_time_s,
         size_bytes=_size_bytes(document.outputs, service),
+        kind=kind_of(document.request),
     )
 
 

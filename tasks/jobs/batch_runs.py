@@ -86,7 +86,7 @@ class BatchRun:
             service.settings, self._arn, priority, tell=service.report_note, watch=self._note_wait
         )
         self._waits_for: Wait | None = None
-        self._is_news = False  # that it waits for this, or for nothing any more
+        self._is_news = False  # since progress was told; the next look tells it, once for all that happened meanwhile
         self._concurrency: int | None = None
         self._workers = ""
         self._looks_for_worker_at_s = 0.0
@@ -215,9 +215,9 @@ class BatchRun:
 
         def simulate(index: int) -> None:
             if (job := self.create_job(index)) is not None:
-                self._report()
+                self._is_news = True
                 awaited.wait(job.arn, lambda: self._stop is not None or broken.is_set())
-            self._report()
+            self._is_news = True
 
         def look() -> bool:
             try:
@@ -264,9 +264,9 @@ class BatchRun:
         name = f"request {index} of {self._batch.id}"
         with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name, self._wants_more) as turn:
             if may_run and turn is not None and (job := self.create_job(index)) is not None:
-                self._report()
+                self._is_news = True
                 perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s)
-        self._report()
+        self._is_news = True
 
     def _note_wait(self, wait: Wait | None) -> None:
         """Says what the next job waits for; called while slots are locked, so the catalog is asked another time."""

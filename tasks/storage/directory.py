@@ -287,11 +287,11 @@ def _keys(folder: Path, prefix: str) -> Iterator[str]:
 
 def _link_above(top: Path, path: Path) -> Path | None:
     """The first symbolic link among the folders between `top` and a file, which may be absent."""
-    folder = top
-    for name in path.relative_to(top).parts[:-1]:
-        folder = folder / name
-        if folder.is_symlink():
-            return folder
+    folder = str(top)
+    for name in path.relative_to(top).parts[:-1]:  # plain strings: each stored file is checked, and paths cost as much
+        folder = f"{folder}/{name}"
+        if os.path.islink(folder):  # noqa: PTH114
+            return Path(folder)
     return None
 
 

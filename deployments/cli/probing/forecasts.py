@@ -25,6 +25,8 @@ AGAIN_BELOW_S = 30.0
 MORE_BELOW_S = 10.0
 """One that took less runs several jobs in each place then: of short jobs, what lies between two counts, too."""
 _ROUNDS = 4
+_MOST_KINDS = 12
+"""Of so many kinds of jobs one runs in any case."""
 _FIRST_TRIALS, _MOST_TRIALS = 4, 1000
 _TRIALS_S = 20.0
 """About how long the trials of a job may take in the second pass: what a run takes around them is hardly seen then."""
@@ -59,7 +61,9 @@ def probe(
     if took_s < AGAIN_BELOW_S and any(step.operation in (JOB, BATCH) for step in first.steps):
         listener(Note("once more, now that everything is running"))
         rounds = _ROUNDS if took_s < MORE_BELOW_S else 1
-        more = ProbeSize(worlds, rounds * settings.max_jobs, trials_within(_TRIALS_S, first))
+        kinds = max(len({job.kind for job in step.jobs}) for step in whole_steps(spec, first).values())
+        jobs = max(rounds * settings.max_jobs, min(kinds, _MOST_KINDS))
+        more = ProbeSize(worlds, jobs, trials_within(_TRIALS_S, first))
         last = run_pass(spec, settings, more, listener, spec_path)
     service = Service.open(settings)
     probes, whole = measured(first, last, cpu_times.by_step, cpus, service), whole_steps(spec, last)
@@ -95,6 +99,8 @@ def _assumed(settings: Settings, last: RunRecord, whole: Mapping[str, WholeStep]
     told = []
     if jobs > len(last.jobs):
         told.append(f"all {jobs} jobs take as long as the {len(last.jobs)} that ran")
+        if len({job.kind for step in whole.values() for job in step.jobs}) > 1:
+            told.append("jobs with the same limit, applications and launch configurations take as long as each other")
     if jobs > len(last.jobs) and is_alone:
         told.append("jobs side by side are as quick as one alone")
     if settings.backend != "local":

@@ -80,8 +80,11 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
     Returns:
         What did not work, which is logged too: the run is over nevertheless.
     """
+    if not (notes := _notes(folder)):
+        return []
     environment = engine_environment(os.environ if environ is None else environ)
-    notes, left, problems = _notes(folder), [], []
+    left: list[ContainerNote] = []
+    problems: list[str] = []
     for note in notes:
         try:
             Engine(note.program, environment).call("rm", "-f", note.name, timeout_s=_REMOVE_TIMEOUT_S)
@@ -97,8 +100,7 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
                 f"files of the {note.role} application's container belong to another user, and what only that user may "
                 f"read is not kept; the image {note.image} has no sh, chown and chmod to change that: {error}"
             )
-    if notes:
-        problems += _free_shared_memory(folder, notes, environment)
+    problems += _free_shared_memory(folder, notes, environment)
     for problem in problems:
         _logger.warning("%s", problem)
     _keep_notes(folder, left)

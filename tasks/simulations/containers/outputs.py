@@ -18,6 +18,7 @@ NOTES = "logs/outputs.log"
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 _KEPT = f"{OUTPUT}.kept"
+_ALL = Glob(f"{OUTPUT}/**")
 _MOST_NOTES = 200
 
 _logger = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
     notes = list(problems)
     for role in _ROLES:
         sandbox = container_sandbox(folder, role)
-        visit_matches(sandbox.root, Glob(f"{OUTPUT}/**"), _mover(role, output_dir, notes))
+        visit_matches(sandbox.root, _ALL, _mover(role, output_dir, notes))
         with suppress(FileNotFoundError):  # what cannot be taken away is not to be found a second time
             sandbox.place(OUTPUT).rename(sandbox.place(_KEPT))
     if notes:

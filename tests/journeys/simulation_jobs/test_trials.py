@@ -16,7 +16,7 @@ from helpers.swing_fixtures import outputs_of
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.runs.trials import TrialCounts
-from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
@@ -189,10 +189,11 @@ def test_the_time_limit_ends_the_job_in_a_trial(service: Service, swing: Simulat
     assert [row["trial"] for row in rows] == list(range(len(rows)))
 
 
-def test_trials_of_programs_are_refused(service: Service, swing: Simulate) -> None:
-    job = swing(robot={"launchConfig": {"command": ["sleep", "1"]}}, job={"trials": {"seeds": 2}})
-    assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
-    assert "trials: the robot application is a program, which cannot be begun anew" in job["failureReason"]
+def test_trials_of_programs_are_refused(swing: Simulate) -> None:
+    with pytest.raises(
+        InvalidParameterException, match=r"trials: robotApplications\[0\]\.launchConfig\.command launches"
+    ):
+        swing(robot={"launchConfig": {"command": ["sleep", "1"]}}, job={"trials": {"seeds": 2}})
 
 
 def test_a_job_whose_worker_was_killed_goes_on_after_the_trials_that_had_finished(

@@ -144,3 +144,19 @@ def test_what_is_wrong_with_trials_is_said(trials: dict[str, Any], said: str) ->
 def test_member_and_variable_may_not_differ() -> None:
     with pytest.raises(InvalidParameterException, match=r"trials and simulationApplications.* differ"):
         order({"seeds": 2}, '{"seeds": 3}')
+
+
+@pytest.mark.parametrize(
+    "launch",
+    [{"command": ["sleep", "1"]}, {"packageName": "nav", "launchFile": "drive.py"}, {"launchFile": "nav.launch.py"}],
+)
+def test_trials_of_what_is_launched_as_a_program_are_refused_before_anything_runs(launch: dict[str, Any]) -> None:
+    request: dict[str, Any] = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [{"application": "nav", "launchConfig": launch}],
+    }
+    with pytest.raises(InvalidParameterException, match=r"trials: robotApplications\[0\].*factories"):
+        parse_request("CreateSimulationJob", {**request, "trials": {"seeds": 2}})
+
+    assert parse_request("CreateSimulationJob", request)

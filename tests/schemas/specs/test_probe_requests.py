@@ -21,6 +21,8 @@ from prefect_robomaker.schemas.specs.probe_requests import (
     cut,
     cut_trials,
     jobs_in,
+    kind_of,
+    of_each_kind,
     spread,
     worlds_in,
 )
@@ -65,6 +67,35 @@ def test_trials_are_fewer_and_still_trials(seeds: int, sizes: list[int], most: i
     assert probed.record_failed <= trials.record_failed
 
 
+@given(st.lists(st.sampled_from("abcde"), min_size=1), st.integers(min_value=1, max_value=20))
+def test_one_of_each_kind_is_chosen_before_a_second(kinds: list[str], most: int) -> None:
+    chosen = of_each_kind(kinds, most)
+    assert len(chosen) == min(most, len(kinds))
+    assert chosen == sorted(set(chosen))
+    assert len({kinds[index] for index in chosen}) == min(len(set(kinds)), most)
+
+
+def test_jobs_of_one_kind_differ_in_seed_world_trials_and_tags() -> None:
+    world = {"worldConfigs": [{"world": "arn:aws:robomaker:us-east-1:000000000000:world/world-1"}]}
+    launch = {"environmentVariables": {"ROBOMAKER_TRIALS": '{"seeds": 3}'}}
+    alike = [
+        order(seed=3, tags={"night": "7"}, trials={"seeds": 9}),
+        order(simulationApplications=[{"application": "indoor-navigation", "launchConfig": {}, **world}]),
+        order(simulationApplications=[{"application": "indoor-navigation", "launchConfig": launch}]),
+    ]
+    others = [
+        order(maxJobDurationInSeconds=61),
+        order(simulationApplications=[{"application": "other", "launchConfig": {}}]),
+        order(
+            simulationApplications=[
+                {"application": "indoor-navigation", "launchConfig": {"environmentVariables": {"OBSTACLES": "9"}}}
+            ]
+        ),
+    ]
+    assert len({kind_of(job) for job in [order(), *alike]}) == 1
+    assert len({kind_of(job) for job in [order(), *others]}) == 4
+
+
 def test_a_batch_keeps_jobs_from_all_over_it() -> None:
     requests = [order(seed=seed) for seed in range(10)]
     request = {"createSimulationJobRequests": requests, "clientRequestToken": "night-7", "batchPolicy": {}}
@@ -81,12 +112,12 @@ def test_trials_of_a_job_are_cut_wherever_they_are_given(as_variable: bool) -> N
     launch = {"environmentVariables": variables if as_variable else {"OTHER": "1"}}
     applications = [{"application": "indoor-navigation", "launchConfig": launch}]
     request = order(simulationApplications=applications, **({} if as_variable else {"trials": trials}))
-    assert jobs_in(JOB, request) == [JobAmount(trials=200, limit_s=60.0)]
+    assert jobs_in(JOB, request) == [JobAmount(trials=200, limit_s=60.0, kind=kind_of(request))]
 
     probed = cut(JOB, request, SIZE)
 
     parse_request(JOB, probed)
-    assert jobs_in(JOB, probed) == [JobAmount(trials=4, limit_s=60.0)]
+    assert jobs_in(JOB, probed) == [JobAmount(trials=4, limit_s=60.0, kind=kind_of(request))]
     assert probed["trials"]["parameters"] == {"SPEED": ["1", "2"]}
     assert probed["trials"]["record"] == [0]
     assert probed["simulationApplications"][0]["launchConfig"]["environmentVariables"] == {"OTHER": "1"}

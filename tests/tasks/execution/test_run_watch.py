@@ -1,10 +1,13 @@
 """Watching flow runs: a cancellation is passed on until it is taken, and a server that fails holds nothing up."""
 
 import http.server
+import os
 import subprocess
 import sys
 import threading
 import uuid
+from collections.abc import Generator
+from contextlib import contextmanager
 from typing import Any
 
 import httpx
@@ -13,6 +16,8 @@ from helpers.processes import wait_for
 from prefect.settings import PREFECT_API_URL, temporary_settings
 
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
+from prefect_robomaker.tasks.execution import run_watch
+from prefect_robomaker.tasks.execution.prefect_settings import asking_once
 from prefect_robomaker.tasks.execution.run_watch import RunWatch, _Watched
 
 
@@ -44,8 +49,9 @@ def test_a_cancellation_that_the_catalog_does_not_take_is_passed_on_again_and_th
     with RunWatch().watching(cancelled_run, "watched", cancel):
         wait_for(lambda: len(calls) == 2, "the second try", 30)
     runs = {cancelled_run: _Watched("watched", cancel, lambda: True)}
-    RunWatch._pass_on_cancellations(runs)
-    RunWatch._pass_on_cancellations(runs)
+    with asking_once() as client:
+        RunWatch._pass_on_cancellations(runs, client)
+        RunWatch._pass_on_cancellations(runs, client)
 
     assert len(calls) == 3
 
@@ -69,12 +75,39 @@ def test_a_busy_server_is_asked_once_at_a_time_since_signs_of_life_wait_meanwhil
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         chosen: dict[Any, Any] = {PREFECT_API_URL: f"http://127.0.0.1:{server.server_address[1]}/api"}
-        with temporary_settings(chosen), pytest.raises(httpx.HTTPStatusError):
-            RunWatch._pass_on_cancellations({uuid.uuid4(): _Watched("watched", lambda: None, lambda: True)})
+        runs = {uuid.uuid4(): _Watched("watched", lambda: None, lambda: True)}
+        with temporary_settings(chosen), asking_once() as client, pytest.raises(httpx.HTTPStatusError):
+            RunWatch._pass_on_cancellations(runs, client)
         server.shutdown()
         thread.join()
 
     assert len(asked) == 1
+
+
+def test_the_watch_makes_one_client_while_the_server_answers_and_another_after_it_did_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To make one costs 40 ms of CPU, every two seconds, for as long as a batch runs."""
+    made: list[int] = []
+    looks: list[int] = []
+
+    @contextmanager
+    def counted() -> Generator[None]:
+        made.append(len(looks))
+        yield
+
+    def look(watch: RunWatch, runs: object, client: object) -> None:
+        looks.append(len(looks))
+        if len(looks) == 3:
+            raise httpx.ConnectError("the server is away")
+
+    monkeypatch.setattr(run_watch, "asking_once", counted)
+    monkeypatch.setattr(run_watch, "_LOOK_S", 0.01)
+    monkeypatch.setattr(RunWatch, "_look", look)
+    with RunWatch().watching(uuid.uuid4(), "watched", lambda: None):
+        wait_for(lambda: len(looks) > 5, "some looks")
+
+    assert made == [0, 3]
 
 
 def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on(prefect_server: str) -> None:
@@ -107,7 +140,7 @@ def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on
             lost: _Watched("lost", lambda: None, lambda: False),
         }
         for _ in range(2):
-            RunWatch._take_back(runs)
+            RunWatch._take_back(runs, client)
 
         states = [client.read_flow_run(run).state for run in (outer, part, lost, other)]
         assert [state.name if state else None for state in states] == ["Running", "Running", "Crashed", "Crashed"]
@@ -123,7 +156,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, TypeAdapter
 from prefect_robomaker.tasks.execution.run_watch import RunWatch
 
-def validate(self, runs):
+def validate(self, runs, client):
     end, adapter = time.monotonic() + 0.5, TypeAdapter(list[Annotated[int, BeforeValidator(lambda value: int(value))]])
     while time.monotonic() < end:
         adapter.validate_python(["1"] * 1000)
@@ -137,5 +170,7 @@ with RunWatch().watching(uuid.uuid4(), "ends", lambda: None):
 
 def test_a_process_that_ends_while_it_looks_at_its_runs_ends_well() -> None:
     """A daemon thread in pydantic's Rust code aborts Python's end: `FATAL: exception not rethrown`."""
-    ended = subprocess.run([sys.executable, "-c", ENDS], capture_output=True, text=True, check=False, timeout=60)
+    environ = {**os.environ, "PREFECT_API_URL": "http://127.0.0.1:9/api"}  # else a server is started
+    words = [sys.executable, "-c", ENDS]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60, env=environ)
     assert (ended.returncode, ended.stderr) == (0, "")

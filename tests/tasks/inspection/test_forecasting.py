@@ -110,6 +110,19 @@ def test_trials_count_one_by_one_up_to_the_duration_limit() -> None:
     assert took(forecast_step(probe, whole(1, trials=1000, limit_s=60.0), ONE)) == 66.0
 
 
+def test_each_kind_of_job_costs_what_those_of_its_kind_did() -> None:
+    """A short and a long job ran; a job of a kind that did not costs what these did on average."""
+    short = JobCost(slot_s=2.0, run_s=1.0, trials=1, cpu_time_s=0.5, size_bytes=10, kind="short")
+    long = JobCost(slot_s=22.0, run_s=21.0, trials=1, cpu_time_s=1.0, size_bytes=1000, kind="long")
+    probe = StepProbe(step="drive", operation=BATCH, wall_time_s=3.0, jobs=[short, long])
+    jobs = [JobAmount(1, 60.0, kind) for kind in ("short", "short", "short", "long", "short", "other")]
+
+    step = forecast_step(probe, WholeStep(jobs, max_concurrency=1), ONE)
+
+    assert (step.start_s, step.wall_time_s) == (1.0, 1.0 + 4 * 2.0 + 22.0 + 12.0)
+    assert (step.cpu_time_s, step.size_bytes) == (pytest.approx(4 * 0.5 + 1.0 + 0.75), 4 * 10 + 1000 + 505)
+
+
 def test_a_job_outside_a_batch_runs_on_one_machine() -> None:
     many = Places(machines=9, jobs_per_machine=9, cpus=9)
     probe = waits(1).model_copy(update={"operation": JOB})
