@@ -208,6 +208,6 @@ def test_rows_for_prefect(yard: Yard) -> None:
     assert (first["robot"], first["status"], first["failure code"]) == ("r0", "InSync", None)
     assert isinstance(first["took s"], float)
     assert (second["status"], second["failure code"], second["reason"]) == ("Failed", "PreLaunchFileFailure", "no arm")
-    standing = deployment_standing(yard.service.catalog.get(job), rollout)
+    standing = deployment_standing(yard.service.catalog.get(job), rollout, yard.now.timestamp())
     assert standing.counts == {"succeeded": 1, "failed": 1}
     assert open_rollouts(yard.service) == []
