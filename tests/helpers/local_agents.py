@@ -11,7 +11,8 @@ from pathlib import Path
 
 from helpers.agent_robot import AGENT
 from helpers.machines_apart import apart
-from helpers.paths import TESTS
+from helpers.package_installer import install_packages
+from helpers.paths import REPOSITORY, TESTS
 from helpers.processes import descendants, started
 from helpers.required_programs import needs
 
@@ -88,7 +89,9 @@ class LocalAgents:
 
     folder: Path
     stack: ExitStack
-    options: tuple[str, ...] = _OPTIONS
+    options: tuple[str, ...]
+    agent: tuple[str, str]
+    """Interpreter and module."""
     agents: dict[str, LocalAgent] = field(default_factory=dict[str, LocalAgent])
 
     def start(
@@ -104,7 +107,7 @@ class LocalAgents:
             has_clock: whether its clock can be set.
         """
         home, log, clock = self.folder / name, self.folder / f"{name}.log", self.folder / f"{name}.clock"
-        command = ["/bin/sh", "-c", _ENROL_AND_RUN, sys.executable, AGENT, str(home), url, name, token]
+        command = ["/bin/sh", "-c", _ENROL_AND_RUN, *self.agent, str(home), url, name, token]
         command += self.options
         if disk_mb is not None:
             home.mkdir()
@@ -122,11 +125,19 @@ class LocalAgents:
 
 
 @contextmanager
-def local_agents(folder: Path, *options: str) -> Iterator[LocalAgents]:
-    """Agents for the block, with their homes and logs in a folder."""
+def local_agents(
+    folder: Path, *options: str, agent: tuple[str, str] = (sys.executable, AGENT)
+) -> Iterator[LocalAgents]:
+    """Agents for the block, with their homes and logs in a folder.
+
+    Args:
+        folder: the folder.
+        *options: of `run`; none: some that make it quick.
+        agent: interpreter and module.
+    """
     folder.mkdir(exist_ok=True)
     with ExitStack() as stack:
-        agents = LocalAgents(folder, stack, options or _OPTIONS)
+        agents = LocalAgents(folder, stack, options or _OPTIONS, agent)
         try:
             yield agents
         finally:
@@ -135,6 +146,16 @@ def local_agents(folder: Path, *options: str) -> Iterator[LocalAgents]:
             for agent in agents.agents.values():
                 with suppress(subprocess.TimeoutExpired):
                     agent.process.wait(20)
+
+
+def agent_as_on_robots(folder: Path) -> tuple[str, str]:
+    """Interpreter and module of an agent that has nothing besides, as where only its wheel was installed."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    python = folder / "bin" / "python"
+    install_packages("tuf>=6,<8", python=python)
+    packages = next(folder.glob("lib/python3.*/site-packages"))
+    (packages / "robomaker_agent").symlink_to(REPOSITORY / "tasks" / "fleet" / "agent")
+    return str(python), "robomaker_agent"
 
 
 def _clock_environ(clock: Path) -> Mapping[str, str]:
