@@ -141,11 +141,11 @@ def local_agents(
         try:
             yield agents
         finally:
-            for agent in agents.agents.values():
-                agent.process.terminate()  # killed, they would leave applications behind
-            for agent in agents.agents.values():
+            for each in agents.agents.values():
+                each.process.terminate()  # killed, they would leave applications behind
+            for each in agents.agents.values():
                 with suppress(subprocess.TimeoutExpired):
-                    agent.process.wait(20)
+                    each.process.wait(20)
 
 
 def agent_as_on_robots(folder: Path) -> tuple[str, str]:
